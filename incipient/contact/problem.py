@@ -70,7 +70,7 @@ class ContactProblem:
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward normals. `wrenches`
     (n, 2, 6): unit wrenches of flow and weight, or zero, and their magnitudes `sizes` (n, 2) in the caller's units.
-    `plane` (n, 3, 3): two axes in the plane of planar cases and its normal, otherwise None. `copy` (j,): the distinct
+    `plane` (n, 3, 3): two in-plane axes of planar cases and the normal, otherwise None. `copy` (j,): the distinct
     contact of each contact of the caller, `fraction` (j,): its fraction of that contact's force.
     """
 
@@ -88,7 +88,7 @@ class ContactProblem:
     def of(
         cls, load: Load, contacts: Contacts, law: Law, inertia: Floats | None = None
     ) -> ContactProblem:
-        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion in the plane.
+        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion planar.
 
         Raises SceneError if friction is negative or not a number, or all normals point into the grain.
         """

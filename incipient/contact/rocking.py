@@ -183,15 +183,15 @@ class _Pocket:
 
     def load_at(self, factor: float, placement: Placement) -> Load:
         """The load at a factor, on the grain where it is."""
-        flow, couple = factor * self.load.flow_force, factor * self.load.flow_couple
-        return Load(flow, couple, self.load.weight, spatial(placement.centre))
+        flow, torque = factor * self.load.flow_force, factor * self.load.flow_couple
+        return Load(flow, torque, self.load.weight, spatial(placement.centre))
 
     def rest(self, factor: float, start: Placement) -> Rest | None:
         """The stable rest in the same pocket as `start` under the load at a factor."""
         acting = self.load_at(factor, start)
-        force, couple = acting.force, acting.flow_couple
+        force, torque = acting.force, acting.flow_couple
         if self.grain.gdim == 2:
-            force, couple = force[:2], couple[2:]
+            force, torque = force[:2], torque[2:]
         if not force.any():
             return None
         settled = settle_under(
@@ -199,7 +199,7 @@ class _Pocket:
             self.bed,
             start,
             force,
-            couple,
+            torque,
             float(self.law.coefficient),
             2.0 * POCKET,
             MOST_WAY,

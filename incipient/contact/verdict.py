@@ -1,8 +1,7 @@
 """The verdict on one case: both criteria, whether they agree, and why not.
 
-Two questions are compared: whether the grain moves, and if both say so, how: which of lifting, sliding and turning
-there is. Every difference has one reason, found by repeating the exact criterion with less: with the significant
-contacts alone, or of contact forces that brace one another.
+Two questions are compared: whether the grain moves, and if both criteria say so, which of lifting, sliding and turning
+the motion consists of. Each difference has one `Reason`.
 """
 
 import math

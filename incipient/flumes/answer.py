@@ -30,9 +30,7 @@ ANSWERS = (
     (0.0, "To an observer the bed stays at rest"),
 )
 SLOWEST, FASTEST = 1e-6, 1e2  # u* that are tried for a mean velocity [m/s]
-ROUGHNESS = (
-    1.0  # equivalent sand roughness of the bed over the grains' diameter, as of the natural bed
-)
+ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,9 @@ def _csv(path: Path) -> Table:
     flat, labels, faults = array("d"), list[str](), dict[int, str]()
     with (
         reading(path, KINDS, LARGEST_TABLE),
-        path.open(encoding="utf-8-sig", errors="replace") as stream,
+        path.open(encoding="utf-8-sig", errors="replace") as file,
     ):
-        lines = filter(str.strip, stream)
+        lines = filter(str.strip, file)
         # Each line by itself: a quote that nobody closes ends with it.
         names = [name.strip() for name in next(csv.reader([next(lines, "")]), [])]
         _require_different(path, names)

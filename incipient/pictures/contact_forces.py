@@ -87,8 +87,8 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
         return None
     kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
     with reading(path, "run the scene again", error=OutputError):
-        with path.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
         upwards = "z" if rows and "z" in rows[0] else "y"
         pairs = {
             name: np.array(

@@ -31,7 +31,7 @@ _TURNED, _RAISED = np.radians(
 _PIXELS = 1320  # of the height of a rendering
 # Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arc of the
 # torque, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
-_STRONGEST, _ACCELERATION, _NORMAL, _COUPLE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
+_STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
 _PIECE, _THICK, _BED = 0.2, 0.05, 1.0
 _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
@@ -199,12 +199,12 @@ def draw_load(
     centre: np.ndarray,
     size: float,
     forces: Forces,
-    couple: np.ndarray,
+    torque: np.ndarray,
     largest: float,
 ) -> None:
     """Forces from the centre, to one scale, and an arc in the sense of the torque about it."""
-    if np.linalg.norm(couple) > 1e-3 * size * np.linalg.norm(forces["flow"]):
-        _turning(axes, sight, centre, couple, _COUPLE * size, FLOW, 1.3)
+    if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
+        _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
     visible = {
         name: unit(sight(force))
         for name, force in forces.items()

@@ -1,4 +1,4 @@
-"""A run in motion: a field of the flow at the steps that were stored; of a 3-D run in the plane of the grain.
+"""A run in motion: a field of the flow at the steps that were stored; in 3-D on the vertical plane through the grain.
 
 Fields are shown in bands of colour, the same in all frames: bands compress many times better than shades.
 """

@@ -58,7 +58,7 @@ class Judged:
 
     @property
     def planar(self) -> bool:
-        """Whether everything lies in the plane of the first two directions."""
+        """Whether no point, normal, force or torque leaves the plane z = 0."""
         vectors = (
             self.contacts.points,
             self.contacts.normals,
@@ -72,12 +72,12 @@ class Judged:
         """Indices of contacts that have an area and the same normal: the corners of one patch."""
         if self.contacts.areas is None:
             return []
-        found: dict[tuple[float, ...], list[int]] = {}
+        corners: dict[tuple[float, ...], list[int]] = {}
         for index in np.flatnonzero(self.contacts.areas > 0):
-            found.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(
+            corners.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(
                 int(index)
             )
-        return list(found.values())
+        return list(corners.values())
 
     @property
     def arms(self) -> np.ndarray:

@@ -41,7 +41,7 @@ class Plane:
 
     points (n, 2); triangles (m, 3); fields: by name, (n,) or (n, 3)
     outlines, grains: closed lines (k, 2) around the fluid and around grains
-    along: which components of vectors lie in the plane; level: y of a plane in 3-D
+    along: indices of the in-plane components; level: y of a plane in 3-D
     """
 
     points: np.ndarray
@@ -93,9 +93,9 @@ class Plane:
         pyvista = pyvista_off_screen()
         cells = pyvista.PolyData.from_regular_faces(spatial(self.points), self.triangles)
         cells["values"] = self.fields[name]
-        found = pyvista.PolyData(spatial(points)).sample(cells)
-        outside = ~np.asarray(found["vtkValidPointMask"], dtype=bool)
-        values = np.asarray(found["values"])
+        samples = pyvista.PolyData(spatial(points)).sample(cells)
+        outside = ~np.asarray(samples["vtkValidPointMask"], dtype=bool)
+        values = np.asarray(samples["values"])
         mask = np.broadcast_to(outside.reshape(-1, *([1] * (values.ndim - 1))), values.shape)
         return np.ma.masked_array(values, mask)
 

@@ -201,7 +201,7 @@ def of_this_version(directory: Path) -> Iterator[None]:
 def parsed_json(path: Path) -> dict[str, Any]:
     """The content of a JSON file that results are in; raises OutputError where it is missing or damaged.
 
-    Of earlier versions, which had couple for torque, it comes under the new name.
+    The key "couple" of earlier versions becomes "torque".
     """
     return _renamed(_parsed(path, json.loads))
 

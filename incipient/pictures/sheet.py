@@ -93,10 +93,10 @@ def _figure_of(axes: Axes) -> Figure:
     return figure
 
 
-def load_rows(forces: dict[str, np.ndarray], couple: np.ndarray, unit: str, planar: bool) -> Group:
+def load_rows(forces: dict[str, np.ndarray], torque: np.ndarray, unit: str, planar: bool) -> Group:
     """Forces by name (see `Judged.acting`) and the flow's torque about the centre."""
     rows = [(_NAMES[name], vector(force, planar), FORCES[name]) for name, force in forces.items()]
-    about = ("Torque about the centre", turning(couple, planar), FLOW)
+    about = ("Torque about the centre", turning(torque, planar), FLOW)
     return [("Load on the grain", unit, INK), *rows, about]
 
 
@@ -111,11 +111,11 @@ def judge_rows(case: Judged) -> list[Group]:
     if case.motion is not None:
         exact.append(("Acceleration", vector(case.motion.acceleration, planar), MOTION))
         exact.append(("Angular acceleration", turning(case.motion.angular, planar), MOTION))
-    force, couple = case.left
+    force, torque = case.left
     paper: Group = [
         ("The paper's criteria", f"row {case.outcome.split(':')[0]} of its table", INK),
         ("Residual force", vector(force, planar), INK),
-        ("Residual torque", turning(couple, planar), INK),
+        ("Residual torque", turning(torque, planar), INK),
     ]
     return [exact, contact_rows(case), paper]
 
@@ -143,9 +143,9 @@ def vector(components: np.ndarray, planar: bool) -> str:
     return f"({', '.join(f'{c:.4g}' if planar else f'{c:.3g}' for c in shown)})"
 
 
-def turning(couple: np.ndarray, planar: bool) -> str:
+def turning(torque: np.ndarray, planar: bool) -> str:
     """A torque, in 2-D its one component."""
-    return f"{couple[2]:.4g}" if planar else vector(couple, planar)
+    return f"{torque[2]:.4g}" if planar else vector(torque, planar)
 
 
 def number(value: float) -> str:

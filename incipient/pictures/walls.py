@@ -31,12 +31,12 @@ def picture(run: StoredRun) -> Figure:
     bounds = (LEAST, walls.get("thickest", 2.5)) if resolved else _bounds(walls)
     label = "walls are resolved" if resolved else "the law of the wall holds"
     upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
-    if (sand := walls.get("on_sand")) and sand != bounds[1]:
-        upper.axhline(sand, color=GROUND, linestyle=":", label="limit on rough walls")
+    if (limit := walls.get("on_sand")) and limit != bounds[1]:
+        upper.axhline(limit, color=GROUND, linestyle=":", label="limit on rough walls")
     lower.axhline(0.0, color=GROUND)
-    for colour, (name, found) in zip(_COLOURS, walls["along"].items(), strict=False):
+    for colour, (name, profile) in zip(_COLOURS, walls["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
-            axes.plot(found["x"], found[column], ".", markersize=2, color=colour, label=name)
+            axes.plot(profile["x"], profile[column], ".", markersize=2, color=colour, label=name)
     upper.set(
         yscale="log",
         ylabel="y+ of the wall" if not resolved else "y+ of the first cells",
@@ -47,11 +47,11 @@ def picture(run: StoredRun) -> Figure:
     return figure
 
 
-def _bounds(found: dict[str, Any]) -> tuple[float, float]:
+def _bounds(walls: dict[str, Any]) -> tuple[float, float]:
     """y+ at the walls' distance from which to which the law holds; both one where it never does."""
-    viscosity, distance = found["viscosity"], found["distance"]
-    law, y_plus = WallLaw(found.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
+    viscosity, distance = walls["viscosity"], walls["distance"]
+    law, y_plus = WallLaw(walls.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
     holds = law.holds(
-        y_plus * viscosity / distance, viscosity, distance, found.get("reach", np.inf)
+        y_plus * viscosity / distance, viscosity, distance, walls.get("reach", np.inf)
     )
     return tuple(y_plus[holds][[0, -1]]) if holds.any() else (y_plus[0], y_plus[0])

@@ -105,16 +105,16 @@ def example(in_space: bool = False) -> str:
 
 def schema() -> dict[str, Any]:
     """The JSON schema (draft 7, which TOML editors know) of scene files."""
-    found = Scene.model_json_schema(ref_template="#/definitions/{model}")
-    found["definitions"] = found.pop("$defs")
+    document = Scene.model_json_schema(ref_template="#/definitions/{model}")
+    document["definitions"] = document.pop("$defs")
     for section, key in (
         ("Fluid", "reynolds"),
         ("Gravity", "acceleration"),
     ):  # which may follow from [units]
-        found["definitions"][section]["required"].remove(key)
+        document["definitions"][section]["required"].remove(key)
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
-        **_for_editors(found),
+        **_for_editors(document),
         "title": "incipient scene",
         "description": "A rigid grain on a rigid bed in a viscous flow: what to simulate, and how",
     }

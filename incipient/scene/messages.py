@@ -135,16 +135,16 @@ def problems_of(
     """
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     places = [_place(root, e["loc"]) for e in details]
-    found: list[Problem] = []
+    problems: list[Problem] = []
     meant: set[Key] = set()
     for detail, (key, section) in zip(details, places, strict=True):
         if detail["type"] == "extra_forbidden" and section is not None:
             close = _closest(str(key[-1]), list(section.model_fields))
             meant.add((*key[:-1], close or ""))
-            found.append(_unknown_key(key, section, close))
+            problems.append(_unknown_key(key, section, close))
         elif not (key in meant or _repeats(detail, details)):
-            found.append(_problem(detail, key, section, gdim))
-    return found
+            problems.append(_problem(detail, key, section, gdim))
+    return problems
 
 
 def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:

@@ -171,7 +171,7 @@ class Effects(Section):
         "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
         "auto",
     )
-    third_dimension: Choice = key("Flow in space; auto: with domain.width", "auto")
+    third_dimension: Choice = key("Flow in 3-D; auto: with domain.width", "auto")
 
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
@@ -221,9 +221,9 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _free_of_contradictions(self) -> Scene:
-        found = [*contradictions(self)] or misplaced(self)
-        if found:
-            raise refusal("Scene", found, between=True)
+        problems = [*contradictions(self)] or misplaced(self)
+        if problems:
+            raise refusal("Scene", problems, between=True)
         return self
 
     @property
@@ -399,13 +399,13 @@ class Scene(Section):
             down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
             friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
-            found = rested(body.grain(), bed, start, down, friction, self.domain.length)
+            placement = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion
-            found = rest(
+            placement = rest(
                 body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
             )
-        return found.moved(corner, np.zeros(2 * self.gdim - 3))
+        return placement.moved(corner, np.zeros(2 * self.gdim - 3))
 
     @property
     def reference_length(self) -> float:

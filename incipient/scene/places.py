@@ -40,23 +40,23 @@ def misplaced(scene: Scene) -> list[Problem]:
         scene.contact,
     )
     finest = FINEST_PLACE if grain is None or contact is None else contact.tolerance
-    found = [*_resolution(domain, grain, finest)] or [*_extents(domain, grain, shape)]
-    if bed is not None and not found:
-        found = (
+    problems = [*_resolution(domain, grain, finest)] or [*_extents(domain, grain, shape)]
+    if bed is not None and not problems:
+        problems = (
             [*_forms(bed, shape, domain, grain, scene.numerics.max_cells)]
             or [*_bed_extent(bed, shape, domain)]
             or [*_datum_of_the_bed(getattr(scene.flow, "datum", "auto"), shape, domain)]
         )
-    found = (
-        found
+    problems = (
+        problems
         or (scene.has_surface and [*_surface_place(scene.surface or Surface(), domain, shape)])
         or [*_body_place(scene)]
     )
     is_mirrored = domain.gdim == 3 and domain.symmetric is True
     return (
         [*symmetry.contradictory(symmetry.differences(scene))]
-        if is_mirrored and not found
-        else found
+        if is_mirrored and not problems
+        else problems
     )
 
 
@@ -135,7 +135,7 @@ def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Prob
 def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[Problem]:
     """A datum given as a number must be a height that the bed has: above it a layer of fluid would be at rest."""
     if level == "effective" and domain.gdim == 3:
-        why = 'is "effective" in space, where it is not computed'
+        why = 'is "effective" in 3-D, where it is not computed'
         yield problem("flow.datum", why, 'use "auto" or a height')
     if isinstance(level, str):
         return

@@ -221,8 +221,8 @@ def unit_of(model: type[BaseModel], key: str) -> str:
         fields = [one.model_fields[part] for one in models if part in one.model_fields]
         described = [field.description or "" for field in fields]
         models = [inner for field in fields for inner in _models(field.annotation)]
-    found = (unit[1] for text in described if (unit := _UNIT.search(text)))
-    return next(found, "")
+    units = (unit[1] for text in described if (unit := _UNIT.search(text)))
+    return next(units, "")
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

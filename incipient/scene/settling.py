@@ -34,10 +34,10 @@ def rested(
         # On many short sides a grain would roll by one after the other: it first rolls on a smooth outline.
         coarse = settle(smoothed, bed, start, down, hold, reach / grain.size)
         start = coarse.placement if coarse.stable else start
-    found = settle(grain, bed, start, down, hold, reach / grain.size)
-    if not found.stable:
+    settled = settle(grain, bed, start, down, hold, reach / grain.size)
+    if not settled.stable:
         turn = "angle" if above.gdim == 2 else "y or orientation"
         raise SceneError(
-            f"the grain {found.outcome.value}; change x or {turn}, or leave settle out"
+            f"the grain {settled.outcome.value}; change x or {turn}, or leave settle out"
         )
-    return found.placement
+    return settled.placement

@@ -28,11 +28,11 @@ MIRRORED = np.array([1.0, -1.0, 1.0])
 UNCHANGED = np.ones(1)
 
 
-def contradictory(found: Iterator[str]) -> Iterator[Problem]:
+def contradictory(reasons: Iterator[str]) -> Iterator[Problem]:
     """Why a scene that is said to be its own mirror image is not, given its differences from that."""
     key = ("domain", "symmetric")
     try:
-        for why in found:
+        for why in reasons:
             yield Problem(key, f"is true, but {why}", "make the scene symmetric, or give false")
     except SceneError as error:  # of a formula without a value
         yield Problem(key, *split(str(error)))

@@ -155,11 +155,11 @@ class RasterBed(FromFile, TerrainSection):
             _require_numbers(cls.__name__, name, data.get(name))
         try:
             cell = data.get("cell")
-            found = cls._in_file(path, None if cell is None else tuple(cell), data)
+            raster = cls._in_file(path, None if cell is None else tuple(cell), data)
         except SceneError as error:
             raise about_file(cls.__name__, *split(str(error))) from None
-        offset = cls._first_at(data.get("offset"), found.origin)
-        return {"cell": found.cell, "offset": offset, "heights": found.heights.tolist()}
+        offset = cls._first_at(data.get("offset"), raster.origin)
+        return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""

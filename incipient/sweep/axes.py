@@ -74,13 +74,13 @@ def of_mapping(given: Mapping[str, Any]) -> list[VariedKey]:
 
 def _values(text: str, option: str) -> tuple[str, ...]:
     """Comma-separated values and ranges."""
-    found: list[str] = []
+    values: list[str] = []
     for part in _split(text):
         given = _RANGE.fullmatch(part)
-        found += _range(part.split(":"), option) if given else [part]
-    if not all(found):
+        values += _range(part.split(":"), option) if given else [part]
+    if not all(values):
         raise SceneError(f"--over {option}: has an empty value; {_REMEDY}")
-    return tuple(found)
+    return tuple(values)
 
 
 def _range(parts: Sequence[str], option: str) -> list[str]:

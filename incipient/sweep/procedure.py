@@ -164,13 +164,13 @@ def run(
         quantity,
     )
     usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
-    path, told = usual if file is None else Path(file), voice or Silent()
-    resolved = request.cases(told)
+    path, reporter = usual if file is None else Path(file), voice or Silent()
+    resolved = request.cases(reporter)
     if dry_run:
         return _counted(path, resolved)
     refinement = request.refinement(resolved)
     with Store(path, make=True) as store:
-        sweep = _Sweep(store, means, told)
+        sweep = _Sweep(store, means, reporter)
         try:
             sweep.add(resolved)
             sweep.compute(refinement)

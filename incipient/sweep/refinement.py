@@ -233,11 +233,11 @@ class SweepRefinement:
 
     def lines(self) -> list[str]:
         """Lines for a reader on the intervals in which the mode changes, and on what was not computed."""
-        found = [(family, ends) for family in self._families for ends in family.changes()]
-        worst = max((family.length(*ends) for family, ends in found), default=0.0)
-        within = f"to {worst:.2g} of the range, in {len(found)} intervals" if found else "none"
+        changes = [(family, ends) for family in self._families for ends in family.changes()]
+        worst = max((family.length(*ends) for family, ends in changes), default=0.0)
+        within = f"to {worst:.2g} of the range, in {len(changes)} intervals" if changes else "none"
         lines = [f"{'changes of mode':<20}{within}"]
-        for family, ends in found:
+        for family, ends in changes:
             fixed = f" ({', '.join(family.fixed)})" if family.fixed else ""
             sides = (f"{family.known[x][0]} at {', '.join(family.along.settings(x))}" for x in ends)
             lines.append(f"  {', '.join(sides)}{fixed}")

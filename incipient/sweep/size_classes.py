@@ -44,21 +44,21 @@ def size_classes(
         raise SceneError(
             f"--size-classes: {_shown(bounds)} do not grow; give two bounds or more, as in 1,2,4"
         )
-    found = (
+    table_rows = (
         _of_csv(path)
         if path.suffix == ".csv"
         else [row for row in rows(path) if row["status"] == "done"]
     )
     named = next(
-        (one for one in ([size] if size else SIZES) if any(one in row for row in found)), None
+        (one for one in ([size] if size else SIZES) if any(one in row for row in table_rows)), None
     )
-    if named is None or not any("shields" in row for row in found):
+    if named is None or not any("shields" in row for row in table_rows):
         lacks = "shields" if named is not None else size or " or ".join(SIZES)
         raise SceneError(
             f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN"
         )
     # A grain that carries others has none, and is not free to move.
-    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in found]
+    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in table_rows]
     table = np.array([one for one in grains if not any(map(math.isnan, one))]).reshape(-1, 2)
     classes = [_class(table, low, high) for low, high in pairwise(bounds)]
     if not any(one["grains"] for one in classes):

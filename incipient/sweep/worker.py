@@ -117,8 +117,10 @@ def _result(task: str, text: str) -> dict[str, Any]:
         "threshold": critical.find_threshold,
         "entrainment": lambda scene, comm: entrainment.find_entrainment(Setup(scene), comm),
     }
-    found: dict[str, Any] = compute[task](Scene.model_validate(json.loads(text)), world()).to_dict()
-    return found
+    result: dict[str, Any] = compute[task](
+        Scene.model_validate(json.loads(text)), world()
+    ).to_dict()
+    return result
 
 
 def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:

@@ -25,7 +25,9 @@ def _figure(stored: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
     axes = figure.add_subplot()
     names = ("shields", "probability", "low", "high")
-    shields, found, low, high = (np.array([one[name] for one in stored["curve"]]) for name in names)
+    shields, probability, low, high = (
+        np.array([one[name] for one in stored["curve"]]) for name in names
+    )
     given = stored["quantiles"]
     errors = (
         "all errors"
@@ -34,7 +36,7 @@ def _figure(stored: dict[str, Any]) -> Figure:
     )
     looks: style.Looks = {"color": style.FLOW, "alpha": 0.25, "linewidth": 0.0}
     axes.fill_between(shields, low, high, label=f"its range by {errors}", **looks)
-    axes.plot(shields, found, color=style.FLOW, label="probability of motion at an instant")
+    axes.plot(shields, probability, color=style.FLOW, label="probability of motion at an instant")
     places, heights = ([one[name] for one in given] for name in ("shields", "probability"))
     looks = {"fmt": "o", "color": style.INK, "markersize": 4, "capsize": 3}
     axes.errorbar(places, heights, xerr=_errors(given), label=f"with {errors}", **looks)
@@ -48,7 +50,7 @@ def _figure(stored: dict[str, Any]) -> Figure:
         xlabel="Shields number of the mean flow [-]",
         ylabel="probability [-]",
     )
-    axes.set_ylim(0.5 * min(*found, *heights), 1.5)
+    axes.set_ylim(0.5 * min(*probability, *heights), 1.5)
     axes.xaxis.set_minor_locator(LogLocator(subs=(2, 3, 5)))
     axes.xaxis.set_minor_formatter("{x:g}")
     axes.xaxis.set_major_formatter("{x:g}")

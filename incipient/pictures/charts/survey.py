@@ -45,8 +45,8 @@ def draw(directory: Path) -> list[Path]:
 def _table(path: Path) -> dict[str, Floats]:
     """The columns with numbers of a CSV file; empty cells are NaN."""
     with reading(path, "survey it again", error=OutputError):
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
         names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
         return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
 
