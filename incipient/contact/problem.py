@@ -30,7 +30,7 @@ SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """What acts on the grain besides the bed, each (3,).
+    """Force, torque and weight on the grain without contact forces, each (3,).
 
     `flow_force`: the flow's force on the grain; `flow_couple`: its torque about `centre`; `weight`: all else
     that acts at `centre`, the centre of mass, such as weight and buoyancy. Raises SceneError on anything but

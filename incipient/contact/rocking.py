@@ -1,13 +1,13 @@
-"""A grain that rocks in its pocket as the flow's load grows: its rest followed from the weight alone upwards.
+"""Rocking of a grain in its pocket: its equilibrium, continued from the weight alone to larger loads of the flow.
 
 Contacts that hold a grain against its weight but not against every load (one in 2-D, one or two in 3-D) give
-way to any flow. In a stable trough the grain then finds another rest, turned and moved a little. This follows the rest
-under weight + s (flow force, flow torque) from s = 0, with the settling of `geometry.settle`: where contacts hold more
-than the load they have, up to what they hold at most, else in steps in which the grain settles anew. Where no step is
-short enough for a rest close by, the grain leaves its pocket.
+way to any flow. In a stable trough the grain then reaches another equilibrium, slightly turned and shifted. The
+equilibrium under weight + s (flow force, flow torque) is continued from s = 0 with the settling of `geometry.settle`:
+contacts with a reserve hold up to their capacity, otherwise the grain settles again in short steps. Where even the
+shortest step has no equilibrium nearby, the grain leaves its pocket.
 
 The flow's load is frozen: force and torque about the centre of mass are those of the first pose, also for a grain that
-has turned and moved. `drift` says by how much that may be wrong.
+has turned and moved. `drift` estimates the error.
 """
 
 import math
@@ -93,7 +93,7 @@ class Rocking:
 
     @property
     def sentence(self) -> str:
-        """What becomes of the grain."""
+        """Outcome in a sentence."""
         way, factor = self.way(self.last), f"safety factor {self.critical:.4g}"
         if self.leaves:
             way = f"begins to move ({self.mode}), having rocked, {way}"
@@ -172,7 +172,7 @@ class _Pocket:
 
     @cached_property
     def unit(self) -> float:
-        """The factor with which the flow's force, and torque over the size, are as large as the weight."""
+        """The factor at which the flow's force and torque over size equal the weight in magnitude."""
         flow = math.hypot(*self.load.flow_force, *(self.load.flow_couple / self.size))
         return math.hypot(*self.load.weight) / flow if flow else math.inf
 

@@ -1,8 +1,8 @@
-"""Drawing in a process of its own.
+"""Drawing in a separate process.
 
-VTK's wheel and dolfinx's libraries do not get on in one process: rendering a colour bar after a flow has been
-computed ends it (both bring std::regex, built for different string ABIs). Apart, a crash costs a picture
-and not the run.
+VTK's wheel and dolfinx's libraries conflict in one process: rendering a colour bar after a flow has been
+computed crashes it (both bring std::regex, built for different string ABIs). In a separate process a crash costs a
+picture and not the run.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..parallel import environment_alone
 
 @dataclass(frozen=True)
 class Drawn:
-    """The files that a drawing has made, and in one line what went wrong with others, if anything did."""
+    """Files that were drawn, and one line on those that failed."""
 
     paths: list[Path]
     complaint: str = ""

@@ -56,7 +56,7 @@ class ContactForces:
     def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
         """Draw the contacts of a grain of a size at a time, or next to it: cones, and forces to one scale.
 
-        Returns what was drawn: nothing where the next contacts are not `within` a time.
+        Returns the artists: none where the next contacts are not `within` a time.
         """
         drawn: list[Artist] = []
         apart = np.abs(self.times - time)

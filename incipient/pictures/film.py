@@ -204,7 +204,7 @@ class _Film:
         )  # fmt: skip
 
     def _place(self, time: float) -> Placement | None:
-        """Where the grain is: by its history, else where the mesh was made for it, else where the scene puts it."""
+        """Placement of the grain: from its history, otherwise from its mesh, otherwise from the scene."""
         if not self.scene.get("body"):
             return None
         if self.history is not None:

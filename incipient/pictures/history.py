@@ -27,7 +27,7 @@ REMEDY = "give the directory of a finished run, or run the scene again"
 
 @dataclass(frozen=True)
 class History:
-    """Columns (n,) by name, in the order of time; nan where nothing is known. Angles in radians, unbounded."""
+    """Columns (n,) by name, in the order of time; nan where unknown. Angles in radians, unbounded."""
 
     columns: dict[str, np.ndarray]
 
@@ -87,7 +87,7 @@ class History:
 
 
 def read_history(path: Path) -> History:
-    """The history of a run with a moving grain; raises OutputError for a file that is missing, damaged or another's."""
+    """Read the history of a moving grain; raises OutputError for a file that is missing, damaged or not a history."""
     with (
         reading(path, REMEDY, error=OutputError),
         path.open(encoding="utf-8", newline="") as file,
@@ -120,5 +120,4 @@ def _columns(path: Path, names: list[str], rows: list[list[str]]) -> dict[str, n
 
 
 def _gdim(names: Container[str]) -> int:
-    """The dimension of the space that a history of columns of these names is of."""
     return 3 if "z" in names else 2

@@ -1,4 +1,4 @@
-"""What the pictures show of a verdict: the load, the contact forces in their cones, how the grain begins to move."""
+"""The contents of a picture of a verdict: load, contact forces in their cones, incipient motion."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class DrawnMotion:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A case and what both judges say of it.
+    """A case and the verdicts of both criteria.
 
     forces:      contact forces on the grain (n, 3), and `states` (n) of the contacts, keys of `style.STATES`
     share:       part of the flow's load that these forces answer: 1, or the safety factor where no forces balance
@@ -167,7 +167,7 @@ def _motion(stored: dict[str, Any]) -> DrawnMotion:
 def _forces(
     exact: dict[str, Any], load: Load, contacts: Contacts, friction: float
 ) -> tuple[np.ndarray, tuple[str, ...], float]:
-    """Contact forces, states, and the share of the flow's load that they answer."""
+    """Contact forces, states, and the fraction of the flow's load that they balance."""
     motion, safety = exact["motion"], exact["safety"]
     if motion is not None:
         return np.array(motion["contact_forces"]), tuple(motion["contact_states"]), 1.0

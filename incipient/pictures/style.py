@@ -75,7 +75,7 @@ def applied() -> Iterator[None]:
 
 
 def show_as_written(figure: Figure) -> None:
-    """Let matplotlib take no text for mathematics but the labels of logarithmic axes: a title may hold a $."""
+    """Typeset no text as mathematics except labels of logarithmic axes: a title may hold a $."""
     powers: set[Text] = set()
     for axis in figure.findobj(Axis):
         labels = axis.get_ticklabels(which="both")  # those of all axes are made here

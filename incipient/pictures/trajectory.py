@@ -162,7 +162,7 @@ def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
 
 
 def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> list[Mark]:
-    """The centre's path and the grain at several moments, in the colour of their time; what the marks mean."""
+    """The centre's path and the grain at several moments, coloured by time; returns the legend's marks."""
     colour = ScalarMappable(norm, _COLOURS).to_rgba
     first, *between, last = _moments(grain.size, history)
     for time in between:
@@ -193,7 +193,7 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> lis
 def _draw_contacts(
     axes: Axes, contacts: ContactForces, size: float, history: History
 ) -> list[Mark]:
-    """The forces of contact where the grain is drawn; what the marks mean."""
+    """The forces of contact where the grain is drawn; returns the legend's marks."""
     step, drawn = float(np.diff(history.times).max(initial=0.0)), []
     for time in _moments(size, history):
         drawn += contacts.draw(axes, time, size, step if time < history.times[-1] else 0.0)
@@ -233,7 +233,7 @@ def _draw_grain(axes: Axes, grain: Any, placement: Placement, order: float, **lo
 def _draw_quantities(
     panels: Sequence[Axes], shown: Sequence[Shown], history: History
 ) -> list[Mark]:
-    """Position and rates against time; what the mark of a new mesh means, if there is one."""
+    """Position and rates against time; returns the legend's mark of a new mesh, if there is one."""
     new: list[Artist] = []
     for k, (axes, (title, values, least)) in enumerate(zip(panels, shown, strict=True)):
         new = [axes.axvline(t, color="#9a9a9a", lw=0.6, ls=":") for t in history.remeshings]

@@ -1,4 +1,4 @@
-"""y+ and friction along the walls of a turbulent flow, as they stand in its result."""
+"""y+ and friction along the walls of a turbulent flow."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def has_walls(run: StoredRun) -> bool:
 
 
 def picture(run: StoredRun) -> Figure:
-    """y+ above, with the range in which walls are as the model asks, and below it the friction, which is signed."""
+    """y+ with the range that the model of the walls requires, above the signed friction."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -48,7 +48,7 @@ def picture(run: StoredRun) -> Figure:
 
 
 def _bounds(walls: dict[str, Any]) -> tuple[float, float]:
-    """y+ at the walls' distance from which to which the law holds; both one where it never does."""
+    """Range of y+ at the walls' distance in which the law holds; (1, 1) if it never holds."""
     viscosity, distance = walls["viscosity"], walls["distance"]
     law, y_plus = WallLaw(walls.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
     holds = law.holds(

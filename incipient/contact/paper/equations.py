@@ -75,7 +75,7 @@ def can_vanish(torques: Floats, tolerance: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """Reaction and friction that one pressing force calls up all over the contact surface.
+    """Reaction and friction of the whole contact surface under one pressing force.
 
     Arrays have one row a contact. Contact forces act on the grain and carry c_1 and their part of the surface.
     `c_1` and `c_2` are 0 where nothing is pressed, and not a number where no single scale exists: the

@@ -72,7 +72,7 @@ def category(mode: Mode, common_position: bool) -> Category | None:
 
 
 class Criterion(Enum):
-    """Which of the paper's sections applied: is there a force, a torque, or both?"""
+    """The paper's section that applies: a force, a torque, or both."""
 
     NO_LOAD = "neither force nor torque acts"
     TRANSLATION_ONLY = "incipient translation only, (3): no torque acts"

@@ -1,6 +1,6 @@
-"""The picture of what accuracy costs: errors against CPU time and memory, and the frontier.
+"""The chart of a study of cost: errors against CPU time and memory, and the frontier.
 
-Colours and marks tell orders apart; an error that is lost in the doubt about the reference is a hollow mark.
+Colours and marks tell orders apart; an error below the uncertainty of the reference is a hollow mark.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def _map(
     grains: dict[str, Floats],
     spheres: dict[str, Floats],
 ) -> None:
-    """All spheres from above, the higher over the lower; those that may go coloured by their threshold."""
+    """All spheres from above, the higher over the lower; free grains coloured by their threshold."""
     order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
     top = spheres["z"][order]
     shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
@@ -107,7 +107,7 @@ def _map(
 
 
 def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
-    """What grains are coloured by: their thresholds, or, where there are none, pivot angles of those that are free."""
+    """Thresholds of grains, without any the pivot angles of free grains; their label and limits of colour."""
     if "stress" in grains and np.isfinite(grains["stress"]).any():
         values = grains["stress"]
         finite = values[np.isfinite(values) & (values > 0.0)]
@@ -121,7 +121,7 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
 
 
 def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> None:
-    """Share of the free grains below a pivot angle, reduced to the median size, beside Kirchner's law."""
+    """Fraction of the free grains below a pivot angle, reduced to the median size, beside Kirchner's law."""
     free = grains["carries"] == 0.0
     sizes = grains["diameter"][free] / stored["bed"]["median_diameter"]
     reduced = np.sort(grains["pivot"][free] * sizes**0.3)
@@ -146,7 +146,7 @@ def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> No
 
 
 def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
-    """Share of the free grains that is mobile against the Shields number."""
+    """Fraction of the free grains that is mobile against the Shields number."""
     curve, others = stored["mobile"], stored["constant_drag"]
     if curve:
         level = stored["emulator"].get("level", 0.95)  # earlier records have none

@@ -47,9 +47,9 @@ def draw(
     """Draw the pictures of a sweep next to its file, under its name. Not collective.
 
     Args:
-        quantity: column to draw; default: the critical Shields number, else the safety factor.
-        against:  column to draw it against; default: what the sweep varies first.
-        by:       a curve for each value of this column; default: what it varies next.
+        quantity: column to draw; default: the critical Shields number, otherwise the safety factor.
+        against:  column to draw it against; default: the first key that the sweep varies.
+        by:       a curve for each value of this column; default: the next key.
 
     Raises:
         OutputError: nothing has been computed yet, or a picture cannot be written.
