@@ -56,11 +56,11 @@ class Mode(Enum):
     The modes are mutually exclusive and complete. With the states of all contacts, and the angular acceleration alpha:
 
     - REST: no acceleration at all.
-    - Without alpha: SLIDING if any contact slides (others may lift), else all lift: LIFTING.
-    - With alpha, no contact rolls: PIVOTING_AND_SLIDING if any contact slides, else LIFTING_AND_ROTATING.
+    - Without alpha: SLIDING if any contact slides (others may lift), otherwise all lift: LIFTING.
+    - With alpha, no contact rolls: PIVOTING_AND_SLIDING if any contact slides, otherwise LIFTING_AND_ROTATING.
     - With alpha, some contact rolls and another slides: PIVOTING_AND_SLIDING_APART.
     - With alpha, some contact rolls and none slides: PIVOTING if any contact lifts, SPINNING if none lifts and
-      alpha is along the normals of all contacts, else ROLLING.
+      alpha is along the normals of all contacts, otherwise ROLLING.
 
     At the instant of release, rolling on a contact and pivoting about it are one motion. Here a rolling grain keeps all
     its contacts, and a pivoting one leaves some.
@@ -147,7 +147,7 @@ class IncipientMotion:
 
 @dataclass(frozen=True, eq=False)
 class ReleaseProblem:
-    """n grains at the instant of their release, dimensionless: the load of length one, the grain's mass one.
+    """n grains at the instant of release, dimensionless: magnitude of the load one, mass of the grain one.
 
     In 2-D wrenches and accelerations have m = 3 components, in 3-D 6.
     """
@@ -370,7 +370,7 @@ def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
 
 
 def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Solution:
-    """A solution with its states, forces that are determined as far as they can be, and units."""
+    """A solution in the caller's units, with its states and, as far as possible, unique forces."""
     problem, unit = case.contacts, case.acceleration_unit[0]
     whole, at, kinds, modes = case.classified(acceleration[None])
     y = problem.within(whole[:, :, None])[0, :, 0]

@@ -1,4 +1,4 @@
-"""Many contact problems at once: the safety factor and mode of each, by the kernels that judge a single one.
+"""Many contact problems at once: the safety factor and mode of each, by the same kernels as a single one.
 
 Cases with equally many contacts are judged together. Those without friction, with coincident contacts, or for which no
 motion converges are judged one by one.
@@ -99,10 +99,10 @@ class Batch:
     """Verdicts of the exact criterion on n cases."""
 
     factors: Floats  # (n,) safety factors; NaN where a case fails
-    held: Booleans  # (n,) whether the load as it is is balanced
+    held: Booleans  # (n,) whether the actual load is balanced
     modes: Integers  # (n,) places in `labels`, which are those of `Exact.label`; FAILED where a case fails
     labels: tuple[str, ...]
-    alone: int  # how many were judged one by one
+    alone: int  # number of cases evaluated one by one
     reasons: dict[int, str]  # why cases fail, by their places
 
     @property

@@ -182,7 +182,7 @@ class ContactProblem:
 
     @property
     def linear(self) -> int:
-        """How many factors on `cone_columns` need only be non-negative: all or none."""
+        """Number of factors on `cone_columns` with a bound of zero only: all or none."""
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:

@@ -6,7 +6,7 @@ A load of a box is weight + s (flow + directions u) with |u_i| <= 1. The loads t
 - all loads are held at a factor exactly if those at the corners of the box are. That corners move proves nothing.
 
 Sampled cases have normal and independent errors (friction is cut off at zero). The influence of an input is its
-first-order share of the variance of the margin s / (1 + s), s the safety factor: Sobol's first index for independent
+first-order fraction of the variance of the margin s / (1 + s), s the safety factor: Sobol's first index for independent
 inputs, from the means over classes of the input of equal size, corrected for their number (epsilon squared).
 """
 
@@ -73,12 +73,12 @@ class SafetyRange:
 
     @property
     def rests(self) -> bool:
-        """Whether every load of the box is held as it is."""
+        """Whether every load of the box is held at factor one."""
         return _contains(self.guaranteed, 1.0)
 
     @property
     def moves(self) -> bool:
-        """Whether no load of the box is held as it is."""
+        """Whether no load of the box is held at factor one."""
         return not _contains(self.possible, 1.0)
 
     @property
@@ -329,7 +329,7 @@ def probabilities(
 ) -> Probabilities:
     """Judge `samples` cases drawn around a load and friction with standard errors.
 
-    Without `mass_and_inertia` the exact criterion says only whether the grain rests or moves.
+    Without `mass_and_inertia` the exact criterion decides only between rest and motion.
 
     Raises SceneError as `classify` does, and for less than one sample.
     """
@@ -381,7 +381,7 @@ def draw(
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
-    """First-order share of every input (n,) in the variance of an output (n,); empty if that does not vary."""
+    """First-order fraction of the variance of an output (n,) for every input (n,); empty if the output is constant."""
     if np.ptp(output) <= 1e-12 * max(float(np.abs(output).max()), 1e-300):
         return {}
     return {name: _correlation_ratio(values, output) for name, values in inputs.items()}

@@ -66,7 +66,7 @@ class Rocking:
 
     @property
     def leaves(self) -> bool:
-        """Whether the load as it is, at factor one, has no rest in the pocket."""
+        """Whether the load at factor one has no rest in the pocket."""
         return self.critical < 1.0
 
     @property
@@ -234,7 +234,7 @@ class _Pocket:
         yield replace(rest, high=0.0 if none else math.inf) if none or every else rest
 
     def _tried(self, fraction: float, step: float, lost: float, shortest: float) -> float:
-        """The next fraction to look for a rest at; not beyond that of the load as it is before that was looked at."""
+        """The next fraction to try, which does not skip the fraction of factor one."""
         if fraction <= NOTHING and lost < 1.0:
             return max(SHRINK * lost, fraction + shortest)
         whole, tried = (

@@ -128,7 +128,7 @@ class Intervals(NamedTuple):
 
     @property
     def held(self) -> Booleans:
-        """Whether the load as it is is balanced."""
+        """Whether the load at factor one is balanced."""
         return (self.low <= 1.0 + TOLERANCE) & (self.high >= 1.0 - TOLERANCE)
 
 

@@ -125,7 +125,7 @@ class Exact:
     """The safety factor, and the incipient motion where the grain moves.
 
     `motion` is None where the grain rests, where mass and inertia are not given, and where no solution was
-    computed, which `unsolved` then says.
+    computed, for the reason `unsolved`.
     """
 
     safety: SafetyFactor
@@ -134,7 +134,7 @@ class Exact:
 
     @property
     def moves(self) -> bool:
-        """Whether no contact forces in the friction cones balance the load as it is."""
+        """Whether no contact forces in the friction cones balance the load."""
         return not self.safety.held
 
     @property

@@ -1,4 +1,4 @@
-"""Tables of cases, one a row, judged together.
+"""Tables of cases, one per row, evaluated together.
 
 Columns (in 3-D with `_z`, and three of torque): force_x, force_y, couple (torque), weight_x, weight_y, centre_x,
 centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
@@ -139,7 +139,7 @@ def _setting(text: str) -> tuple[str, float]:
 
 
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
-    """The cases of a table, and why some rows have none, by their places; raises SceneError for wrong columns."""
+    """The cases of a table, and the faults of invalid rows by index; raises SceneError for wrong columns."""
     if twice := table.columns.keys() & constants.keys():
         raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
     value = {**table.columns, **{key: np.full(len(table), one) for key, one in constants.items()}}

@@ -190,7 +190,7 @@ class Case(Section):
         return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
-        """The contacts, with rounded normals made unit vectors."""
+        """The contacts, with normals scaled to unit length."""
         normals, areas = spatial(self.contacts.normals), self.contacts.areas
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         points = spatial(self.contacts.points)
@@ -243,7 +243,7 @@ def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
 
 
 def judge_case(case: Case) -> dict[str, Any]:
-    """The verdict of both judges as plain data, and the probability of each mode for a case with standard errors."""
+    """The verdict of both criteria as plain data, and the probability of each mode for a case with standard errors."""
     load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
     said = None
@@ -261,7 +261,7 @@ def judge_case(case: Case) -> dict[str, Any]:
 
 
 def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, which is made if need be; raises OutputError. Not collective."""
+    """Write judgement.json into a directory, new or existing; raises OutputError. Not collective."""
     path = directory / "judgement.json"
     make_directory(directory, path)
     write_json(path, judgement)

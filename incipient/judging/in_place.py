@@ -203,7 +203,7 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
 def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
-    """Refuse a grain that is above or in the bed by more than a tolerance, in grain sizes."""
+    """Refuse a grain whose gap or overlap with the bed exceeds a tolerance, in grain sizes."""
     gap = clearance(grain, placement, bed)[0] / grain.size
     if abs(gap) <= tolerance:
         return

@@ -1,4 +1,4 @@
-"""Series of loads in time on the grain and contacts of a case."""
+"""Unsteady loads on the grain of a case."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_EVENTS = 10  # printed, the longest first
 
 @dataclass(frozen=True)
 class UnheldTime:
-    """A time in which the grain is not held.
+    """An interval in which the grain is not held.
 
     impulse: integral of the excess of the flow's force over that which could be held; least: the smallest safety
     factor; mode: the one that lasts longest

@@ -34,7 +34,7 @@ SLIDES = 1e-6  # of the fastest slip in a run
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Contacts as they are drawn, along the flow and upwards, from contacts.csv.
+    """Contacts from contacts.csv, in coordinates along the flow and upwards.
 
     times: (n,) of the ends of their steps; points, normals, forces: (n, 2), normals from the bed; slips: (n,)
     friction: coefficients of contacts that stick, and that slide

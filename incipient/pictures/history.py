@@ -46,7 +46,7 @@ class History:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(n, 2) of the grain's centre as it is drawn: along the flow, and the height."""
+        """Coordinates (n, 2) of the grain's centre along the flow and upwards."""
         return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
 
     @property

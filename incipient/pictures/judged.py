@@ -34,7 +34,7 @@ class Judged:
     """A case and the verdicts of both criteria.
 
     forces:      contact forces on the grain (n, 3), and `states` (n) of the contacts, keys of `style.STATES`
-    share:       part of the flow's load that these forces answer: 1, or the safety factor where no forces balance
+    share:       fraction of the flow's load that these forces balance: 1, or the safety factor where no forces balance
                  the load and the motion is not known; nan where there are none
     motion:      None at rest and where it is not known
     significant: the paper's significant reaction surface, indices of contacts
@@ -116,7 +116,7 @@ class Judged:
 
 
 def judged(verdict: dict[str, Any], where: Path) -> Judged:
-    """A stored verdict, with the contact forces at the load as it is, computed where they are not stored.
+    """A stored verdict, with the contact forces at the actual load, computed where they are not stored.
 
     Raises:
         OutputError: naming the file `where` when the verdict lacks something or cannot be understood.

@@ -1,4 +1,4 @@
-"""The look that all pictures share: type, colours, and panels that fit what they show."""
+"""The common style of pictures: type, colours, and panels that fit their contents."""
 
 from __future__ import annotations
 

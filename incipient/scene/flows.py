@@ -1,4 +1,4 @@
-"""The flows of a scene: what a user writes about what drives the fluid."""
+"""The flows of a scene: the kinds of the section [flow]."""
 
 import sys
 from typing import Annotated, Literal
@@ -35,7 +35,7 @@ Datum = Annotated[
 
 
 class Profile(Section):
-    """What flows of a given profile have in common."""
+    """Common keys of flows with a given profile."""
 
     datum: Datum = key(
         "Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "

@@ -33,7 +33,7 @@ def moment(body: BodySection) -> float | None:
 
 
 def inertia_tensor(body: BodySection) -> Floats | None:
-    """Inertia (3, 3) about the centroid in the body frame: as given, else of a uniform grain; None without a mass.
+    """Inertia (3, 3) about the centroid in the body frame: as given, otherwise of a uniform grain; None without a mass.
 
     In 2-D, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
     """

@@ -1,4 +1,4 @@
-"""One line for everything that can be wrong with a scene: which key, why, and what to write instead."""
+"""Messages on invalid scenes, one line each: the key, the reason, and the remedy."""
 
 import difflib
 import json
@@ -43,7 +43,7 @@ _NAME = re.compile("'([^']*)'")
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong at one key of a scene, why, and the remedy."""
+    """An invalid key of a scene, the reason, and the remedy."""
 
     key: Key
     why: str
@@ -121,7 +121,7 @@ def discriminator(section: type[BaseModel]) -> str | None:
 
 
 def tag(section: type[BaseModel]) -> str | None:
-    """The value of that key: ``"lid"``."""
+    """The value of `discriminator`, such as ``"lid"``."""
     name = discriminator(section)
     return _single_choice(section, name) if name else None
 
@@ -129,7 +129,7 @@ def tag(section: type[BaseModel]) -> str | None:
 def problems_of(
     error: ValidationError, root: type[BaseModel], gdim: int | None = None
 ) -> list[Problem]:
-    """All problems in a validation error of the section `root`, unknown keys first, each said once.
+    """All problems in a validation error of the section `root`, unknown keys first, without repetitions.
 
     gdim: dimension of the scene, whose grains and beds remedies name; None: those of all
     """
@@ -223,7 +223,7 @@ def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Probl
 
 
 def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
-    """Something missing, or too many or too few items in a list."""
+    """A missing key, or a wrong number of items in a list."""
     if detail["type"] == "missing" and isinstance(key[-1], str):
         field = section.model_fields.get(key[-1]) if section else None
         words = f": {field.description}" if field else ""

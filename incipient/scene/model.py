@@ -1,4 +1,4 @@
-"""What a user asks for: the sections of a scene, as data that has been checked.
+"""The sections of a scene as validated data.
 
 Scene units: lengths and velocities as written in the scene, fluid density 1. The kinematic viscosity follows
 from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene.file`;
@@ -228,7 +228,7 @@ class Scene(Section):
 
     @property
     def scales(self) -> Scales | None:
-        """What the scene's units are in SI; None where it does not say."""
+        """SI values of the scene's units; None without [units]."""
         return None if self.units is None else scales_of(self, self.units)
 
     @property
@@ -238,12 +238,12 @@ class Scene(Section):
 
     @property
     def up(self) -> int:
-        """Number of the coordinate in which heights over the bed are counted, the last one."""
+        """Index of the vertical coordinate, the last one."""
         return self.gdim - 1
 
     @property
     def is_empty_box(self) -> bool:
-        """Whether the scene is a closed box without grain and bed; in 3-D without a free surface, too."""
+        """Whether the scene is a closed box without grain and bed; in 3-D also without a free surface."""
         empty = self.domain.kind == "box" and self.body is None and self.bed is None
         return empty and (self.gdim == 2 or not self.has_surface)
 
@@ -262,14 +262,14 @@ class Scene(Section):
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether the result is to have error bars: where they are wanted and there is something to have them."""
+        """Whether error bars are requested and the result has quantities with error bars."""
         of = self.body is not None or self.has_surface or self.is_averaged
         steady = self.time is None and (self.has_centrelines or self.has_separation)
         return self.numerics.error_bars and (of or steady)
 
     @property
     def no_error_bars(self) -> str:
-        """Why a result is without error bars that are wanted; empty: none are wanted, or it has them."""
+        """Reason for missing error bars; empty if the result has them or none are requested."""
         if not self.numerics.error_bars or self.has_error_bars:
             return ""
         return (
@@ -279,7 +279,7 @@ class Scene(Section):
 
     @property
     def top(self) -> Top:
-        """The upper boundary: what the scene says, or for "auto" what suits the flow."""
+        """The upper boundary; "auto" follows from the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
     @property
@@ -303,7 +303,7 @@ class Scene(Section):
 
     @property
     def no_gusts(self) -> str:
-        """Why gusts that move the grain are not searched in the flow; empty: they are."""
+        """Reason why critical gusts are not searched in the flow; empty if they are."""
         return (
             "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
@@ -358,9 +358,9 @@ class Scene(Section):
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether no fluid passes a grain's contacts, as none does in 2-D: about them the space is closed.
+        """Whether the space about a grain's contacts is closed, so that no fluid passes them.
 
-        It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
+        It is closed in 2-D turbulent flow. Laminar flow through a gap is so slow that the loads are near their limit.
         """
         return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
 
@@ -372,7 +372,7 @@ class Scene(Section):
         made = self.bed.surface if self.gdim == 2 else self.bed.terrain
         return made(self.domain.bottom)
 
-    @cached_property  # it is asked for at every step and takes longer than a step's solution
+    @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
         """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
@@ -415,7 +415,7 @@ class Scene(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: of shear rate times L, of a log-law u*, else the velocity that the flow states."""
+        """V of the Reynolds number: of shear rate times L, of a log-law u*, otherwise the velocity of the flow."""
         if isinstance(self.flow, LogLaw):
             return self.flow.shear_velocity
         return (

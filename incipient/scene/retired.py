@@ -1,4 +1,4 @@
-"""Keys and values that scenes no longer have, and what to write instead."""
+"""Retired keys and values of scenes, with their remedies."""
 
 # Dotted key -> remedy; indices of lists are left out of the key.
 KEYS: dict[str, str] = {

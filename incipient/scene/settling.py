@@ -1,4 +1,4 @@
-"""Where the grain of a scene comes to rest when it is let go."""
+"""Equilibrium of a released grain on its bed."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -12,7 +12,7 @@ from ..geometry.settle import settle
 DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees
 
 
-# A scene is asked for its placement many times, and the answer takes a second or two.
+# The placement of a scene is read many times; computing it takes one or two seconds.
 @lru_cache(maxsize=16)
 def rested(
     grain: Any,
@@ -22,7 +22,7 @@ def rested(
     friction: float | None,
     reach: float,
 ) -> Placement:
-    """The equilibrium that a grain finds which is let go over a place, turned as it is there, in 2-D or in 3-D.
+    """The equilibrium of a grain that is released above a placement, in 2-D or in 3-D.
 
     `down` is the direction of gravity; `reach` is how far the grain may roll. Raises SceneError if it
     does not come to rest, or only balances.

@@ -1,4 +1,4 @@
-"""Grains in 3-D: what a user writes about their shapes, and the geometry that it means."""
+"""Grains in 3-D: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
 
 
 class SolidSection(BodySection):
-    """What grains of all 3-D shapes have in common."""
+    """Common keys of grains in 3-D."""
 
     gdim: ClassVar[int] = 3
     gdims: ClassVar[tuple[int, ...]] = (3,)

@@ -1,4 +1,4 @@
-"""The free surface of a scene: what a user writes about it."""
+"""The free surface of a scene: the section [surface]."""
 
 from __future__ import annotations
 

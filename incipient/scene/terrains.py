@@ -1,4 +1,4 @@
-"""Beds in 3-D: what a user writes about their shapes, and the geometry that it means."""
+"""Beds in 3-D: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Heights = Annotated[
 
 
 class TerrainSection(BedSection):
-    """What beds have in common that there are in 3-D only."""
+    """Common keys of beds that exist in 3-D only."""
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
     shape_key: ClassVar[str] = "kind"  # the key that is refused where there is no such bed
@@ -232,7 +232,7 @@ _NUMBERS = {  # keys by which a file is read: how many numbers, the least that t
 
 
 def _require_numbers(section: str, key: str, value: Any) -> None:
-    """Refuse what a file cannot be read by, before it is read; None stands for what is not given."""
+    """Refuse a key with which a file cannot be read; None is a missing key."""
     count, least, remedy = _NUMBERS[key]
     numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (

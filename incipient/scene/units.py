@@ -45,7 +45,7 @@ Length = Annotated[
 
 
 class Units(Section):
-    """What the scene's units are in SI; Reynolds number, gravity and the grain's density follow."""
+    """SI values of the scene's units; Reynolds number, gravity and the grain's density follow."""
 
     rules = (
         Rule("length", lambda s: s.length is not None and s.diameter is not None,
@@ -74,7 +74,7 @@ class Units(Section):
     )
 
     def metres(self, grain: Any) -> float:
-        """What one of the scene's units of length is [m]."""
+        """The scene's unit of length [m]."""
         if self.diameter is not None:
             return self.diameter / nominal_diameter(grain)
         return METRES[self.length] if isinstance(self.length, str) else float(self.length or 0.0)
@@ -82,7 +82,7 @@ class Units(Section):
 
 @dataclass(frozen=True)
 class Scales:
-    """What one of the scene's units is in SI: length [m], time [s], density [kg/m^3]."""
+    """SI values of the scene's units: length [m], time [s], density [kg/m^3]."""
 
     length: float
     time: float
@@ -145,7 +145,7 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene])
     Args:
         checked: the scene of data without units.
 
-    Raises ValidationError if the scene is wrong, or says something else than its units.
+    Raises ValidationError if the scene is wrong, or contradicts its units.
     """
     try:
         units = Units.model_validate(data["units"])
@@ -173,7 +173,7 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene])
 
 
 def _filled(data: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    """Data with values for what they do not say of Reynolds number, gravity and density."""
+    """Data completed with Reynolds number, gravity and density."""
     filled = dict(data)
     for section, name in _FILLED:
         part = data.get(section)

@@ -83,7 +83,7 @@ def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spher
 
 
 def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = None) -> Floats:
-    """The centre (3,) at which a sphere rests that is let go at `start`, an infinite height being above all others.
+    """The centre (3,) at which a sphere rests after its release at `start`; infinite height: above all others.
 
     `floor`: height of a level floor. Raises SceneError where it leaves the others and there is none.
     """

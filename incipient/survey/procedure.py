@@ -94,7 +94,7 @@ def survey(
 
 
 def _mark(request: SurveyRequest, spheres: Spheres) -> str:
-    """A mark of the runs of this bed, in this flow, among those of others in one directory."""
+    """A mark that tells the runs of this bed and flow from others in one directory."""
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])

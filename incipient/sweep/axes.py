@@ -1,4 +1,4 @@
-"""What a sweep varies: axes of values, taken as a grid or together, and tables of cases."""
+"""The axes of a sweep, as a grid or together, and tables of cases."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class VariedKey:
 
 
 def parsed(text: str) -> VariedKey:
-    """The axis that an option such as ``fluid.reynolds=log:0.1:200:17`` describes; raises SceneError."""
+    """The axis of an option such as ``fluid.reynolds=log:0.1:200:17``; raises SceneError."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
         raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
@@ -102,7 +102,7 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
 
 
 def rounded(value: float) -> str:
-    """A number between others as text, the same whatever computes it."""
+    """A number as text of fixed digits, equal on all machines."""
     return repr(float(f"{value:.{_DIGITS}g}"))
 
 

@@ -20,7 +20,7 @@ _DIGITS = 20  # of an identity
 
 @dataclass(frozen=True)
 class Source:
-    """A scene or case before a sweep changes it: its name, TOML text, and the directory of its files."""
+    """A scene or case without overrides: its name, TOML text, and the directory of its files."""
 
     name: str
     text: str
@@ -28,7 +28,7 @@ class Source:
 
     @classmethod
     def of(cls, given: Scene | Path | str) -> Source:
-        """A scene of Python, or a file. Raises SceneError: the file cannot be read."""
+        """The source from a Scene or a file. Raises SceneError: the file cannot be read."""
         if isinstance(given, Scene):
             return cls(given.title or "scene", dumps(given))
         path = Path(given)
@@ -58,7 +58,7 @@ class SweepCase:
 def resolved(
     source: Source, settings: Settings, task: str, common: Sequence[str] = ()
 ) -> SweepCase:
-    """The case that settings make of a source; `common` are settings of all cases. Raises SceneError."""
+    """A source with the settings of one case; `common` are settings of all cases. Raises SceneError."""
     overrides = (*common, *settings)
     if task == "judge":
         return _judged(source, settings, overrides)

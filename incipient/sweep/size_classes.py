@@ -1,4 +1,4 @@
-"""Critical Shields numbers by size class, as programs of bed evolution read them: of a sweep, or a table of grains."""
+"""Critical Shields numbers by size class, for programs of bed evolution, from a sweep or a table of grains."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIZES = ("diameter", "body.diameter")  # columns that are looked for where none 
 def size_classes(
     path: Path, bounds: Sequence[float], size: str | None = None
 ) -> list[dict[str, float]]:
-    """A row for each class [low, high) of sizes: how many grains, how many without a threshold, and percentiles.
+    """A row for each class [low, high) of sizes: numbers of grains and of those without a threshold, and percentiles.
 
     Percentiles of the critical Shields number are of all grains of the class, those that no flow moves among them as
     infinite. A class without grains has none. Not collective.

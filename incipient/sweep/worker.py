@@ -136,7 +136,7 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def _logged() -> Iterator[list[str]]:
-    """Gather the messages that the program logs in the block."""
+    """Collect the program's log messages of the block."""
     lines: list[str] = []
     handler, log = logging.Handler(logging.INFO), logging.getLogger("incipient")
     handler.emit = lambda record: lines.append(record.getMessage())  # type: ignore[method-assign]

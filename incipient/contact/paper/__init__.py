@@ -121,7 +121,7 @@ class Classification:
 
     @cached_property
     def away(self) -> Away | None:
-        """Which contact normals exclude the axis of the torque through the centre; None without a torque."""
+        """Exclusion of the torque's axis through the centre by contact normals; None without a torque."""
         size, reach = (
             _norm(self.load.flow_couple),
             self.torque_scale / max(self.force_scale, 1e-300),

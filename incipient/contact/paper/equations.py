@@ -25,7 +25,7 @@ SAME_PLACE = 1e-9  # of the size of the contact surface
 
 
 def pressing(force: Floats, normals: Floats) -> Floats:
-    """n_out . F where it is positive, else zero: how hard the force presses on each contact, (n,)."""
+    """n_out . F where positive, otherwise zero: the force that presses on each contact, (n,)."""
     return np.maximum((normals * force).sum(axis=1), 0.0)
 
 
@@ -133,7 +133,7 @@ def distribute(
 
 
 def measures(contacts: Contacts) -> Floats:
-    """dGamma_c of every contact, (n,): its area where all have one, else one for each place of contact.
+    """dGamma_c of every contact, (n,): its area where all have one, otherwise one for each point of contact.
 
     Contacts at one place with one normal have a weight of one between them.
     """

@@ -74,5 +74,5 @@ def choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) ->
 
 
 def name_of(column: str) -> str:
-    """A column in words; a key of scenes as it is."""
+    """A column in words; a key of scenes is not changed."""
     return column if "." in column else _NAMES.get(column, column.replace("_", " "))
