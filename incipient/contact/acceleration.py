@@ -33,7 +33,7 @@ from incipient.geometry.statics import balance
 
 ZERO = 1e-8  # accelerations below it, relative to the free one, are zero
 SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one solution
-NEARLY = 1e-9  # of unit vectors: what counts as parallel, or as the boundary of a cell
+NEARLY = 1e-9  # of unit vectors: tolerance of parallel vectors and of boundaries of cells
 DEPENDENT = 1e-10  # singular values below it, relative to the largest, count as zero
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 SYMMETRIC = 1e-9  # of the inertia's largest entry

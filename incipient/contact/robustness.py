@@ -306,7 +306,7 @@ class Probabilities:
     margin: tuple[float, float, float]  # 5%, 50% and 95% of the safety factor
     influence: dict[str, float]  # first-order fraction of the variance, of each input
     most: str | None  # the input that matters most; None: the margin does not vary
-    within: Within  # what is certain
+    within: Within  # range within two standard errors
 
     @property
     def sentence(self) -> str:

@@ -62,7 +62,7 @@ class Rocking:
     critical: float  # the largest factor with a rest in the pocket; inf: every one has one
     mode: str  # how the grain leaves the last rest, by the exact criterion; "rest" if it does not
     size: float  # the grain's largest diameter
-    round: bool  # whether turning leaves its shape as it is
+    round: bool  # whether rotation does not change its shape
 
     @property
     def leaves(self) -> bool:

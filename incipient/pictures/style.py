@@ -42,7 +42,7 @@ STATES = {
 }
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
-Looks = dict[str, Any]  # of what is drawn, in matplotlib's words
+Looks = dict[str, Any]  # of an artist, by matplotlib's keywords
 
 _SETTINGS = {
     "font.family": "DejaVu Sans",

@@ -321,7 +321,7 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     """The safety factor against the strength of the flow, both on logarithmic scales."""
     every, critical = stored["trials"], float(stored["factor"])
     fastest = max((trial["factor"] for trial in every), default=1.0)
-    # The flow that stands for that of Stokes is too slow to be shown beside the others.
+    # The flow that represents the Stokes limit is too slow for the axes of the others.
     trials = np.array(
         sorted(
             (trial["factor"], trial["safety_factor"])

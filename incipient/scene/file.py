@@ -22,7 +22,7 @@ from .section import Section, ordered_keys
 
 S = TypeVar("S", bound=Section)
 
-# Sections whose overrides leave the scene what its title says it is.
+# Sections whose overrides do not change the subject of the title.
 _NOT_THE_SCENE = ("title", "numerics", "output", "time")
 
 # What TOML cannot mean otherwise may stand on the command line without quotes.
@@ -64,7 +64,7 @@ def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
 def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str], name: str) -> S:
     """The scene, or another model, in TOML text; as `loads`."""
     data = _parsed(text, name)
-    data.pop("sweep", None)  # what `incipient sweep` varies is not part of the scene
+    data.pop("sweep", None)  # the section of `incipient sweep` is not part of the scene
     places = {_override(data, override): override for override in overrides}
     _retitle(data, places)
     try:

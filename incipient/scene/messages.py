@@ -15,7 +15,7 @@ from . import retired
 
 Key = tuple[str | int, ...]
 
-# Names of the errors that validators raise, about one section or about what several say together.
+# Names of the errors that validators raise, within one section or between several.
 WITHIN: LiteralString = "contradiction"
 BETWEEN: LiteralString = "contradiction_between_sections"
 

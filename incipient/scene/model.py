@@ -386,7 +386,7 @@ class Scene(Section):
             return body.placed(body.centre)
         if body.x is None or self.bed is None:
             return None
-        # From the domain's corner: far from the origin numbers are too far apart for a grain that settles.
+        # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
         corner, over = self.domain.origin, [body.x]
         if self.gdim == 2:
             bed: Any = self.bed.surface(0.0, corner[0])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
-FARTHEST = 1e6  # extents of the domain, in sizes of what lies in it
+FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
 _PLACES = 201  # in each direction at which bed and free surface are looked at
@@ -221,7 +221,7 @@ def _body_place(scene: Scene) -> Iterator[Problem]:
         yield problem(key, why, "move the grain, make it smaller or enlarge the domain")
     if into_bed and body.x is None:
         yield problem(key, into_bed, "raise the grain, or give x to let it rest on the bed")
-    elif into_bed:  # lowered onto a bed whose shape is finer than what shows how low it may get
+    elif into_bed:  # lowered onto a bed finer than the resolution of its support
         remedy = "make the bed's forms larger or flatter: beside the grain they are too steep to lower it"
         yield problem(key, into_bed, remedy)
 

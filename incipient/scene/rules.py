@@ -55,7 +55,7 @@ def contradictions(scene: Scene) -> Iterator[Problem]:
             yield first.problem(scene)
 
 
-# -- what rules ask of a scene ---------------------------------------------------------------------
+# -- conditions of rules ---------------------------------------------------------------------------
 
 
 def _unsteady(s: Scene) -> bool:

@@ -224,7 +224,7 @@ class MeshBed(RasterBed):
         return geometry.HeightMap.from_surface(path, cell, data.get("scale", 1.0))
 
 
-_NUMBERS = {  # keys by which a file is read: how many numbers, the least that they may be, what to give
+_NUMBERS = {  # keys with which a file is read: number of values, lower bound, remedy
     "cell": (2, SMALLEST, "give two lengths, as in [0.1, 0.1]"),
     "offset": (2, -LARGEST, "give two lengths, as in [0.1, 0.1]"),
     "scale": (1, SMALLEST, "give a positive number"),

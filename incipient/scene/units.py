@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .model import Scene
 
 _ONE_LENGTH = 'give one of them, as in length = "mm"'
-_SAME = 1e-9  # relative: what a scene may say beside what follows from its units
+_SAME = 1e-9  # relative difference allowed between a value of the scene and its units
 _ANY = {"reynolds": 1.0, "acceleration": 1.0, "density": 2.0}  # until they are known
 _FILLED = (("fluid", "reynolds"), ("gravity", "acceleration"), ("body", "density"))
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}

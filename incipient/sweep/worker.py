@@ -74,7 +74,7 @@ def computed_within(limit: float, release: str, task: str, text: str) -> CaseOut
 def computed(task: str, text: str) -> CaseOutcome:
     """Compute a case; the message of an error for users is its reason. Not collective."""
     began, processor = time.perf_counter(), _processor_time()
-    # The kernel counts the largest memory from here, or it is that of all cases so far.
+    # The kernel counts the largest memory from here on, not over all earlier cases.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     names = ("incipient", "numpy", "scipy") if task == "judge" else ("incipient", "numpy")

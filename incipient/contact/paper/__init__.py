@@ -79,7 +79,9 @@ class Classification:
     minimum_7: float
     minima: Minima
     located_by: Located
-    common_position: bool  # (2) and (7) share a contact, as the simultaneous criteria assume
+    common_position: (
+        bool  # (2) and (7) have a contact in common, as the simultaneous criteria assume
+    )
     away_from_surface: bool  # minimum (7) > 0: the torque presses on no contact
     significant: tuple[int, ...]
     fraction: Floats  # (k,)
@@ -164,7 +166,10 @@ def classify(
     reach = float(np.linalg.norm(arms, axis=1).max())
     acting = (load.flow_force, load.weight, load.flow_couple / reach)
     force_scale = float(sum(np.linalg.norm(part) for part in acting))
-    scales = force_scale * tolerance, force_scale * reach * tolerance  # what counts as zero
+    scales = (
+        force_scale * tolerance,
+        force_scale * reach * tolerance,
+    )  # of a zero force and a zero torque
     criterion = _criterion(load, scales)
     minima = _minima(load, contacts, arms, scales, tolerance)
     located = _located(criterion, minima)
