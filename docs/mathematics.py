@@ -19,7 +19,7 @@ MARKED = re.compile(
 )
 
 
-def on_page_content(content: str, **given: Any) -> str:
+def on_page_content(content: str, **arguments: Any) -> str:
     """The HTML of a page with its formulas as MathML; a hook of mkdocs."""
     return MARKED.sub(_mathml, content)
 

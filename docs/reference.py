@@ -290,13 +290,13 @@ def documented(name: str, thing: Any) -> Iterator[str]:
     yield from described_fields(thing)
     if not inspect.isclass(thing) or hasattr(thing, "model_fields"):
         return
-    for method, made in vars(thing).items():
+    for method, member in vars(thing).items():
         if not method.startswith("_") and (
-            inspect.isfunction(made) or isinstance(made, property | classmethod)
+            inspect.isfunction(member) or isinstance(member, property | classmethod)
         ):
-            made = made.__func__ if isinstance(made, classmethod) else made
-            said = textwrap.indent(docstring(made), "    ").strip()
-            yield f"- `{method}{'' if isinstance(made, property) else '()'}`: {said}"
+            member = member.__func__ if isinstance(member, classmethod) else member
+            text = textwrap.indent(docstring(member), "    ").strip()
+            yield f"- `{method}{'' if isinstance(member, property) else '()'}`: {text}"
 
 
 def described_fields(thing: Any) -> Iterator[str]:

@@ -311,11 +311,11 @@ class Probabilities:
     @property
     def sentence(self) -> str:
         """The outcome in a sentence."""
-        said = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
+        text = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
         if self.most is not None:
             part = self.influence[self.most]
-            said += f"; what matters most is {self.most}, {part:.0%} of the variance of the margin"
-        return said
+            text += f"; what matters most is {self.most}, {part:.0%} of the variance of the margin"
+        return text
 
 
 def probabilities(

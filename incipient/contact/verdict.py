@@ -204,7 +204,7 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
     assert exact.motion is not None
     if len(families) > 1:
         return Reason.NOT_UNIQUE
-    (family,), said = families, FAMILIES[paper.mode]
+    (family,), paper_families = families, FAMILIES[paper.mode]
     if not family or _at_boundary(exact):
         return Reason.BOUNDARY
     others = np.linalg.norm(exact.motion.first.contact_forces, axis=1)
@@ -212,10 +212,10 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
     pressed = bool(others.max() > NEAR * paper.force_scale)
     if pressed or set(paper.obstructed_by) - set(paper.significant):
         return Reason.ONE_CONTACT_AT_A_TIME
-    if family is Family.TURNS and all(Family.SLIDES in one for one in said):
+    if family is Family.TURNS and all(Family.SLIDES in one for one in paper_families):
         stuck = bool((paper.C_friction >= 1.0).all())
         return Reason.ROLLING_CALLED_SLIDING if stuck else Reason.SLIP_IS_OVERESTIMATED
-    translates = paper.criterion is Criterion.TRANSLATION_ONLY and Family.SLIDES in said
+    translates = paper.criterion is Criterion.TRANSLATION_ONLY and Family.SLIDES in paper_families
     if translates and Family.TURNS in family:
         return Reason.FRICTION_TORQUE
     return Reason.FORCES_NOT_ACCELERATIONS
@@ -290,14 +290,14 @@ def exact_sentence(exact: Exact) -> str:
 def paper_sentence(verdict: Verdict) -> str:
     """Outcome of the paper's criteria, and the reason if the exact criterion differs."""
     paper, agreement = verdict.criteria, verdict.agreement
-    said = "by the paper's criteria there is no incipient motion"
+    verdict_text = "by the paper's criteria there is no incipient motion"
     if paper.moves:
         item = "" if paper.category is None else f" [{paper.category.item}]"
-        said = f"by the paper's criteria it begins to move, {paper.mode.wording}{item}"
+        verdict_text = f"by the paper's criteria it begins to move, {paper.mode.wording}{item}"
     if agreement.agree:
-        return f"{said}, in agreement"
+        return f"{verdict_text}, in agreement"
     alone = paper.moves and not verdict.moves and agreement.reason is not Reason.BOUNDARY
-    return f"{said}; they differ: {agreement.explanation}{', so it rests' if alone else ''}"
+    return f"{verdict_text}; they differ: {agreement.explanation}{', so it rests' if alone else ''}"
 
 
 def _margin(safety: SafetyFactor) -> str:

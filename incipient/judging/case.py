@@ -246,16 +246,16 @@ def judge_case(case: Case) -> dict[str, Any]:
     """The verdict of both criteria as plain data, and the probability of each mode for a case with standard errors."""
     load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
-    said = None
+    probabilities_data = None
     if case.errors is not None:
         drawn = case.errors.samples, case.errors.seed
         chances = probabilities(load, contacts, law, case.standard_errors(), *drawn, inert)
-        said = {"sentence": chances.sentence, **plain(chances)}
+        probabilities_data = {"sentence": chances.sentence, **plain(chances)}
     return {
         "title": case.title,
         "source": case.source,
         "verdict": judge(load, contacts, law, inert).to_dict(),
-        "probabilities": said,
+        "probabilities": probabilities_data,
         "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
     }
 

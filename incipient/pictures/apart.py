@@ -32,8 +32,8 @@ def draw_apart(directory: Path) -> Drawn:
 
 def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
     """Draw the pictures of a sweep in another process; options as of `sweep.draw`. Not collective."""
-    given = [f"--{name}={value}" for name, value in options.items() if value is not None]
-    return _apart("not drawn", str(file), *given)
+    arguments = [f"--{name}={value}" for name, value in options.items() if value is not None]
+    return _apart("not drawn", str(file), *arguments)
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:

@@ -107,11 +107,11 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     headline(figure, title)
     rows, columns = (len(views), 1) if stacked else (1, len(views))
     ratios = {"height_ratios": heights} if stacked else {"width_ratios": heights / aspects}
-    made = figure.subplots(rows, columns, squeeze=False, **ratios).ravel().tolist()
-    for axes, view in zip(made, views, strict=True):
+    all_axes = figure.subplots(rows, columns, squeeze=False, **ratios).ravel().tolist()
+    for axes, view in zip(all_axes, views, strict=True):
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
         axes.set(xlabel="x [scene units]", ylabel=f"{up} [scene units]")
-    return figure, made
+    return figure, all_axes
 
 
 def headline(figure: Figure, title: str) -> None:

@@ -77,7 +77,7 @@ def figure(
     assert grain is not None and start is not None
     ground = None if bed is None else _ground(scene.domain, bed, start)
     views = _views(scene.domain, ground, grain.size, history)
-    made, maps, panels = _laid_out(views, title)
+    sheet, maps, panels = _laid_out(views, title)
     norm = Normalize(*_span(history))
     names = ("Whole domain", "Path of the grain, enlarged")
     for axes, view, name in zip(maps, views, names, strict=False):
@@ -88,12 +88,12 @@ def figure(
         marks = _draw_path(axes, grain, history, norm)
     if contacts is not None:
         marks += _draw_contacts(maps[-1], contacts, grain.size, history)
-    made.colorbar(ScalarMappable(norm, _COLOURS), ax=maps).set_label("time [scene units]")
+    sheet.colorbar(ScalarMappable(norm, _COLOURS), ax=maps).set_label("time [scene units]")
     shown = _quantities(history, grain.size, scene.reference_velocity)
     marks += _draw_quantities(panels, shown, history)
     handles, labels = zip(*marks, strict=True)
-    made.legend(handles, labels, loc="outside lower left", ncols=6, columnspacing=1.4)
-    return made
+    sheet.legend(handles, labels, loc="outside lower left", ncols=6, columnspacing=1.4)
+    return sheet
 
 
 def _laid_out(views: Sequence[View], title: str) -> tuple[Figure, list[Axes], list[Axes]]:
@@ -108,10 +108,10 @@ def _laid_out(views: Sequence[View], title: str) -> tuple[Figure, list[Axes], li
         size, ratios = (_WIDE, tall + _PANELS + 1.0), {"height_ratios": (tall + 0.5, 1.3, 1.3)}
         above = ["map"] * 6 if len(views) == 1 else ["map"] * 3 + ["near"] * 3
         rows = [above, list("001122"), list("334455")]
-    made = Figure(figsize=size, layout="constrained")
-    style.headline(made, textwrap.shorten(title, 200))
-    axes = made.subplot_mosaic(rows, **ratios)
-    return made, [axes[k] for k in ("map", "near") if k in axes], [axes[k] for k in "012345"]
+    sheet = Figure(figsize=size, layout="constrained")
+    style.headline(sheet, textwrap.shorten(title, 200))
+    axes = sheet.subplot_mosaic(rows, **ratios)
+    return sheet, [axes[k] for k in ("map", "near") if k in axes], [axes[k] for k in "012345"]
 
 
 def _span(history: History) -> tuple[float, float]:

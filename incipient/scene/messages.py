@@ -193,22 +193,22 @@ def _problem(
     if (retirement := _retired_value(detail, key)) is not None:
         return retirement
     kind, context = detail["type"], detail.get("ctx", {})
-    given = shown(detail["input"])
+    value = shown(detail["input"])
     if kind in (WITHIN, BETWEEN):
         return Problem(key, context["why"], context["remedy"], between=kind == BETWEEN)
     if kind in ("missing", "too_short", "too_long"):
         return _wrong_number(detail, key, section)
     if kind == "literal_error":
         return Problem(
-            key, f"{given} is not known", f"use {either(_NAME.findall(context['expected']))}"
+            key, f"{value} is not known", f"use {either(_NAME.findall(context['expected']))}"
         )
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_alternative(detail, key, section, gdim)
     if kind in _REMEDIES:
         return Problem(
-            key, f"is {given}", _REMEDIES[kind].format(**{**context, "key": key_text(key)})
+            key, f"is {value}", _REMEDIES[kind].format(**{**context, "key": key_text(key)})
         )
-    return Problem(key, f"is {given}", detail["msg"][:1].lower() + detail["msg"][1:])
+    return Problem(key, f"is {value}", detail["msg"][:1].lower() + detail["msg"][1:])
 
 
 def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:

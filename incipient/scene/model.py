@@ -296,9 +296,9 @@ class Scene(Section):
     @property
     def accuracy_of(self) -> str:
         """The quantity whose accuracy `numerics.accuracy` is."""
-        asked = self.numerics.accuracy_of
-        if asked != "auto" or self.body is not None:
-            return asked if asked != "auto" else "force"
+        quantity = self.numerics.accuracy_of
+        if quantity != "auto" or self.body is not None:
+            return quantity if quantity != "auto" else "force"
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property
@@ -369,8 +369,8 @@ class Scene(Section):
         """The bed's shape, a Bed of the plane or a Terrain; None without a bed."""
         if self.bed is None:
             return None
-        made = self.bed.surface if self.gdim == 2 else self.bed.terrain
-        return made(self.domain.bottom)
+        build = self.bed.surface if self.gdim == 2 else self.bed.terrain
+        return build(self.domain.bottom)
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:

@@ -289,8 +289,8 @@ class Polyline(FromFile, BedSection):
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        made = geometry.Curved if self.smooth else geometry.Polyline
-        return made([(x - origin_x, y) for x, y in self.points], origin_y)
+        curve = geometry.Curved if self.smooth else geometry.Polyline
+        return curve([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 def _disorder(points: Sequence[Point]) -> str | None:

@@ -93,10 +93,10 @@ class HeapBed(FromFile, TerrainSection):
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
-        given = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
-        posts = np.arange(len(given)) >= len(self.spheres)
+        spheres = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
+        posts = np.arange(len(spheres)) >= len(self.spheres)
         return geometry.SphereBed(
-            given[:, :3] + [-corner[0], -corner[1], origin_z], given[:, 3], origin_z, posts
+            spheres[:, :3] + [-corner[0], -corner[1], origin_z], spheres[:, 3], origin_z, posts
         )
 
 

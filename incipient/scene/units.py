@@ -159,17 +159,17 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene])
         scene.reference_velocity,
         scene.reference_length,
     )
-    made = {
+    derived = {
         "reynolds": speed * scales.velocity * length * scales.length / units.viscosity,
         "acceleration": units.gravity * scales.time**2 / scales.length,
         "density": units.grain_density / units.fluid_density,
     }
     for section, name in _FILLED:
-        given = _get(data.get(section), name)
-        if isinstance(given, int | float) and abs(given / made[name] - 1.0) > _SAME:
-            why = f"is {given:g}, but [units] makes it {made[name]:g}"
+        stated = _get(data.get(section), name)
+        if isinstance(stated, int | float) and abs(stated / derived[name] - 1.0) > _SAME:
+            why = f"is {stated:g}, but [units] makes it {derived[name]:g}"
             raise _refused(f"{section}.{name}", why, "leave it out")
-    return _filled(data, made)
+    return _filled(data, derived)
 
 
 def _filled(data: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:

@@ -189,10 +189,10 @@ class _Loads:
                 continue
             level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
             own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
-            given = grain, level, outcome.request, reynolds_of(at, own)
+            arguments = grain, level, outcome.request, reynolds_of(at, own)
             with_bars = at < outcome.request.runs.with_error_bars
-            wide = scene_of(*given, wide=True) if with_bars else None
-            runs.append(FullRun(number, scene_of(*given, error_bars=with_bars), wide))
+            wide = scene_of(*arguments, wide=True) if with_bars else None
+            runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
         return runs
 
     def _table(self) -> dict[str, dict[str, Any]]:

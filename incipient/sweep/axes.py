@@ -46,14 +46,14 @@ def parsed(text: str) -> VariedKey:
     return VariedKey(key, _values(values, text))
 
 
-def of_mapping(given: Mapping[str, Any]) -> list[VariedKey]:
+def of_mapping(over: Mapping[str, Any]) -> list[VariedKey]:
     """Axes by their keys: values are a text as of `parsed`, a list, or one value; sections may be nested as in TOML.
 
     Raises:
         SceneError: one of them cannot be understood.
     """
     axes: list[VariedKey] = []
-    for key, values in given.items():
+    for key, values in over.items():
         if isinstance(values, Mapping):
             axes += of_mapping({f"{key}.{name}": part for name, part in values.items()})
         elif isinstance(values, str):
@@ -76,8 +76,8 @@ def _values(text: str, option: str) -> tuple[str, ...]:
     """Comma-separated values and ranges."""
     values: list[str] = []
     for part in _split(text):
-        given = _RANGE.fullmatch(part)
-        values += _range(part.split(":"), option) if given else [part]
+        match = _RANGE.fullmatch(part)
+        values += _range(part.split(":"), option) if match else [part]
     if not all(values):
         raise SceneError(f"--over {option}: has an empty value; {_REMEDY}")
     return tuple(values)

@@ -27,11 +27,11 @@ class Source:
     base: Path = Path()
 
     @classmethod
-    def of(cls, given: Scene | Path | str) -> Source:
+    def of(cls, scene: Scene | Path | str) -> Source:
         """The source from a Scene or a file. Raises SceneError: the file cannot be read."""
-        if isinstance(given, Scene):
-            return cls(given.title or "scene", dumps(given))
-        path = Path(given)
+        if isinstance(scene, Scene):
+            return cls(scene.title or "scene", dumps(scene))
+        path = Path(scene)
         return cls(path.stem, read_text(path, "give the name of a scene file"), path.parent)
 
 

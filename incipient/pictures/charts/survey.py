@@ -34,12 +34,12 @@ def draw(directory: Path) -> list[Path]:
     Raises OutputError as `record.drawn` does.
     """
     grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
-    made = drawn(
+    pictures = drawn(
         directory / "survey.json",
         lambda stored: _figure(stored, grains, spheres),
         "survey it again",
     )
-    return [*made, _for_paraview(directory / "survey.vtp", grains, spheres)]
+    return [*pictures, _for_paraview(directory / "survey.vtp", grains, spheres)]
 
 
 def _table(path: Path) -> dict[str, Floats]:
@@ -197,16 +197,16 @@ def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
 
 def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floats]) -> Path:
     """Write the spheres as triangles with numbers, diameters and thresholds; NaN where there is none."""
-    made = pyvista.PolyData(np.column_stack([spheres["x"], spheres["y"], spheres["z"]]))
-    made["number"] = np.arange(made.n_points, dtype=float)
-    made["diameter"] = spheres["diameter"]
+    centres = pyvista.PolyData(np.column_stack([spheres["x"], spheres["y"], spheres["z"]]))
+    centres["number"] = np.arange(centres.n_points, dtype=float)
+    centres["diameter"] = spheres["diameter"]
     for name in ("stress", "shields", "rank", "pivot", "protrusion", "carries"):
-        values = np.full(made.n_points, np.nan)
+        values = np.full(centres.n_points, np.nan)
         if name in grains:
             values[grains["number"].astype(int)] = grains[name]
-        made[name] = values
+        centres[name] = values
     ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
-    balls = made.glyph(scale="diameter", orient=False, geom=ball)
+    balls = centres.glyph(scale="diameter", orient=False, geom=ball)
     with replaced(path, path.with_suffix(".part.vtp")) as part:
         balls.save(part)
     return path
