@@ -1,10 +1,10 @@
-"""Incipient motion: the accelerations with which a grain at rest answers a load, under Coulomb's law.
+"""Incipient motion: the accelerations of a grain at rest under a load and Coulomb's law.
 
 In 2-D every motion is enumerated. An acceleration y of the grain opens contact i where N_i y > 0 and slides
 on it where N_i y = 0, T_i y != 0; these planes cut space into cells in each of which the admissible forces are fixed:
 the free acceleration, those that slide on one contact, and the lines where two contacts stay or one sticks. The ends of
 continuous families are among these motions, since they lie on lines. In 3-D Coulomb's equations (`impulses`) are
-solved by Newton's method from several starts. All else is one code.
+solved by Newton's method from several starts.
 """
 
 import math
@@ -33,7 +33,7 @@ from incipient.geometry.statics import balance
 
 ZERO = 1e-8  # accelerations below it, relative to the free one, are zero
 SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one solution
-NEARLY = 1e-9  # of unit vectors: what counts as parallel, or as the boundary of a cell
+NEARLY = 1e-9  # of unit vectors: tolerance of parallel vectors and of boundaries of cells
 DEPENDENT = 1e-10  # singular values below it, relative to the largest, count as zero
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 SYMMETRIC = 1e-9  # of the inertia's largest entry
@@ -42,7 +42,7 @@ PARTS = 9  # of the friction, steps of continuation where no solution converges
 
 
 class ContactState(Enum):
-    """What the grain does at a contact, by its acceleration there: normal, tangential, and angular."""
+    """State of motion at a contact, from the normal, tangential and angular acceleration there."""
 
     STICK = "stays where it is, and so does the whole grain"
     ROLL = "stays where it is while the grain turns"
@@ -51,20 +51,19 @@ class ContactState(Enum):
 
 
 class Mode(Enum):
-    """What the whole grain begins to do.
+    """Incipient motion of the whole grain.
 
-    The definitions exclude one another and leave nothing out. With the states of all contacts, and the angular
-    acceleration alpha of the grain:
+    The modes are mutually exclusive and complete. With the states of all contacts, and the angular acceleration alpha:
 
     - REST: no acceleration at all.
-    - Without alpha: SLIDING if any contact slides (others may lift), else all lift: LIFTING.
-    - With alpha, no contact rolls: PIVOTING_AND_SLIDING if any contact slides, else LIFTING_AND_ROTATING.
+    - Without alpha: SLIDING if any contact slides (others may lift), otherwise all lift: LIFTING.
+    - With alpha, no contact rolls: PIVOTING_AND_SLIDING if any contact slides, otherwise LIFTING_AND_ROTATING.
     - With alpha, some contact rolls and another slides: PIVOTING_AND_SLIDING_APART.
     - With alpha, some contact rolls and none slides: PIVOTING if any contact lifts, SPINNING if none lifts and
-      alpha is along the normals of all contacts, else ROLLING.
+      alpha is along the normals of all contacts, otherwise ROLLING.
 
-    At the instant of release rolling on a contact and pivoting about it are one motion; what tells them apart
-    here is whether the grain keeps all its contacts or leaves some.
+    At the instant of release, rolling on a contact and pivoting about it are one motion. Here a rolling grain keeps all
+    its contacts, and a pivoting one leaves some.
     """
 
     REST = "rest"
@@ -87,7 +86,7 @@ MODES = tuple(Mode)
 
 
 class Uniqueness(Enum):
-    """Whether the acceleration given is the only one that mechanics allows."""
+    """Whether the acceleration is the only one that mechanics allows."""
 
     ONLY = "the only solution"
     SEVERAL = "one of several solutions"
@@ -115,7 +114,7 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class IncipientMotion:
-    """How the grain begins to move: the first of the `solutions`, which are all different accelerations.
+    """Incipient motion of a grain: its possible, distinct accelerations (`solutions`), the verdict first.
 
     Rest comes first if it is one of them, then the motions in the order of their energy of acceleration,
     (m a.a + alpha.J.alpha) / 2. `uniqueness`: whether there can be others; `jams`: contact forces can balance
@@ -148,7 +147,7 @@ class IncipientMotion:
 
 @dataclass(frozen=True, eq=False)
 class ReleaseProblem:
-    """n grains at the instant of their release, dimensionless: the load of length one, the grain's mass one.
+    """n grains at the instant of release, dimensionless: magnitude of the load one, mass of the grain one.
 
     In 2-D wrenches and accelerations have m = 3 components, in 3-D 6.
     """
@@ -208,7 +207,7 @@ class ReleaseProblem:
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
         """Accelerations (n, m) in 3-D (n, 6), and those of contacts (n, k, 3), their states (n, k), and modes (n,).
 
-        What counts as zero is zero in the first.
+        Accelerations that count as zero are set to zero.
         """
         projection, zero = self.contacts.projection, ZERO * self.scale[:, None]
         if projection is not None:
@@ -228,7 +227,7 @@ class ReleaseProblem:
 
 
 def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
-    """By what is wrong with masses (n,) and inertias (n, 3, 3), of which cases that is so, (n,)."""
+    """Masks (n,) of cases with invalid mass (n,) or inertia (n, 3, 3), by fault."""
     finite = np.isfinite(inertia).all(axis=(1, 2))
     table = np.where(finite[:, None, None], inertia, np.eye(3))
     skew = np.abs(table - table.transpose(0, 2, 1)).max(axis=(1, 2))
@@ -244,7 +243,7 @@ def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
 
 
 def checked_inertia(mass: float, inertia: Floats) -> tuple[Floats, Floats]:
-    """Mass (1,) and inertia (1, 3, 3); raises SceneError on what is no mass or inertia."""
+    """Mass (1,) and inertia (1, 3, 3); raises SceneError for invalid values."""
     table = np.array(inertia, dtype=float)
     if table.shape != (3, 3):
         raise SceneError(f"inertia has shape {table.shape}; give (3, 3) about the centre of mass")
@@ -261,7 +260,7 @@ def incipient_motion(
     mass: float,
     inertia: Floats,
 ) -> IncipientMotion:
-    """The accelerations with which a grain at rest answers the load, at contacts that push and rub.
+    """The possible accelerations of a grain at rest under a load, at unilateral contacts with friction.
 
     At every contact, with N the force and A_N the acceleration along the inward normal, T and A_T tangential:
     N >= 0, A_N >= 0, N A_N = 0 (no contact pulls, nothing is penetrated), and |T| <= friction N, where A_T is
@@ -327,7 +326,7 @@ def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool
 def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
     """The only motion without friction, (1, m), and its forces (1, k, 3).
 
-    Of the accelerations that enter no contact it is that nearest to the free one.
+    It is the acceleration nearest to the free one that penetrates no contact.
     """
     root, columns = np.linalg.cholesky(case.inverse[0]), case.columns[0]
     _, pressures = balance(columns[:, ::3].T @ root, case.wrench[0] @ root)
@@ -358,7 +357,7 @@ def _families(
 
 
 def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
-    """Whether forces that a motion in 2-D admits also balance the load: it may then be as slow as one likes."""
+    """Whether contact forces of a motion in 2-D also balance the load, so that the motion may be arbitrarily slow."""
     assert case.contacts.generators is not None
     at, zero = (acceleration @ case.columns[0]).reshape(-1, 3), ZERO * case.scale[0]
     slips = np.stack([at[:, 1] <= zero, at[:, 1] >= -zero], axis=1)
@@ -371,7 +370,7 @@ def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
 
 
 def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Solution:
-    """A solution with its states, forces that are determined as far as they can be, and units."""
+    """A solution in the caller's units, with its states and, as far as possible, unique forces."""
     problem, unit = case.contacts, case.acceleration_unit[0]
     whole, at, kinds, modes = case.classified(acceleration[None])
     y = problem.within(whole[:, :, None])[0, :, 0]
@@ -585,7 +584,7 @@ def _planar(case: Case) -> int:
 
 
 def _opens(normal: Floats, y: Floats, zero: float) -> bool:
-    """Whether an acceleration (3,) leads into no contact."""
+    """Whether an acceleration (3,) penetrates no contact."""
     for i in range(len(normal)):  # noqa: SIM110 (numba has no generators here)
         if dot(normal[i], y) < -zero:
             return False

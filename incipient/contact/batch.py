@@ -1,4 +1,4 @@
-"""Many contact problems at once: the safety factor and mode of each, by the kernels that judge a single one.
+"""Many contact problems at once: the safety factor and mode of each, by the same kernels as a single one.
 
 Cases with equally many contacts are judged together. Those without friction, with coincident contacts, or for which no
 motion converges are judged one by one.
@@ -32,10 +32,11 @@ LABELS = ("rest", "moves", *(mode.label for mode in MODES if mode is not Mode.RE
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """n cases of up to k contacts; in 2-D third components are zero. What is the same in all may be given once.
+    """n cases of up to k contacts; in 2-D third components are zero. A value common to all cases may be given once.
 
     points, normals: (n, k, 3), unit normals out of the grain; a case with fewer contacts ends with NaN
-    force, couple, weight, centre: (n, 3) of the flow, its torque about the centre of mass, and all else that acts there
+    force, couple: (n, 3), the flow's force, and its torque about the centre of mass
+    weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
     law: of the contacts, or coefficients of friction: one or (n,)
     mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
     """
@@ -79,7 +80,7 @@ class Cases:
 
     @property
     def contacts(self) -> Integers:
-        """How many contacts each case has, (n,): up to the last that is not NaN throughout."""
+        """Number of contacts of each case, (n,): up to the last that is not all NaN."""
         there = ~np.isnan(np.concatenate([self.points, self.normals], axis=2)).all(axis=2)
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
@@ -98,10 +99,10 @@ class Batch:
     """Verdicts of the exact criterion on n cases."""
 
     factors: Floats  # (n,) safety factors; NaN where a case fails
-    held: Booleans  # (n,) whether the load as it is is balanced
+    held: Booleans  # (n,) whether the actual load is balanced
     modes: Integers  # (n,) places in `labels`, which are those of `Exact.label`; FAILED where a case fails
     labels: tuple[str, ...]
-    alone: int  # how many were judged one by one
+    alone: int  # number of cases evaluated one by one
     reasons: dict[int, str]  # why cases fail, by their places
 
     @property
@@ -117,10 +118,10 @@ class Batch:
 
 
 def judge_many(cases: Cases) -> Batch:
-    """Judge cases one like the other: as `verdict.judged` does each. Not collective.
+    """Evaluate a batch of contact problems by the exact criterion. Not collective.
 
-    A case that is not right fails with its reason in the answer; the others are not touched by it. In 2-D safety
-    factors are those of the single verdict to round-off, in 3-D to what the conic program leaves (1e-9).
+    An invalid case fails with its reason in the answer and does not affect the others. Safety factors equal those of
+    `verdict.judged`, in 2-D to round-off, in 3-D to the tolerance of the conic program (1e-9).
     """
     count = len(cases)
     factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)
@@ -148,7 +149,7 @@ def judge_many(cases: Cases) -> Batch:
 
 
 def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem]]:
-    """Places, from `start`, of cases with as many contacts and equations, which are judged together; their problems."""
+    """Indices from `start`, and problems, of cases with equal numbers of contacts and equations."""
     counts = cases.contacts
     for count in np.unique(counts[counts > 0]).tolist():
         places = np.flatnonzero(counts == count)
@@ -169,7 +170,7 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
 
 
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
-    """Which cases are right and have friction and distinct contacts, (n,)."""
+    """Mask (n,) of valid cases with friction and distinct contacts."""
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
     acting = cases.force + cases.couple + cases.weight
     one, other = np.triu_indices(arms.shape[1], 1)

@@ -28,7 +28,7 @@ ITERATIONS = 60
 STEP = 0.998  # of the longest step inside the cones
 CLOSED = 1e-13  # duality gap at which a program is solved
 ANSWERED = 1e-8  # relative error of the dual value up to which it is an answer
-CERTIFIED = 1e-11  # what a certificate of no, or no largest, solution may miss
+CERTIFIED = 1e-11  # residual of a certificate of infeasibility or unboundedness
 # Projections between cones and equilibrium before the conic program; the margin aimed at.
 PROJECTIONS, INSIDE = 12, 0.02
 ROUND_OFF = 1e-15  # of a certificate's equations
@@ -430,7 +430,7 @@ def _factorise(rows: Floats, lower: Floats) -> None:
     """Make rows (m, n) orthonormal and fill in the triangle (m, m) that takes them back: modified Gram-Schmidt."""
     for i in range(len(rows)):
         lower[i], after, before = 0.0, length(rows[i]), np.inf
-        while after < 0.5 * before:  # what cancelled is taken away once more
+        while after < 0.5 * before:  # reorthogonalise after cancellation
             before = after
             for j in range(i):
                 part = dot(rows[j], rows[i])

@@ -33,7 +33,7 @@ class FrictionCone:
 
     @classmethod
     def of(cls, law: Law, cohesion: float = 0.0) -> FrictionCone:
-        """A law as it is, or that of a coefficient; raises SceneError if that is negative or not a number."""
+        """A given law, or the law of a coefficient; raises SceneError if that is negative or not a number."""
         cone = (
             law
             if isinstance(law, FrictionCone)
@@ -50,7 +50,7 @@ class FrictionCone:
         return cone
 
     def rows(self, count: int) -> FrictionCone:
-        """The law of n cases: each its own, or all alike."""
+        """The laws of n cases."""
         both = self.coefficient, self.cohesion
         return FrictionCone(*(np.broadcast_to(number, count) for number in both))
 
@@ -70,7 +70,7 @@ class FrictionCone:
 
     @property
     def is_usual(self) -> Booleans:
-        """Whether the coefficient counts as neither zero nor infinite, and cohesion is right; shaped as they are."""
+        """Mask of coefficients that count as neither zero nor infinite, with valid cohesion."""
         pulls = (self.cohesion >= 0.0) & np.isfinite(self.cohesion)
         return pulls & (self.coefficient > FRICTIONLESS) & (self.coefficient <= INFINITE)
 

@@ -27,8 +27,8 @@ from incipient.contact.friction import INFINITE, FrictionCone
 from incipient.contact.kernels import Kernel, add, dot
 from incipient.errors import ConvergenceError
 
-GOOD = 1e-9  # what a solution may miss the laws by, dimensionless
-EXACT = 1e-13  # the same where the laws are linear: what is held must not creep
+GOOD = 1e-9  # residual of a solution in the laws, dimensionless
+EXACT = 1e-13  # the same where the laws are linear: a held grain must not creep
 SINGULAR = 1e-9  # singular values below it leave a family of solutions open
 RANK = 1e-9  # singular values below it, relative to the largest, count as zero
 REGULAR = 1e-12  # added to the diagonal of W, over its mean, for impulses that are not unique

@@ -28,7 +28,7 @@ class Kernel:
         self.compiled: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any, rows: float = 1) -> Any:
-        """Call it for so many rows, whose work goes as the cube of the number of equations."""
+        """Call the function, and compile it after enough rows, weighted by the cube of the number of equations."""
         work = rows * (arguments[0].shape[-2] / 3) ** 3
         self.left -= work
         if (self.left < 0 or work >= AT_ONCE) and self.compiled is None:

@@ -30,7 +30,7 @@ SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """What acts on the grain besides the bed, each (3,).
+    """Force, torque and weight on the grain without contact forces, each (3,).
 
     `flow_force`: the flow's force on the grain; `flow_couple`: its torque about `centre`; `weight`: all else
     that acts at `centre`, the centre of mass, such as weight and buoyancy. Raises SceneError on anything but
@@ -70,7 +70,7 @@ class ContactProblem:
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward normals. `wrenches`
     (n, 2, 6): unit wrenches of flow and weight, or zero, and their magnitudes `sizes` (n, 2) in the caller's units.
-    `plane` (n, 3, 3): two axes in the plane of planar cases and its normal, otherwise None. `copy` (j,): the distinct
+    `plane` (n, 3, 3): two in-plane axes of planar cases and the normal, otherwise None. `copy` (j,): the distinct
     contact of each contact of the caller, `fraction` (j,): its fraction of that contact's force.
     """
 
@@ -88,7 +88,7 @@ class ContactProblem:
     def of(
         cls, load: Load, contacts: Contacts, law: Law, inertia: Floats | None = None
     ) -> ContactProblem:
-        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion in the plane.
+        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion planar.
 
         Raises SceneError if friction is negative or not a number, or all normals point into the grain.
         """
@@ -182,7 +182,7 @@ class ContactProblem:
 
     @property
     def linear(self) -> int:
-        """How many factors on `cone_columns` need only be non-negative: all or none."""
+        """Number of factors on `cone_columns` with a bound of zero only: all or none."""
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The safety factor: how much the flow's load may grow before the contacts cannot balance it."""
+"""The safety factor: the largest multiple of the flow's load that the contacts balance."""
 
 import math
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ NO_FORCE = 1e-7
 
 
 class SafetyStatus(Enum):
-    """Why the safety factor is what it is."""
+    """Reason for the value of the safety factor."""
 
     CRITICAL = "a larger multiple of the flow's load is not balanced"
     UNLIMITED = "contact forces balance the flow's load at any size"
@@ -33,7 +33,7 @@ class SafetyStatus(Enum):
 
 
 class ConeState(Enum):
-    """Where a contact force is in its friction cone."""
+    """Position of a contact force in its friction cone."""
 
     UNLOADED = "no force"
     INSIDE = "inside the friction cone"
@@ -42,7 +42,7 @@ class ConeState(Enum):
 
 @dataclass(frozen=True, eq=False)
 class SafetyFactor:
-    """The safety factor and the contact forces that show it.
+    """The safety factor and contact forces that attain it.
 
     `value`: the largest s >= 0 such that forces in the friction cones balance weight + s times the flow's
     load; math.inf if there is no largest; 0 if the weight alone is not held. `interval`: the smallest and the
@@ -128,7 +128,7 @@ class Intervals(NamedTuple):
 
     @property
     def held(self) -> Booleans:
-        """Whether the load as it is is balanced."""
+        """Whether the load at factor one is balanced."""
         return (self.low <= 1.0 + TOLERANCE) & (self.high >= 1.0 - TOLERANCE)
 
 

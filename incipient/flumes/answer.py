@@ -30,9 +30,7 @@ ANSWERS = (
     (0.0, "To an observer the bed stays at rest"),
 )
 SLOWEST, FASTEST = 1e-6, 1e2  # u* that are tried for a mean velocity [m/s]
-ROUGHNESS = (
-    1.0  # equivalent sand roughness of the bed over the grains' diameter, as of the natural bed
-)
+ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 
 
 @dataclass(frozen=True)
@@ -113,15 +111,15 @@ class FlumeAnswer:
     def sentence(self) -> str:
         """Whether the bed moves, and how sure that is."""
         answer = next(words for least, words in ANSWERS if self.observed >= least)
-        said = (
+        text = (
             f"{answer}: {_bounded(self.observed, 0.01, 0.99)} of observed beds have a lower critical Shields number, "
             "relative to Soulsby & Whitehouse"
         )
         bed = self.natural_bed
         if bed is None:
-            return f"{said}."
+            return f"{text}."
         grains = bed.fraction_of_grains(self.shields, SELDOM)
-        return f"{said}; gusts move {_bounded(grains, 0.1, 0.9)} of its grains at least 1% of the time."
+        return f"{text}; gusts move {_bounded(grains, 0.1, 0.9)} of its grains at least 1% of the time."
 
     def text(self) -> str:
         """A page for the screen."""
@@ -161,8 +159,8 @@ class FlumeAnswer:
         )
         limits = 0.001, 0.5
         between = f"{_bounded(least, *limits)} to {_bounded(most, *limits)}"
-        said = f"entrained {_bounded(middle, *limits)} of the time (within the standard error: {between})"
-        return [*rows, ("median grain", said)]
+        entrainment = f"entrained {_bounded(middle, *limits)} of the time (within the standard error: {between})"
+        return [*rows, ("median grain", entrainment)]
 
     def as_dict(self) -> dict[str, Any]:
         """All numbers, for JSON."""
@@ -242,11 +240,11 @@ def flume(
         )
     known = [name for name in ("shear_velocity", "velocity", "slope") if numbers[name] is not None]
     if len(known) != 1 or (known != ["shear_velocity"] and depth is None):
-        given = " and ".join(
+        inputs = " and ".join(
             name for name in ("shear_velocity", "depth", "velocity", "slope") if numbers[name]
         )
         raise SceneError(
-            f"flow: is given by {given or 'nothing'}; give shear_velocity, depth and velocity, or depth and slope"
+            f"flow: is given by {inputs or 'nothing'}; give shear_velocity, depth and velocity, or depth and slope"
         )
     answer = FlumeAnswer(
         diameter,

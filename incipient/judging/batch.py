@@ -1,4 +1,4 @@
-"""Tables of cases, one a row, judged together.
+"""Tables of cases, one per row, evaluated together.
 
 Columns (in 3-D with `_z`, and three of torque): force_x, force_y, couple (torque), weight_x, weight_y, centre_x,
 centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
@@ -139,7 +139,7 @@ def _setting(text: str) -> tuple[str, float]:
 
 
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
-    """The cases of a table, and why some rows have none, by their places; raises SceneError for wrong columns."""
+    """The cases of a table, and the faults of invalid rows by index; raises SceneError for wrong columns."""
     if twice := table.columns.keys() & constants.keys():
         raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
     value = {**table.columns, **{key: np.full(len(table), one) for key, one in constants.items()}}
@@ -149,12 +149,14 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     def of(name: str) -> list[str]:
         return [f"{name}_{axis}" for axis in axes]
 
-    couple, inertia = (["couple"], ["inertia"]) if axes == "xy" else (of("couple"), of("inertia"))
+    torque_columns, inertia = (
+        (["couple"], ["inertia"]) if axes == "xy" else (of("couple"), of("inertia"))
+    )
     points, normals = (
         [of(f"{kind}_{number}") for number in range(1, contacts + 1)]
         for kind in ("contact", "normal")
     )
-    numbers = [*of("force"), *couple, *of("weight"), *of("centre"), "friction"]
+    numbers = [*of("force"), *torque_columns, *of("weight"), *of("centre"), "friction"]
     numbers += ["cohesion"] if "cohesion" in value else []
     needed = [*numbers, *chain(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
     products = [f"inertia_{axes}" for axes in _PRODUCTS] if axes == "xyz" else []
@@ -171,7 +173,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     outward = np.stack([_third(vector(names)) for names in normals], axis=1)
     lengths = np.linalg.norm(outward, axis=2, keepdims=True)
     force, centre = spatial(vector(of("force"))), spatial(vector(of("centre")))
-    torque = np.pad(vector(couple), ((0, 0), (3 - len(couple), 0)))
+    torque = np.pad(vector(torque_columns), ((0, 0), (3 - len(torque_columns), 0)))
     if "about_x" in value:  # tau_c = tau_a + (a - c) ^ F
         torque += np.cross(spatial(vector(of("about"))) - centre, force)
     cases = Cases(

@@ -77,7 +77,7 @@ def _not_negative(value: Any) -> Any:
 
 
 Vector = Annotated[tuple[float, ...], _array("a vector", "[x, y], or [x, y, z] in 3-D", (2,), (3,))]
-Couple = Annotated[Any, _array("a torque", "a number, or [x, y, z] in 3-D", (), (3,))]
+Torque = Annotated[Any, _array("a torque", "a number, or [x, y, z] in 3-D", (), (3,))]
 Inertia = Annotated[
     Any,
     _array("a moment of inertia", "a number, in 3-D three or a 3 x 3 matrix", (), (3,), (3, 3)),
@@ -87,7 +87,7 @@ Points = Annotated[tuple[Vector, ...], Field(strict=False, min_length=1)]
 Normals = Annotated[tuple[Annotated[Vector, AfterValidator(_unit)], ...], Field(strict=False)]
 Areas = Annotated[tuple[NotNegative, ...], Field(strict=False)]
 VectorError = Annotated[Vector, AfterValidator(_not_negative)]
-CoupleError = Annotated[Couple, AfterValidator(_not_negative)]
+TorqueError = Annotated[Torque, AfterValidator(_not_negative)]
 
 
 class CaseLoad(Section):
@@ -95,7 +95,7 @@ class CaseLoad(Section):
 
     weight: Vector = key("all that acts at the centre of mass besides the flow, such as weight")
     flow_force: Vector = key("force of the flow on the grain")
-    flow_couple: Couple = key("torque of the flow about the point `about`")
+    flow_couple: Torque = key("torque of the flow about the point `about`")
     centre: Vector | None = key("centre of mass; left out where [body] has it", None)
     about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
 
@@ -137,7 +137,7 @@ class CaseErrors(Section):
     flow_force: VectorError | None = key(
         "standard error of each component of the flow's force", None
     )
-    flow_couple: CoupleError | None = key("standard error of the flow's torque", None)
+    flow_couple: TorqueError | None = key("standard error of the flow's torque", None)
     friction: NotNegative = key("standard error of the coefficient of friction", 0.0)
     samples: int = key("number of cases drawn at random", 1000, ge=10, le=1_000_000)
     seed: int = key("seed of the random numbers: the same seed gives the same answer", 0, ge=0)
@@ -186,11 +186,11 @@ class Case(Section):
     def to_load(self) -> Load:
         """The load; the torque about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
         force = spatial(self.load.flow_force)
-        couple = spatial_couple(self.load.flow_couple) + np.cross(self.about - self.centre, force)
-        return Load(force, couple, spatial(self.load.weight), self.centre)
+        torque = spatial_torque(self.load.flow_couple) + np.cross(self.about - self.centre, force)
+        return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
-        """The contacts, with rounded normals made unit vectors."""
+        """The contacts, with normals scaled to unit length."""
         normals, areas = spatial(self.contacts.normals), self.contacts.areas
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         points = spatial(self.contacts.points)
@@ -199,8 +199,8 @@ class Case(Section):
     def standard_errors(self) -> StandardErrors:
         """The standard errors, zero where the case gives none."""
         errors = self.errors or CaseErrors()
-        force, couple = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
-        return StandardErrors(spatial(force), spatial_couple(couple), errors.friction, self.about)
+        force, torque = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
+        return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
         """Mass and inertia (3, 3) about the centre of mass, if the case has them."""
@@ -243,25 +243,25 @@ def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
 
 
 def judge_case(case: Case) -> dict[str, Any]:
-    """The verdict of both judges as plain data, and the probability of each mode for a case with standard errors."""
+    """The verdict of both criteria as plain data, and the probability of each mode for a case with standard errors."""
     load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
-    said = None
+    probabilities_data = None
     if case.errors is not None:
         drawn = case.errors.samples, case.errors.seed
         chances = probabilities(load, contacts, law, case.standard_errors(), *drawn, inert)
-        said = {"sentence": chances.sentence, **plain(chances)}
+        probabilities_data = {"sentence": chances.sentence, **plain(chances)}
     return {
         "title": case.title,
         "source": case.source,
         "verdict": judge(load, contacts, law, inert).to_dict(),
-        "probabilities": said,
+        "probabilities": probabilities_data,
         "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
     }
 
 
 def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, which is made if need be; raises OutputError. Not collective."""
+    """Write judgement.json into a directory, new or existing; raises OutputError. Not collective."""
     path = directory / "judgement.json"
     make_directory(directory, path)
     write_json(path, judgement)
@@ -277,9 +277,9 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
     return "\n".join([case.title, *lines] if case.title else lines)
 
 
-def spatial_couple(couple: float | Sequence[float]) -> Floats:
+def spatial_torque(torque: float | Sequence[float]) -> Floats:
     """A torque (3,); one of 2-D is about the third axis."""
-    return np.array([0.0, 0.0, couple] if isinstance(couple, float) else couple, dtype=float)
+    return np.array([0.0, 0.0, torque] if isinstance(torque, float) else torque, dtype=float)
 
 
 def _matrix(inertia: Any) -> Floats:

@@ -186,10 +186,10 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
     Raises:
         SceneError: something is missing or wrong, or the grain does not touch its bed.
     """
-    given = [f"bed.file={json.dumps(str(bed))}"]
+    files = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
         centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
-        given += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
+        files += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
     elif not any(one.startswith("body.shape") for one in overrides):
         remedy = "give the file of its surface, or body.shape"
         raise SceneError(f"--forces without a case: --grain is missing; {remedy}")
@@ -197,13 +197,13 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
         remedy = "give the file of its surface, or flat"
         raise SceneError(f"--forces without a case: --bed is missing; {remedy}")
     sections = "[fluid]\n[gravity]\n[contact]"  # so that their keys are reported as missing
-    return parse(GrainInPlace, sections, ".", [*given, *overrides], SOURCE).case()
+    return parse(GrainInPlace, sections, ".", [*files, *overrides], SOURCE).case()
 
 
 def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
-    """Refuse a grain that is above or in the bed by more than a tolerance, in grain sizes."""
+    """Refuse a grain whose gap or overlap with the bed exceeds a tolerance, in grain sizes."""
     gap = clearance(grain, placement, bed)[0] / grain.size
     if abs(gap) <= tolerance:
         return

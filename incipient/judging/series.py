@@ -1,4 +1,4 @@
-"""Series of loads in time on the grain and contacts of a case."""
+"""Unsteady loads on the grain of a case."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_EVENTS = 10  # printed, the longest first
 
 @dataclass(frozen=True)
 class UnheldTime:
-    """A time in which the grain is not held.
+    """An interval in which the grain is not held.
 
     impulse: integral of the excess of the flow's force over that which could be held; least: the smallest safety
     factor; mode: the one that lasts longest
@@ -120,11 +120,11 @@ def save_series(series: Series, directory: Path) -> None:
 
 def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     axes = "xyz"[: case.gdim]
-    force, weight, couple = (
+    force, weight, torque_columns = (
         [f"{name}_{axis}" for axis in axes] for name in ("force", "weight", "couple")
     )
-    couple = ["couple"] if case.gdim == 2 else couple
-    needed = ["time", *force, *couple]
+    torque_columns = ["couple"] if case.gdim == 2 else torque_columns
+    needed = ["time", *force, *torque_columns]
     if varies := any(name in columns for name in weight):
         needed += weight
     remedy = f"give {', '.join(needed)}"
@@ -138,7 +138,7 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     acting = vectors(force)
     heavy = vectors(weight) if varies else case.to_load().weight
     # tau_c = tau_a + (a - c) ^ F
-    torque = vectors(couple) + np.cross(case.about - case.centre, acting)
+    torque = vectors(torque_columns) + np.cross(case.about - case.centre, acting)
     contacts, inert = case.to_contacts(), case.mass_and_inertia() or ()
     law = case.contacts.law
     law = replace(law, coefficient=columns.get("friction", law.coefficient))

@@ -34,7 +34,7 @@ SLIDES = 1e-6  # of the fastest slip in a run
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Contacts as they are drawn, along the flow and upwards, from contacts.csv.
+    """Contacts from contacts.csv, in coordinates along the flow and upwards.
 
     times: (n,) of the ends of their steps; points, normals, forces: (n, 2), normals from the bed; slips: (n,)
     friction: coefficients of contacts that stick, and that slide
@@ -56,7 +56,7 @@ class ContactForces:
     def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
         """Draw the contacts of a grain of a size at a time, or next to it: cones, and forces to one scale.
 
-        Returns what was drawn: nothing where the next contacts are not `within` a time.
+        Returns the artists: none where the next contacts are not `within` a time.
         """
         drawn: list[Artist] = []
         apart = np.abs(self.times - time)
@@ -87,8 +87,8 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
         return None
     kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
     with reading(path, "run the scene again", error=OutputError):
-        with path.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
         upwards = "z" if rows and "z" in rows[0] else "y"
         pairs = {
             name: np.array(

@@ -58,7 +58,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
 
 
 class _DrawnPictures:
-    """Pictures drawn one after the other; one that fails does not keep the others from being drawn."""
+    """Pictures drawn one after the other; a failure does not stop the others."""
 
     def __init__(self, announce: Callable[[Path], object]):
         self._announce = announce
@@ -67,7 +67,7 @@ class _DrawnPictures:
 
     @contextmanager
     def attempt(self, path: Path) -> Iterator[None]:
-        """Note what goes wrong in the block, which draws from or into a file."""
+        """Record errors of the block, which reads or writes a file."""
         try:
             yield
         except IncipientError as error:
@@ -77,12 +77,12 @@ class _DrawnPictures:
             self.failures.append(f"{path}: cannot be drawn: {why}")
 
     def done(self, path: Path) -> None:
-        """A picture is there."""
+        """Record and announce a picture."""
         self.written.append(path)
         self._announce(path)
 
     def add(self, source: Path, make: Callable[[Path], list[Path]]) -> None:
-        """Draw what a file of the results allows."""
+        """Draw the pictures of a file of results."""
         with self.attempt(source):
             for path in make(source.parent):
                 self.done(path)
@@ -100,7 +100,7 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
 
 
 def _makers(run: StoredRun) -> dict[str, Maker]:
-    """What draws the pictures of a run's last fields, by the pictures' names."""
+    """Functions that draw the pictures of a run's last fields, by name."""
     makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
     if not run.in_space:
         makers["vorticity"] = flow.vorticity

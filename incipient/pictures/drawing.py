@@ -31,7 +31,7 @@ _TURNED, _RAISED = np.radians(
 _PIXELS = 1320  # of the height of a rendering
 # Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arc of the
 # torque, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
-_STRONGEST, _ACCELERATION, _NORMAL, _COUPLE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
+_STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
 _PIECE, _THICK, _BED = 0.2, 0.05, 1.0
 _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
@@ -67,7 +67,7 @@ class Sight:
         return np.asarray(places) @ self.directions[:2].T
 
     def outline(self, places: np.ndarray) -> np.ndarray:
-        """Around a grain on the sheet, by the places (n, 3) of its outline, in 3-D of its surface."""
+        """Outline of a grain on the sheet, from points (n, 3) of its outline, in 3-D of its surface."""
         return self(places) if self.planar else hull(self(places))
 
 
@@ -158,7 +158,7 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
-    """Pieces of bed at the contacts, where no more of it is known."""
+    """Pieces of bed at the contacts, for a bed that is otherwise unknown."""
     points, normals = case.contacts.points, case.contacts.normals
     single = set(range(len(points))).difference(*case.patches)
     for group in [*case.patches, *([index] for index in single)]:
@@ -170,7 +170,7 @@ def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
 
 
 def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> Marks:
-    """Everything but grain and bed; returns the marks to be explained.
+    """Draw contacts, load and motion; returns the legend's marks.
 
     Args:
         places: (n, 3) along the grain's outline, in 3-D on its surface.
@@ -199,12 +199,12 @@ def draw_load(
     centre: np.ndarray,
     size: float,
     forces: Forces,
-    couple: np.ndarray,
+    torque: np.ndarray,
     largest: float,
 ) -> None:
     """Forces from the centre, to one scale, and an arc in the sense of the torque about it."""
-    if np.linalg.norm(couple) > 1e-3 * size * np.linalg.norm(forces["flow"]):
-        _turning(axes, sight, centre, couple, _COUPLE * size, FLOW, 1.3)
+    if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
+        _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
     visible = {
         name: unit(sight(force))
         for name, force in forces.items()
@@ -252,7 +252,7 @@ def arrow(
 def label(
     axes: Axes, place: np.ndarray, direction: np.ndarray, text: str, colour: str, points: float = 9
 ) -> None:
-    """Text that leads away from a place in a direction, so that it does not cover what ends there."""
+    """Text beside a point, on the side of a direction, clear of an arrow that ends there."""
     across, up = unit(direction)
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
@@ -357,7 +357,7 @@ def _circle(normal: np.ndarray) -> np.ndarray:
 
 
 def marks_of(case: Judged) -> Marks:
-    """What the marks of a case mean."""
+    """Legend of the marks of a case."""
     states = [STATES[state] for state in dict.fromkeys(case.states)]
     marks: Marks = [
         (Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states

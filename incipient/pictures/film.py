@@ -1,4 +1,4 @@
-"""A run in motion: a field of the flow at the steps that were stored; of a 3-D run in the plane of the grain.
+"""A run in motion: a field of the flow at the steps that were stored; in 3-D on the vertical plane through the grain.
 
 Fields are shown in bands of colour, the same in all frames: bands compress many times better than shades.
 """
@@ -204,7 +204,7 @@ class _Film:
         )  # fmt: skip
 
     def _place(self, time: float) -> Placement | None:
-        """Where the grain is: by its history, else where the mesh was made for it, else where the scene puts it."""
+        """Placement of the grain: from its history, otherwise from its mesh, otherwise from the scene."""
         if not self.scene.get("body"):
             return None
         if self.history is not None:

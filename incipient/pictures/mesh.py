@@ -1,4 +1,4 @@
-"""Quadratic triangles (VTK's node order) made ready for drawing: straight triangles and boundary curves."""
+"""Quadratic triangles (VTK's node order) prepared for drawing: straight triangles and boundary curves."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def sketched_outline(case: Judged) -> Outline:
 
 
 def sketched_solid(case: Judged) -> Solid:
-    """A surface through the contacts: a sphere if they could be a sphere's, else a polyhedron.
+    """A surface through the contacts: a sphere if they could be a sphere's, otherwise a polyhedron.
 
     The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass; where it
     has no volume there are only its points, without triangles.
@@ -91,7 +91,7 @@ def sketched_solid(case: Judged) -> Solid:
 
 
 def round_radius(case: Judged) -> float | None:
-    """The radius of the disc or sphere whose contacts these could be: equal arms along the normals."""
+    """The radius of a disc or sphere with these contacts: equal arms along the normals; None if they do not fit."""
     lengths = np.linalg.norm(case.arms, axis=1)
     longest = float(lengths.max())
     aligned = np.abs(case.arms - lengths[:, None] * case.contacts.normals).max() <= _ROUND * longest

@@ -1,4 +1,4 @@
-"""The plane in which pictures show a flow: that of a 2-D run, of a 3-D run the vertical one through its grain."""
+"""The plane of pictures of a flow; in 3-D the vertical plane through the grain."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Plane:
 
     points (n, 2); triangles (m, 3); fields: by name, (n,) or (n, 3)
     outlines, grains: closed lines (k, 2) around the fluid and around grains
-    along: which components of vectors lie in the plane; level: y of a plane in 3-D
+    along: indices of the in-plane components; level: y of a plane in 3-D
     """
 
     points: np.ndarray
@@ -93,9 +93,9 @@ class Plane:
         pyvista = pyvista_off_screen()
         cells = pyvista.PolyData.from_regular_faces(spatial(self.points), self.triangles)
         cells["values"] = self.fields[name]
-        found = pyvista.PolyData(spatial(points)).sample(cells)
-        outside = ~np.asarray(found["vtkValidPointMask"], dtype=bool)
-        values = np.asarray(found["values"])
+        samples = pyvista.PolyData(spatial(points)).sample(cells)
+        outside = ~np.asarray(samples["vtkValidPointMask"], dtype=bool)
+        values = np.asarray(samples["values"])
         mask = np.broadcast_to(outside.reshape(-1, *([1] * (values.ndim - 1))), values.shape)
         return np.ma.masked_array(values, mask)
 
@@ -117,7 +117,7 @@ class Plane:
     def draw_solids(
         self, axes: Axes, painted: Iterable[Artist] = (), fluid: str = "none", grain: bool = True
     ) -> None:
-        """The ground, the boundary of the fluid, to which what is painted is cut, and the grain."""
+        """Draw the ground, the grain, and the boundary of the fluid, to which painted artists are clipped."""
         axes.set_facecolor(GROUND)
         lines = [Path(np.vstack([line, line[:1]]), closed=True) for line in self.outlines]
         looks: dict[str, Any] = {"facecolor": fluid, "edgecolor": INK, "lw": 0.8}
@@ -132,7 +132,7 @@ class Plane:
 
 
 def plane_of(run: StoredRun) -> Plane:
-    """What is seen of a run's last fields."""
+    """A run's last fields on its plane of pictures."""
     if run.in_space:
         return _section(run)
     mesh = run.mesh

@@ -1,4 +1,4 @@
-"""What the pictures need of a finished run, read back from its directory."""
+"""Data of a finished run for pictures, read from its directory."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class StoredRun:
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
-        """A value of the result, or what to take otherwise if the section or the key is absent or null."""
+        """A value of the result, or `otherwise` if the section or the key is absent or null."""
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
 
@@ -143,7 +143,7 @@ class StoredRun:
 
     @property
     def title(self) -> str:
-        """The scene's title, or what it is in two words."""
+        """The scene's title, or a default."""
         return (
             self.result.get("title")
             or self.scene.get("title")
@@ -185,7 +185,7 @@ def scene_of(directory: Path) -> Scene:
 
 @contextmanager
 def of_this_version(directory: Path) -> Iterator[None]:
-    """Let the refusal of a scene in the block, which results in a directory are of, say what to do about them.
+    """Add the remedy for results of another version to the refusal of their scene in the block.
 
     Raises:
         OutputError: instead of a SceneError.
@@ -199,9 +199,9 @@ def of_this_version(directory: Path) -> Iterator[None]:
 
 
 def parsed_json(path: Path) -> dict[str, Any]:
-    """The content of a JSON file that results are in; raises OutputError where it is missing or damaged.
+    """The content of a JSON file of results; raises OutputError where it is missing or damaged.
 
-    Of earlier versions, which had couple for torque, it comes under the new name.
+    The key "couple" of earlier versions becomes "torque".
     """
     return _renamed(_parsed(path, json.loads))
 

@@ -18,7 +18,7 @@ from .style import FLOW, INK, PULL, PUSH, headline
 
 _ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
-# Per cent of the nodes that have a smaller traction than that of the last colour: it is large in gaps.
+# Per cent of the nodes with a traction below the last colour: traction is large in gaps.
 _LARGEST = 98.0
 QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one
 

@@ -92,7 +92,7 @@ def of_run(run: StoredRun) -> Figure:
 
 
 def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
-    """A judged case, with pieces of bed or a sketched grain where no more is known; what the marks mean."""
+    """A judged case, with a sketch of an unknown bed or grain; returns the legend's marks."""
     load, contacts = case.load, case.contacts
     planar = case.planar and (shape is None or shape.placement.gdim == 2)
     sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
@@ -112,7 +112,7 @@ def _surface(sight: Sight, shape: Shape) -> Solid:
 
 
 def _sketch(sight: Sight, case: Judged) -> Solid:
-    """The same of a grain of which only the contacts are known."""
+    """Points and triangles of a grain of which only the contacts are known."""
     if sight.planar:
         return spatial(sketched_outline(case)), np.empty((0, 3), dtype=int)
     return sketched_solid(case)
@@ -163,7 +163,7 @@ def _unjudged(run: StoredRun, shape: Shape) -> Figure:
 
 
 def _flow_rows(run: StoredRun) -> list[Group]:
-    """Coefficients and what belongs to the flow, as far as result and scene hold them."""
+    """Load coefficients and properties of the flow, where result and scene hold them."""
     closed = bool(run.value("gap", "closed"))
     values = {
         f"{key.capitalize()} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS
@@ -282,7 +282,7 @@ def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str
 
 
 def critical_sentence(stored: dict[str, Any]) -> str:
-    """How fast the flow must be for the grain to move, or why there is no such speed."""
+    """The critical speed of the flow in a sentence, or the reason why there is none."""
     factor, status, mode = stored["factor"], stored["verdict"]["safety_status"], stored["mode"]
     if factor is None and stored["held_to"] is None:
         return "There is no threshold: no strength of this flow moves the grain."
@@ -321,7 +321,7 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     """The safety factor against the strength of the flow, both on logarithmic scales."""
     every, critical = stored["trials"], float(stored["factor"])
     fastest = max((trial["factor"] for trial in every), default=1.0)
-    # The flow that stands for that of Stokes is too slow to be shown beside the others.
+    # The flow that represents the Stokes limit is too slow for the axes of the others.
     trials = np.array(
         sorted(
             (trial["factor"], trial["safety_factor"])

@@ -1,4 +1,4 @@
-"""y+ and friction along the walls of a turbulent flow, as they stand in its result."""
+"""y+ and friction along the walls of a turbulent flow."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def has_walls(run: StoredRun) -> bool:
 
 
 def picture(run: StoredRun) -> Figure:
-    """y+ above, with the range in which walls are as the model asks, and below it the friction, which is signed."""
+    """y+ with the range that the model of the walls requires, above the signed friction."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -31,12 +31,12 @@ def picture(run: StoredRun) -> Figure:
     bounds = (LEAST, walls.get("thickest", 2.5)) if resolved else _bounds(walls)
     label = "walls are resolved" if resolved else "the law of the wall holds"
     upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
-    if (sand := walls.get("on_sand")) and sand != bounds[1]:
-        upper.axhline(sand, color=GROUND, linestyle=":", label="limit on rough walls")
+    if (limit := walls.get("on_sand")) and limit != bounds[1]:
+        upper.axhline(limit, color=GROUND, linestyle=":", label="limit on rough walls")
     lower.axhline(0.0, color=GROUND)
-    for colour, (name, found) in zip(_COLOURS, walls["along"].items(), strict=False):
+    for colour, (name, profile) in zip(_COLOURS, walls["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
-            axes.plot(found["x"], found[column], ".", markersize=2, color=colour, label=name)
+            axes.plot(profile["x"], profile[column], ".", markersize=2, color=colour, label=name)
     upper.set(
         yscale="log",
         ylabel="y+ of the wall" if not resolved else "y+ of the first cells",
@@ -47,11 +47,11 @@ def picture(run: StoredRun) -> Figure:
     return figure
 
 
-def _bounds(found: dict[str, Any]) -> tuple[float, float]:
-    """y+ at the walls' distance from which to which the law holds; both one where it never does."""
-    viscosity, distance = found["viscosity"], found["distance"]
-    law, y_plus = WallLaw(found.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
+def _bounds(walls: dict[str, Any]) -> tuple[float, float]:
+    """Range of y+ at the walls' distance in which the law holds; (1, 1) if it never holds."""
+    viscosity, distance = walls["viscosity"], walls["distance"]
+    law, y_plus = WallLaw(walls.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
     holds = law.holds(
-        y_plus * viscosity / distance, viscosity, distance, found.get("reach", np.inf)
+        y_plus * viscosity / distance, viscosity, distance, walls.get("reach", np.inf)
     )
     return tuple(y_plus[holds][[0, -1]]) if holds.any() else (y_plus[0], y_plus[0])

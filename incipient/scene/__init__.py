@@ -1,4 +1,4 @@
-"""Scenes: what a user asks for, checked and complete. Built from these classes, or read by `incipient.scene.file`."""
+"""Scenes, validated and complete: built from these classes, or read by `incipient.scene.file`."""
 
 from .domain import Domain
 from .file import dumps, example, load, loads, save, schema

@@ -74,12 +74,12 @@ class Domain(Section):
 
     @property
     def up(self) -> int:
-        """Number of the coordinate in which heights are counted, the last one."""
+        """Index of the vertical coordinate, the last one."""
         return self.gdim - 1
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """The least and the largest coordinate along the flow, in 3-D also across it."""
+        """Limits of the coordinate along the flow, in 3-D also of y."""
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
 
@@ -122,7 +122,7 @@ class Domain(Section):
 
     @property
     def entrance(self) -> tuple[float, ...]:
-        """The lowest place of the inflow; in 3-D in its middle."""
+        """The lowest point of the inflow, in 3-D at mid-width."""
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property

@@ -1,4 +1,4 @@
-"""Formulas in x, y, z and t from a scene, evaluated on arrays without running anything the scene says."""
+"""Formulas in x, y, z and t from a scene, evaluated on arrays without executing code of the scene."""
 
 import ast
 import math
@@ -122,7 +122,7 @@ def _refusal(text: str, why: str, remedy: str = _VOCABULARY, key: str = "") -> S
 
 
 def expressions(texts: Sequence[str], key: str) -> list[Expression]:
-    """The formulas that a scene has in a list under a key."""
+    """The formulas of a list under a key."""
     return [Expression(text, f"{key}[{number}]") for number, text in enumerate(texts)]
 
 

@@ -1,4 +1,4 @@
-"""The flows of a scene: what a user writes about what drives the fluid."""
+"""The flows of a scene: the kinds of the section [flow]."""
 
 import sys
 from typing import Annotated, Literal
@@ -21,7 +21,7 @@ from .section import (
 Words = Annotated[
     tuple[str, ...],
     Field(strict=False),
-    of_length((2, 3), "give two, as in [x, y]; in space three"),
+    of_length((2, 3), "give two, as in [x, y]; in 3-D three"),
 ]
 LEVELS = ("auto", "effective", "crest", "mean")
 _LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
@@ -35,7 +35,7 @@ Datum = Annotated[
 
 
 class Profile(Section):
-    """What flows of a given profile have in common."""
+    """Common keys of flows with a given profile."""
 
     datum: Datum = key(
         "Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "
@@ -106,7 +106,7 @@ class ExpressionFlow(Section):
 
     kind: Literal["expression"] = key("Kind of flow", "expression")
     components: Words = key(
-        "Two formulas in x, y and t for the velocity; in space three, in z as well [length/time]"
+        "Two formulas in x, y and t for the velocity; in 3-D three, in z as well [length/time]"
     )
     velocity: Positive = key("Reference velocity V [length/time]", 1.0)
 

@@ -1,4 +1,4 @@
-"""What the grain of a scene is in 2-D and in 3-D alike: how dense it is, whether it moves, what must fit."""
+"""Common keys of grains in 2-D and 3-D: density and motion, and their rules."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Gust(FromFile):
         )
 
     def factor(self, time: float) -> float:
-        """What the flow is multiplied by at a time."""
+        """The factor on the flow at a time."""
         since = time - self.start
         if self.shape == "points":
             times, factors = zip(*self.points, strict=True)
@@ -93,5 +93,5 @@ class Gust(FromFile):
 
 
 def _smooth(share: float) -> float:
-    """A smooth rise from 0 to 1 between 0 and 1, level at both ends."""
+    """A smooth rise from 0 to 1 between 0 and 1, with zero slope at both ends."""
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))

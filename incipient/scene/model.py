@@ -1,4 +1,4 @@
-"""What a user asks for: the sections of a scene, as data that has been checked.
+"""The sections of a scene as validated data.
 
 Scene units: lengths and velocities as written in the scene, fluid density 1. The kinematic viscosity follows
 from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene.file`;
@@ -171,7 +171,7 @@ class Effects(Section):
         "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
         "auto",
     )
-    third_dimension: Choice = key("Flow in space; auto: with domain.width", "auto")
+    third_dimension: Choice = key("Flow in 3-D; auto: with domain.width", "auto")
 
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
@@ -221,14 +221,14 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _free_of_contradictions(self) -> Scene:
-        found = [*contradictions(self)] or misplaced(self)
-        if found:
-            raise refusal("Scene", found, between=True)
+        problems = [*contradictions(self)] or misplaced(self)
+        if problems:
+            raise refusal("Scene", problems, between=True)
         return self
 
     @property
     def scales(self) -> Scales | None:
-        """What the scene's units are in SI; None where it does not say."""
+        """SI values of the scene's units; None without [units]."""
         return None if self.units is None else scales_of(self, self.units)
 
     @property
@@ -238,12 +238,12 @@ class Scene(Section):
 
     @property
     def up(self) -> int:
-        """Number of the coordinate in which heights over the bed are counted, the last one."""
+        """Index of the vertical coordinate, the last one."""
         return self.gdim - 1
 
     @property
     def is_empty_box(self) -> bool:
-        """Whether the scene is a closed box without grain and bed; in 3-D without a free surface, too."""
+        """Whether the scene is a closed box without grain and bed; in 3-D also without a free surface."""
         empty = self.domain.kind == "box" and self.body is None and self.bed is None
         return empty and (self.gdim == 2 or not self.has_surface)
 
@@ -262,14 +262,14 @@ class Scene(Section):
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether the result is to have error bars: where they are wanted and there is something to have them."""
+        """Whether error bars are requested and the result has quantities with error bars."""
         of = self.body is not None or self.has_surface or self.is_averaged
         steady = self.time is None and (self.has_centrelines or self.has_separation)
         return self.numerics.error_bars and (of or steady)
 
     @property
     def no_error_bars(self) -> str:
-        """Why a result is without error bars that are wanted; empty: none are wanted, or it has them."""
+        """Reason for missing error bars; empty if the result has them or none are requested."""
         if not self.numerics.error_bars or self.has_error_bars:
             return ""
         return (
@@ -279,7 +279,7 @@ class Scene(Section):
 
     @property
     def top(self) -> Top:
-        """The upper boundary: what the scene says, or for "auto" what suits the flow."""
+        """The upper boundary; "auto" follows from the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
     @property
@@ -296,14 +296,14 @@ class Scene(Section):
     @property
     def accuracy_of(self) -> str:
         """The quantity whose accuracy `numerics.accuracy` is."""
-        asked = self.numerics.accuracy_of
-        if asked != "auto" or self.body is not None:
-            return asked if asked != "auto" else "force"
+        quantity = self.numerics.accuracy_of
+        if quantity != "auto" or self.body is not None:
+            return quantity if quantity != "auto" else "force"
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property
     def no_gusts(self) -> str:
-        """Why gusts that move the grain are not searched in the flow; empty: they are."""
+        """Reason why critical gusts are not searched in the flow; empty if they are."""
         return (
             "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
@@ -358,9 +358,9 @@ class Scene(Section):
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether no fluid passes a grain's contacts, as none does in 2-D: about them the space is closed.
+        """Whether the space about a grain's contacts is closed, so that no fluid passes them.
 
-        It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
+        It is closed in 2-D turbulent flow. Laminar flow through a gap is so slow that the loads are near their limit.
         """
         return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
 
@@ -369,10 +369,10 @@ class Scene(Section):
         """The bed's shape, a Bed of the plane or a Terrain; None without a bed."""
         if self.bed is None:
             return None
-        made = self.bed.surface if self.gdim == 2 else self.bed.terrain
-        return made(self.domain.bottom)
+        build = self.bed.surface if self.gdim == 2 else self.bed.terrain
+        return build(self.domain.bottom)
 
-    @cached_property  # it is asked for at every step and takes longer than a step's solution
+    @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
         """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
@@ -386,7 +386,7 @@ class Scene(Section):
             return body.placed(body.centre)
         if body.x is None or self.bed is None:
             return None
-        # From the domain's corner: far from the origin numbers are too far apart for a grain that settles.
+        # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
         corner, over = self.domain.origin, [body.x]
         if self.gdim == 2:
             bed: Any = self.bed.surface(0.0, corner[0])
@@ -399,13 +399,13 @@ class Scene(Section):
             down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
             friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
-            found = rested(body.grain(), bed, start, down, friction, self.domain.length)
+            placement = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion
-            found = rest(
+            placement = rest(
                 body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
             )
-        return found.moved(corner, np.zeros(2 * self.gdim - 3))
+        return placement.moved(corner, np.zeros(2 * self.gdim - 3))
 
     @property
     def reference_length(self) -> float:
@@ -415,7 +415,7 @@ class Scene(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: of shear rate times L, of a log-law u*, else the velocity that the flow states."""
+        """V of the Reynolds number: of shear rate times L, of a log-law u*, otherwise the velocity of the flow."""
         if isinstance(self.flow, LogLaw):
             return self.flow.shear_velocity
         return (

@@ -1,4 +1,4 @@
-"""Where a scene's bed and grain are: too large, too fine, outside of the domain, or into each other."""
+"""Checks of sizes and positions of bed and grain: too large, too fine, outside of the domain, overlapping."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
-FARTHEST = 1e6  # extents of the domain, in sizes of what lies in it
+FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
 _PLACES = 201  # in each direction at which bed and free surface are looked at
@@ -31,7 +31,7 @@ CELLS_OF_A_FORM = 20  # at the least
 
 
 def misplaced(scene: Scene) -> list[Problem]:
-    """What is wrong with places and extents, by the first check that finds something."""
+    """Problems of positions and extents, from the first check that fails."""
     domain, bed, grain, shape, contact = (
         scene.domain,
         scene.bed,
@@ -40,23 +40,23 @@ def misplaced(scene: Scene) -> list[Problem]:
         scene.contact,
     )
     finest = FINEST_PLACE if grain is None or contact is None else contact.tolerance
-    found = [*_resolution(domain, grain, finest)] or [*_extents(domain, grain, shape)]
-    if bed is not None and not found:
-        found = (
+    problems = [*_resolution(domain, grain, finest)] or [*_extents(domain, grain, shape)]
+    if bed is not None and not problems:
+        problems = (
             [*_forms(bed, shape, domain, grain, scene.numerics.max_cells)]
             or [*_bed_extent(bed, shape, domain)]
             or [*_datum_of_the_bed(getattr(scene.flow, "datum", "auto"), shape, domain)]
         )
-    found = (
-        found
+    problems = (
+        problems
         or (scene.has_surface and [*_surface_place(scene.surface or Surface(), domain, shape)])
         or [*_body_place(scene)]
     )
     is_mirrored = domain.gdim == 3 and domain.symmetric is True
     return (
         [*symmetry.contradictory(symmetry.differences(scene))]
-        if is_mirrored and not found
-        else found
+        if is_mirrored and not problems
+        else problems
     )
 
 
@@ -76,7 +76,7 @@ def _names(domain: Domain) -> tuple[str, ...]:
 
 
 def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
-    """Extents so many times the size of a grain, or of the forms of a 3-D bed, that gmsh confuses its points."""
+    """Extents too large, relative to a grain or to bedforms in 3-D, for gmsh to tell points apart."""
     sizes = {"the grain": math.inf if grain is None else grain.size}
     if domain.gdim == 3 and bed is not None:
         sizes["a form of the bed"] = bed.feature
@@ -89,7 +89,7 @@ def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
 
 
 def _forms(bed: Any, shape: Any, domain: Domain, grain: Any, max_cells: int) -> Iterator[Problem]:
-    """More bed forms than can be meshed, which it would take too long to look at; in 3-D those below the grain."""
+    """More bedforms than can be meshed; in 3-D those below the grain count."""
     forms, where = bed.forms(domain.length), "on the domain's length"
     if domain.gdim == 3:
         area, where = domain.extents[0] * domain.extents[1], "in the domain"
@@ -124,7 +124,7 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
 
 
 def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Problem]:
-    """Vertical steps where the flow enters or leaves, which would have only one of their two sides."""
+    """Vertical steps at the inflow or the outflow, where one of their two sides is outside of the domain."""
     for (before, _), (after, _) in pairwise(points):
         at_an_end = any(abs(after - end) <= 1e-9 * domain.length for end in domain.spans[0])
         if before == after and at_an_end:
@@ -133,9 +133,9 @@ def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Prob
 
 
 def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[Problem]:
-    """A datum given as a number must be a height that the bed has: above it a layer of fluid would be at rest."""
+    """A datum, as a number, must be a height of the bed: otherwise a layer of fluid would be at rest."""
     if level == "effective" and domain.gdim == 3:
-        why = 'is "effective" in space, where it is not computed'
+        why = 'is "effective" in 3-D, where it is not computed'
         yield problem("flow.datum", why, 'use "auto" or a height')
     if isinstance(level, str):
         return
@@ -149,7 +149,7 @@ def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[
 
 
 def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
-    """The lowest and the highest place of the bed, the crest of one that repeats also where the domain has none."""
+    """The lowest and the highest point of the bed; of a periodic bed its crest, even outside of the domain."""
     if domain.gdim == 3:
         heights = bed.height(domain.grid(_PLACES, _PLACES))
         crest = bed.crest_level(*domain.spans)
@@ -221,13 +221,13 @@ def _body_place(scene: Scene) -> Iterator[Problem]:
         yield problem(key, why, "move the grain, make it smaller or enlarge the domain")
     if into_bed and body.x is None:
         yield problem(key, into_bed, "raise the grain, or give x to let it rest on the bed")
-    elif into_bed:  # lowered onto a bed whose shape is finer than what shows how low it may get
+    elif into_bed:  # lowered onto a bed finer than the resolution of its support
         remedy = "make the bed's forms larger or flatter: beside the grain they are too steep to lower it"
         yield problem(key, into_bed, remedy)
 
 
 def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
-    """Grains that need not be placed to see that they do not fit."""
+    """A grain larger than the domain, or centred outside of it."""
     if grain.size >= math.hypot(*domain.extents):
         yield f"the grain measures {grain.size:g}, more than the domain"
     centre = (body.x, body.aside) if body.centre is None else body.centre
@@ -239,7 +239,7 @@ def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
 def _beyond(
     body: Any, low: Floats, high: Floats, bed: Any, domain: Domain, size: float
 ) -> Iterator[str]:
-    """How a grain of these least and largest coordinates leaves the domain, or touches one of its sides, if nearly."""
+    """Messages on a grain, by its extents, that leaves the domain or nearly touches one of its sides."""
     up = domain.up
     sides = [(0, low, "left side", domain.left), (0, high, "right side", domain.right)]
     if domain.gdim == 3 and body.shape != "cylinder":
@@ -257,7 +257,7 @@ def _beyond(
 
 
 def _not_across(middle: float, length: float, domain: Domain) -> Iterator[Problem]:
-    """How a cylinder does not reach from side to side."""
+    """A cylinder that does not span the width."""
     low, high = (middle + end * length for end in (-0.5, 0.5))
     near, far = domain.across
     if max(abs(low - near), abs(high - far)) > _SAME * (far - near):
@@ -266,7 +266,7 @@ def _not_across(middle: float, length: float, domain: Domain) -> Iterator[Proble
 
 
 def _into_bed(grain: Any, placement: Placement, bed: Any, tolerance: float, rests: bool) -> str:
-    """How deep the grain is in the bed, or that it touches the bed above which it is to be held."""
+    """A message on a grain that overlaps the bed, or touches a bed above which it is held; empty otherwise."""
     depth = -clearance(grain, placement, bed)[0]
     if depth > tolerance:
         return f"the grain reaches {depth:.3g} into the bed"

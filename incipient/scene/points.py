@@ -1,4 +1,4 @@
-"""Files that a scene names instead of what stands in them, points x, y above all."""
+"""Files of points and other data that a scene names."""
 
 import csv
 import math
@@ -63,11 +63,11 @@ def file_key(kinds: str, instead: str, example: str) -> Any:
 
 
 class FromFile(Section):
-    """A section that may name a file instead of what stands in it, which replaces the file when the scene is made.
+    """A section that may name a file, whose content replaces the name when the scene is made.
 
     Attributes:
         in_file: the key whose value the file has.
-        instead: what to do where both are given, or neither.
+        instead: the remedy where both are given, or neither.
     """
 
     in_file: ClassVar[str] = "points"
@@ -80,7 +80,7 @@ class FromFile(Section):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Keys and values that a file stands for; `data` is the rest of the section. Raises ValidationError."""
+        """Keys and values read from a file; `data` is the rest of the section. Raises ValidationError."""
         raise NotImplementedError
 
     @model_validator(mode="before")

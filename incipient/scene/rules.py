@@ -1,4 +1,4 @@
-"""The rules that the sections of a scene obey together: one table of where, when, why and what to do instead.
+"""Rules between the sections of a scene: one table of key, condition, reason and remedy.
 
 Of the rules of one group the first that is broken is reported. `{...}` in a text is an attribute of the scene `s`.
 """
@@ -48,14 +48,14 @@ Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks
 
 
 def contradictions(scene: Scene) -> Iterator[Problem]:
-    """All contradictions between sections but for those of places and extents."""
+    """All contradictions between sections except for positions and extents."""
     for group in RULES:
         first = next((rule for rule in group if rule.broken(scene)), None)
         if first is not None:
             yield first.problem(scene)
 
 
-# -- what rules ask of a scene ---------------------------------------------------------------------
+# -- conditions of rules ---------------------------------------------------------------------------
 
 
 def _unsteady(s: Scene) -> bool:
@@ -172,7 +172,7 @@ def _with_time(key: str, broken: Asked, why: str, remedy: str) -> Rule:
 
 
 def _never_steady(broken: Asked, why: str, remedy: str) -> Rule:
-    """What a flow that is to become steady cannot have."""
+    """The rule that flows without a steady state have no time.until_steady."""
     return Rule("time.until_steady",
                 lambda s: s.time is not None and s.time.until_steady is not None and broken(s),
                 f"is for {why}", f"leave it out or {remedy}")  # fmt: skip

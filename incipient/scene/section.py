@@ -1,4 +1,4 @@
-"""What all sections of a scene share: immutability, strictness, and one-line errors."""
+"""The base of all sections of a scene: immutable, strict, with one-line errors."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -35,7 +35,7 @@ from .messages import (
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
-    """A key of a section: what it is, with its unit; its default, without which it is needed; bounds and examples."""
+    """A key of a section: its description with the unit, its default (required without one), bounds and examples."""
     return Field(default, description=description, **more)
 
 
@@ -82,7 +82,7 @@ Choice = Annotated[
 
 
 def formula(variables: str, why: str = "") -> AfterValidator:
-    """The validator of a formula in these variables; `why` is added to what is wrong with others."""
+    """The validator of a formula in these variables; `why` is added to the reason of a refusal."""
 
     def in_variables(text: str) -> str:
         require_formula(text, variables, why)
@@ -100,9 +100,9 @@ Text = str | Callable[[Any], str]
 
 @dataclass(frozen=True)
 class Rule:
-    """What must not be: at which key, what breaks the rule, why that is wrong, and the remedy.
+    """A rule of a section or scene: its key, the condition that breaks it, the reason and the remedy.
 
-    `broken` is asked of the section or scene; `{s...}` in a text is an attribute of that.
+    `broken` takes the section or scene `s`; `{s...}` in a text is an attribute of it.
     """
 
     key: Text
@@ -122,7 +122,7 @@ class Section(BaseModel):
     Raises SceneError, one line that names the key, why and the remedy, when built from Python with wrong values.
 
     Attributes:
-        rules: what keys of the section may not contradict; the first that is broken is reported.
+        rules: the rules of the section's keys; the first that is broken is reported.
     """
 
     rules: ClassVar[tuple[Rule, ...]] = ()
@@ -167,7 +167,7 @@ class Section(BaseModel):
         return bool(getattr(self, key) != type(self).model_fields[key].default)
 
     def require(self, key: str, make: Callable[[], Any]) -> None:
-        """Makes what a key describes; raises the error about the key if that cannot be."""
+        """Make the object that a key describes; raises the error about the key on failure."""
         try:
             make()
         except SceneError as error:
@@ -192,7 +192,7 @@ def is_number(value: Any) -> bool:
 
 
 def require_formula(text: str, variables: str, why: str = "") -> None:
-    """Refuses what is no formula in these variables; `why` is added to what is wrong with others."""
+    """Refuse text that is no formula in these variables; `why` is added to the reason."""
     try:
         unknown = Expression(text).variables - set(variables)
     except SceneError as error:
@@ -221,8 +221,8 @@ def unit_of(model: type[BaseModel], key: str) -> str:
         fields = [one.model_fields[part] for one in models if part in one.model_fields]
         described = [field.description or "" for field in fields]
         models = [inner for field in fields for inner in _models(field.annotation)]
-    found = (unit[1] for text in described if (unit := _UNIT.search(text)))
-    return next(found, "")
+    units = (unit[1] for text in described if (unit := _UNIT.search(text)))
+    return next(units, "")
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -1,4 +1,4 @@
-"""The grain and the bed of a scene: what a user writes about their shapes, and the geometry that it means."""
+"""Shapes of grains and beds: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _CIRCLE]
 
 
 class GrainSection(BodySection):
-    """What grains of all 2-D shapes have in common."""
+    """Common keys of grains in 2-D."""
 
     gdim: ClassVar[int] = 2
     gdims: ClassVar[tuple[int, ...]] = (2,)
@@ -169,7 +169,7 @@ def apart(kind: str) -> Rule:
 
 
 class BedSection(Section):
-    """What beds of all kinds have in common."""
+    """Common keys of beds."""
 
     gdims: ClassVar[tuple[int, ...]] = (2,)  # dimensions of the spaces that there is such a bed in
 
@@ -289,8 +289,8 @@ class Polyline(FromFile, BedSection):
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        made = geometry.Curved if self.smooth else geometry.Polyline
-        return made([(x - origin_x, y) for x, y in self.points], origin_y)
+        curve = geometry.Curved if self.smooth else geometry.Polyline
+        return curve([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 def _disorder(points: Sequence[Point]) -> str | None:

@@ -1,4 +1,4 @@
-"""Grains in 3-D: what a user writes about their shapes, and the geometry that it means."""
+"""Grains in 3-D: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
 
 
 class SolidSection(BodySection):
-    """What grains of all 3-D shapes have in common."""
+    """Common keys of grains in 3-D."""
 
     gdim: ClassVar[int] = 3
     gdims: ClassVar[tuple[int, ...]] = (3,)
@@ -231,23 +231,23 @@ class Mesh(FromFile, SolidSection):
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
         """Vertices and triangles, refused if they are too many or bound no grain."""
         try:
-            found = geometry.Triangulated.from_file(path)
+            surface = geometry.Triangulated.from_file(path)
         except SceneError as error:
             raise about_file("Mesh", *split(str(error))) from None
-        if len(found.vertices) > MOST_POINTS:
-            why = f"{path} has {len(found.vertices)} vertices"
+        if len(surface.vertices) > MOST_POINTS:
+            why = f"{path} has {len(surface.vertices)} vertices"
             raise about_file("Mesh", why, f"reduce it to {MOST_POINTS} at most")
-        return {"vertices": found.vertices.tolist(), "triangles": found.triangles.tolist()}
+        return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
         points = np.array(self.vertices, dtype=float).reshape(-1, 3)
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
-        found = geometry.Triangulated(points, triangles)
+        grain = geometry.Triangulated(points, triangles)
         return (
-            found
+            grain
             if self.size is None
-            else geometry.Triangulated(self.size / found.size * points, triangles)
+            else geometry.Triangulated(self.size / grain.size * points, triangles)
         )
 
 

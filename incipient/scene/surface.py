@@ -1,4 +1,4 @@
-"""The free surface of a scene: what a user writes about it."""
+"""The free surface of a scene: the section [surface]."""
 
 from __future__ import annotations
 
@@ -91,9 +91,9 @@ class Surface(FromFile):
 
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:
     """Positions of reported elevations: the stations; by default five from end to end, in 3-D three by three."""
-    given = () if surface is None else surface.places()
+    stations = () if surface is None else surface.places()
     along = 5 if domain.gdim == 2 else 3
     evenly = (
         [low + (high - low) * i / (along - 1) for i in range(along)] for low, high in domain.spans
     )
-    return list(given) or list(product(*evenly))
+    return list(stations) or list(product(*evenly))

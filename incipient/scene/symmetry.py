@@ -1,4 +1,4 @@
-"""What keeps a 3-D scene from being its own mirror image in the vertical plane through the middle of its width.
+"""Differences of a 3-D scene from its mirror image in the vertical plane through the middle of its width.
 
 Half of a scene that is its own mirror image is computed: one side of that plane, through which nothing flows.
 """
@@ -28,18 +28,18 @@ MIRRORED = np.array([1.0, -1.0, 1.0])
 UNCHANGED = np.ones(1)
 
 
-def contradictory(found: Iterator[str]) -> Iterator[Problem]:
-    """Why a scene that is said to be its own mirror image is not, given its differences from that."""
+def contradictory(reasons: Iterator[str]) -> Iterator[Problem]:
+    """Problems of a scene that is given as symmetric, from its differences from the mirror image."""
     key = ("domain", "symmetric")
     try:
-        for why in found:
+        for why in reasons:
             yield Problem(key, f"is true, but {why}", "make the scene symmetric, or give false")
     except SceneError as error:  # of a formula without a value
         yield Problem(key, *split(str(error)))
 
 
 def differences(scene: Scene) -> Iterator[str]:
-    """What keeps a 3-D scene from being its own mirror image, in words."""
+    """Differences of a 3-D scene from its mirror image, in words."""
     domain, time, surface = scene.domain, scene.time, scene.surface
     if scene.grain is not None and scene.placement is not None:
         yield from _of_grain(scene.grain, scene.placement, domain.middle)
@@ -76,7 +76,7 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
 
 
 def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
-    """Velocities that a mirror image would have otherwise: across, and spins about x and z."""
+    """Velocities that differ in a mirror image: across, and spins about x and z."""
     velocity, spin = np.asarray(body.velocity), np.asarray(body.spin)
     if velocity[1] or spin[0] or spin[2]:
         yield "the grain's velocity and spin are not those of its mirror image"

@@ -1,4 +1,4 @@
-"""Beds in 3-D: what a user writes about their shapes, and the geometry that it means."""
+"""Beds in 3-D: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Heights = Annotated[
 
 
 class TerrainSection(BedSection):
-    """What beds have in common that there are in 3-D only."""
+    """Common keys of beds that exist in 3-D only."""
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
     shape_key: ClassVar[str] = "kind"  # the key that is refused where there is no such bed
@@ -93,10 +93,10 @@ class HeapBed(FromFile, TerrainSection):
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
-        given = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
-        posts = np.arange(len(given)) >= len(self.spheres)
+        spheres = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
+        posts = np.arange(len(spheres)) >= len(self.spheres)
         return geometry.SphereBed(
-            given[:, :3] + [-corner[0], -corner[1], origin_z], given[:, 3], origin_z, posts
+            spheres[:, :3] + [-corner[0], -corner[1], origin_z], spheres[:, 3], origin_z, posts
         )
 
 
@@ -155,11 +155,11 @@ class RasterBed(FromFile, TerrainSection):
             _require_numbers(cls.__name__, name, data.get(name))
         try:
             cell = data.get("cell")
-            found = cls._in_file(path, None if cell is None else tuple(cell), data)
+            raster = cls._in_file(path, None if cell is None else tuple(cell), data)
         except SceneError as error:
             raise about_file(cls.__name__, *split(str(error))) from None
-        offset = cls._first_at(data.get("offset"), found.origin)
-        return {"cell": found.cell, "offset": offset, "heights": found.heights.tolist()}
+        offset = cls._first_at(data.get("offset"), raster.origin)
+        return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
@@ -224,7 +224,7 @@ class MeshBed(RasterBed):
         return geometry.HeightMap.from_surface(path, cell, data.get("scale", 1.0))
 
 
-_NUMBERS = {  # keys by which a file is read: how many numbers, the least that they may be, what to give
+_NUMBERS = {  # keys with which a file is read: number of values, lower bound, remedy
     "cell": (2, SMALLEST, "give two lengths, as in [0.1, 0.1]"),
     "offset": (2, -LARGEST, "give two lengths, as in [0.1, 0.1]"),
     "scale": (1, SMALLEST, "give a positive number"),
@@ -232,7 +232,7 @@ _NUMBERS = {  # keys by which a file is read: how many numbers, the least that t
 
 
 def _require_numbers(section: str, key: str, value: Any) -> None:
-    """Refuse what a file cannot be read by, before it is read; None stands for what is not given."""
+    """Refuse a key with which a file cannot be read; None is a missing key."""
     count, least, remedy = _NUMBERS[key]
     numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (

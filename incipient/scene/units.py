@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .model import Scene
 
 _ONE_LENGTH = 'give one of them, as in length = "mm"'
-_SAME = 1e-9  # relative: what a scene may say beside what follows from its units
+_SAME = 1e-9  # relative difference allowed between a value of the scene and its units
 _ANY = {"reynolds": 1.0, "acceleration": 1.0, "density": 2.0}  # until they are known
 _FILLED = (("fluid", "reynolds"), ("gravity", "acceleration"), ("body", "density"))
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -45,7 +45,7 @@ Length = Annotated[
 
 
 class Units(Section):
-    """What the scene's units are in SI; Reynolds number, gravity and the grain's density follow."""
+    """SI values of the scene's units; Reynolds number, gravity and the grain's density follow."""
 
     rules = (
         Rule("length", lambda s: s.length is not None and s.diameter is not None,
@@ -74,7 +74,7 @@ class Units(Section):
     )
 
     def metres(self, grain: Any) -> float:
-        """What one of the scene's units of length is [m]."""
+        """The scene's unit of length [m]."""
         if self.diameter is not None:
             return self.diameter / nominal_diameter(grain)
         return METRES[self.length] if isinstance(self.length, str) else float(self.length or 0.0)
@@ -82,7 +82,7 @@ class Units(Section):
 
 @dataclass(frozen=True)
 class Scales:
-    """What one of the scene's units is in SI: length [m], time [s], density [kg/m^3]."""
+    """SI values of the scene's units: length [m], time [s], density [kg/m^3]."""
 
     length: float
     time: float
@@ -145,7 +145,7 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene])
     Args:
         checked: the scene of data without units.
 
-    Raises ValidationError if the scene is wrong, or says something else than its units.
+    Raises ValidationError if the scene is wrong, or contradicts its units.
     """
     try:
         units = Units.model_validate(data["units"])
@@ -159,21 +159,21 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene])
         scene.reference_velocity,
         scene.reference_length,
     )
-    made = {
+    derived = {
         "reynolds": speed * scales.velocity * length * scales.length / units.viscosity,
         "acceleration": units.gravity * scales.time**2 / scales.length,
         "density": units.grain_density / units.fluid_density,
     }
     for section, name in _FILLED:
-        given = _get(data.get(section), name)
-        if isinstance(given, int | float) and abs(given / made[name] - 1.0) > _SAME:
-            why = f"is {given:g}, but [units] makes it {made[name]:g}"
+        stated = _get(data.get(section), name)
+        if isinstance(stated, int | float) and abs(stated / derived[name] - 1.0) > _SAME:
+            why = f"is {stated:g}, but [units] makes it {derived[name]:g}"
             raise _refused(f"{section}.{name}", why, "leave it out")
-    return _filled(data, made)
+    return _filled(data, derived)
 
 
 def _filled(data: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    """Data with values for what they do not say of Reynolds number, gravity and density."""
+    """Data completed with Reynolds number, gravity and density."""
     filled = dict(data)
     for section, name in _FILLED:
         part = data.get(section)

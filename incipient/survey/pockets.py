@@ -83,7 +83,7 @@ class Pocket:
     """A grain and its surroundings. Lengths but those of the first five fields are in diameters of the grain.
 
     number: of the sphere; centre (3,) in the bed's own frame
-    neighbours (k, 3), relative to it in the frame of the flow, and their radii (k,); contacts: likewise
+    neighbours (k, 3), relative to it in the frame of the flow, and their radii (k,); contacts: in the same frame
     protrusion: its top above the bed's mean level; exposure: above the tops upstream of it
     sheltered, backed: fraction of its disc across the flow that is hidden upstream, downstream; skew: left less right
     visible: fraction of its area in plan that is seen from above

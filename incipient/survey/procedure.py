@@ -94,7 +94,7 @@ def survey(
 
 
 def _mark(request: SurveyRequest, spheres: Spheres) -> str:
-    """A mark of the runs of this bed, in this flow, among those of others in one directory."""
+    """A mark that tells the runs of this bed and flow from others in one directory."""
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
@@ -189,10 +189,10 @@ class _Loads:
                 continue
             level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
             own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
-            given = grain, level, outcome.request, reynolds_of(at, own)
+            arguments = grain, level, outcome.request, reynolds_of(at, own)
             with_bars = at < outcome.request.runs.with_error_bars
-            wide = scene_of(*given, wide=True) if with_bars else None
-            runs.append(FullRun(number, scene_of(*given, error_bars=with_bars), wide))
+            wide = scene_of(*arguments, wide=True) if with_bars else None
+            runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
         return runs
 
     def _table(self) -> dict[str, dict[str, Any]]:

@@ -34,7 +34,7 @@ def range_of(drawn: Floats) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Threshold:
-    """The critical Shields number of a grain, draws (k,) of it within its errors, the motion, and by what."""
+    """The critical Shields number of a grain, draws (k,) within its errors, the mode of motion, and the source."""
 
     pocket: Pocket
     shields: float
@@ -51,7 +51,7 @@ class Threshold:
 
 @dataclass(frozen=True, eq=False)
 class LoadErrors:
-    """Random errors of the emulator for each grain on its own, and of the flow for all alike.
+    """Random errors of the emulator, independent for each grain, and of the flow, common to all.
 
     correlation: of the emulator's errors; flow: errors (6,) of the runs over the drag
     """
@@ -137,7 +137,7 @@ def _first_loss(strengths: Floats, factors: Floats) -> float:
 
 
 def _mode(grain: Pocket, coefficients: Floats, shields: float, law: Law) -> str:
-    """How the grain begins to move when the flow is a little faster than critical."""
+    """Mode of incipient motion in a flow slightly faster than critical."""
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
     load = (1.0 + BEYOND) * shields * coefficients[None]

@@ -94,7 +94,7 @@ class SweepProgress:
 
     @property
     def finished(self) -> int:
-        """Cases that are not left to be computed."""
+        """Number of cases that are not left to be computed."""
         return self.known + self.done + self.failed
 
 
@@ -128,7 +128,7 @@ def run(
         scenes: a scene or several, or names of files; of cases to be judged names of files.
         file: the SQLite file of the sweep; default: results/SCENE_TASK.sqlite.
         over: values by key, as a list or as text such as ``"log:0.1:200:17"``; or texts such as
-            ``"fluid.reynolds=1,2"``; nothing: as the section [sweep] says.
+            ``"fluid.reynolds=1,2"``; empty: from the section [sweep].
         do: "run", "threshold", "gust", "entrainment" or "judge".
         zip: values of several keys vary side by side instead of in every combination.
         cases: a CSV file of cases.
@@ -143,7 +143,7 @@ def run(
         scheduler: of Dask: "tcp://HOST:PORT", the name of its .json file, or a cluster object.
         tries: how often a case is begun whose worker process dies.
         limit: seconds, or text such as "2h", that a case may take; default: a day.
-        dry_run: only count the cases; the file is not made.
+        dry_run: only count the cases, without a file.
         voice: is notified of progress.
 
     Raises:
@@ -164,13 +164,13 @@ def run(
         quantity,
     )
     usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
-    path, told = usual if file is None else Path(file), voice or Silent()
-    resolved = request.cases(told)
+    path, reporter = usual if file is None else Path(file), voice or Silent()
+    resolved = request.cases(reporter)
     if dry_run:
         return _counted(path, resolved)
     refinement = request.refinement(resolved)
     with Store(path, make=True) as store:
-        sweep = _Sweep(store, means, told)
+        sweep = _Sweep(store, means, reporter)
         try:
             sweep.add(resolved)
             sweep.compute(refinement)
@@ -184,7 +184,7 @@ def run(
 
 
 def _counted(file: Path, cases: Sequence[SweepCase]) -> SweepProgress:
-    """How many cases there are, and how many of them are finished in a file."""
+    """Numbers of cases and of those that are finished in a file."""
     states = dict[str, str]()
     if file.is_file():
         with Store(file) as store:
@@ -219,7 +219,7 @@ class _Sweep:
         self.progress.known += len(cases) - len(waiting)
 
     def compute(self, refinement: SweepRefinement | None) -> None:
-        """Compute what waits, and what a refinement adds. Raises as `run`."""
+        """Compute the waiting cases, and those that a refinement adds. Raises as `run`."""
         with ExitStack() as stack:
             stack.callback(self._write)
             while self._waiting or self._running or self._grows(refinement):
@@ -234,7 +234,7 @@ class _Sweep:
                 self._take()
 
     def left(self, why: str) -> str:
-        """Why the sweep ends before its time, and what is kept."""
+        """A message on the early end of the sweep and the stored results."""
         finished = f"{self.progress.finished} of {self.progress.total} cases are finished"
         return f"{why}: {finished} and kept in {self._store.path}; repeat the command to resume"
 
@@ -257,7 +257,7 @@ class _Sweep:
         )
 
     def _count_workers(self) -> None:
-        """Look at how many workers there are. Raises OutputError: they, or the scheduler, do not come back."""
+        """Update the number of workers. Raises OutputError: they, or the scheduler, do not come back."""
         if self._client.status == "closed":
             raise OutputError(self.left("the scheduler has gone and does not come back"))
         now = time.monotonic()
@@ -280,7 +280,7 @@ class _Sweep:
             future.add_done_callback(self._ended.put)
 
     def _take(self) -> None:
-        """Take what has ended, waiting for it for a while, and write it."""
+        """Wait briefly for finished cases, and write them."""
         ended = []
         with suppress(Empty):
             ended.append(self._ended.get(timeout=LOOK))

@@ -1,4 +1,4 @@
-"""The cases that the command line, a section [sweep] or Python ask a sweep for."""
+"""The request of a sweep from the command line, a section [sweep] or Python."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def requested(
     most: int | None = None,
     quantity: str | None = None,
 ) -> Request:
-    """The request; what is not given is taken from the section [sweep] of the first source, relative to its file.
+    """The request; missing arguments come from the section [sweep] of the first source, relative to its file.
 
     refine, most, quantity: tolerance of a refinement, True for the usual one; number of cases; a column
 

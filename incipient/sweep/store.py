@@ -122,7 +122,7 @@ class Store:
             self._base.execute("COMMIT")
 
     def add(self, cases: Iterable[SweepCase], retry: bool = False) -> None:
-        """Put in the cases that are not there yet; with `retry` those that have failed wait again."""
+        """Add new cases; with `retry` failed cases wait again."""
         names = "id, source, task, status, settings, scene"
         with self._transaction():
             for case in cases:
@@ -159,7 +159,7 @@ class Store:
                 )
 
     def write_view(self) -> None:
-        """Define the view `results` anew: varied keys, quantities, status and cost as columns."""
+        """Redefine the view `results`: varied keys, quantities, status and cost as columns."""
         with self._reported():
             query = "SELECT DISTINCT key FROM cases, json_each(cases.columns)"
             names = [str(name) for (name,) in self._base.execute(query)]
@@ -177,7 +177,7 @@ class Store:
             return dict(map(tuple, self._base.execute("SELECT id, status FROM cases")))
 
     def columns(self, identities: Iterable[str]) -> dict[str, dict[str, Any]]:
-        """Quantities of those of the cases that are done, by identity."""
+        """Quantities of the finished ones among cases, by identity."""
         query = "SELECT columns FROM cases WHERE id = ? AND status = ?"
         with self._reported():
             rows = {one: self._base.execute(query, (one, DONE)).fetchone() for one in identities}
@@ -209,7 +209,7 @@ def _json(columns: dict[str, Any]) -> str:
 
 
 def _path(*keys: str) -> str:
-    """Where JSON has a value, for SQL."""
+    """Path of a value in JSON, for SQL."""
     path = "".join(f"[{key}]" if key.isdigit() else f'."{key}"' for key in keys)
     return "'$" + path.replace("'", "''") + "'"
 

@@ -74,7 +74,7 @@ def computed_within(limit: float, release: str, task: str, text: str) -> CaseOut
 def computed(task: str, text: str) -> CaseOutcome:
     """Compute a case; the message of an error for users is its reason. Not collective."""
     began, processor = time.perf_counter(), _processor_time()
-    # The kernel counts the largest memory from here, or it is that of all cases so far.
+    # The kernel counts the largest memory from here on, not over all earlier cases.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     names = ("incipient", "numpy", "scipy") if task == "judge" else ("incipient", "numpy")
@@ -117,8 +117,10 @@ def _result(task: str, text: str) -> dict[str, Any]:
         "threshold": critical.find_threshold,
         "entrainment": lambda scene, comm: entrainment.find_entrainment(Setup(scene), comm),
     }
-    found: dict[str, Any] = compute[task](Scene.model_validate(json.loads(text)), world()).to_dict()
-    return found
+    result: dict[str, Any] = compute[task](
+        Scene.model_validate(json.loads(text)), world()
+    ).to_dict()
+    return result
 
 
 def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,7 +136,7 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def _logged() -> Iterator[list[str]]:
-    """Gather the messages that the program logs in the block."""
+    """Collect the program's log messages of the block."""
     lines: list[str] = []
     handler, log = logging.Handler(logging.INFO), logging.getLogger("incipient")
     handler.emit = lambda record: lines.append(record.getMessage())  # type: ignore[method-assign]

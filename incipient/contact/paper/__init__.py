@@ -1,4 +1,4 @@
-"""The paper's criteria of incipient motion at the significant reaction surface: the first of two judges.
+"""The paper's criteria of incipient motion at the significant reaction surface.
 
 Equation numbers are the label keys of the paper's source; how its print is read stands in docs/explanation/criteria.md.
 Signs: n points out of the grain, r = x - c, and a contact is pressed by a force F where n . F > 0.
@@ -46,7 +46,7 @@ class Minima:
 
 @dataclass(frozen=True, eq=False)
 class Distributions:
-    """The answer of the whole contact surface to the force, to the torque, and to both together.
+    """Reaction and friction of the whole contact surface to the force, to the torque, and to both.
 
     The table of outcomes does without them; they are what the paper offers where one significant reaction
     surface is not enough. `force_left`, `torque_left` (3,): force and torque that `of_both` does not balance.
@@ -61,7 +61,7 @@ class Distributions:
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """The verdict of the paper's criteria with every quantity on the way to it.
+    """The verdict of the paper's criteria with all intermediate quantities.
 
     Arrays with a first axis of k belong to the contacts `significant`, the place x* of the paper; reaction
     and friction forces there already carry their `fraction`. Forces act on the grain, torques are about its
@@ -79,7 +79,9 @@ class Classification:
     minimum_7: float
     minima: Minima
     located_by: Located
-    common_position: bool  # (2) and (7) share a contact, as the simultaneous criteria assume
+    common_position: (
+        bool  # (2) and (7) have a contact in common, as the simultaneous criteria assume
+    )
     away_from_surface: bool  # minimum (7) > 0: the torque presses on no contact
     significant: tuple[int, ...]
     fraction: Floats  # (k,)
@@ -121,7 +123,7 @@ class Classification:
 
     @cached_property
     def away(self) -> Away | None:
-        """Which contact normals exclude the axis of the torque through the centre; None without a torque."""
+        """Exclusion of the torque's axis through the centre by contact normals; None without a torque."""
         size, reach = (
             _norm(self.load.flow_couple),
             self.torque_scale / max(self.force_scale, 1e-300),
@@ -138,7 +140,7 @@ class Classification:
         return self.mode.moves
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as numbers, strings and lists for JSON."""
+        """Plain data for JSON."""
         read = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves}
         derived = {"away": plain(self.away), "distributions": plain(self.distributions)}
         return read | plain(self) | derived
@@ -164,7 +166,10 @@ def classify(
     reach = float(np.linalg.norm(arms, axis=1).max())
     acting = (load.flow_force, load.weight, load.flow_couple / reach)
     force_scale = float(sum(np.linalg.norm(part) for part in acting))
-    scales = force_scale * tolerance, force_scale * reach * tolerance  # what counts as zero
+    scales = (
+        force_scale * tolerance,
+        force_scale * reach * tolerance,
+    )  # of a zero force and a zero torque
     criterion = _criterion(load, scales)
     minima = _minima(load, contacts, arms, scales, tolerance)
     located = _located(criterion, minima)
@@ -203,7 +208,7 @@ def classify(
 
 
 def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
-    """r = x - c of every contact, (n, 3); refuses friction and arms that make no sense."""
+    """r = x - c of every contact, (n, 3); refuses invalid friction and arms."""
     if not (np.isfinite(friction) and friction >= 0.0):
         raise SceneError(
             f"friction {friction} is not a coefficient; give a finite number that is not negative"
@@ -254,7 +259,7 @@ def _tangential_force(torque: Floats, arms: Floats) -> Floats:
 
 
 def _located(criterion: Criterion, minima: Minima) -> Located:
-    """Which of the two minima is taken as x*."""
+    """The minimum that is taken as x*."""
     lifts = criterion is Criterion.SIMULTANEOUS and minima.sign_2 > 0
     return "torque" if lifts or criterion is Criterion.ROTATION_ONLY else "force"
 

@@ -19,7 +19,7 @@ PARALLEL = 1e-12  # sine of the angle to the axis below which a normal is along 
 
 
 class Axis(Enum):
-    """What the contact normals make of an axis, for one sense of rotation."""
+    """Effect of the contact normals on an axis, for one sense of rotation."""
 
     AWAY = "no normal meets or encircles it and every contact is left"
     INTERSECTED = "a normal meets it: that contact slides, the others are left"

@@ -25,7 +25,7 @@ SAME_PLACE = 1e-9  # of the size of the contact surface
 
 
 def pressing(force: Floats, normals: Floats) -> Floats:
-    """n_out . F where it is positive, else zero: how hard the force presses on each contact, (n,)."""
+    """n_out . F where positive, otherwise zero: the force that presses on each contact, (n,)."""
     return np.maximum((normals * force).sum(axis=1), 0.0)
 
 
@@ -75,7 +75,7 @@ def can_vanish(torques: Floats, tolerance: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """Reaction and friction that one pressing force calls up all over the contact surface.
+    """Reaction and friction of the whole contact surface under one pressing force.
 
     Arrays have one row a contact. Contact forces act on the grain and carry c_1 and their part of the surface.
     `c_1` and `c_2` are 0 where nothing is pressed, and not a number where no single scale exists: the
@@ -133,7 +133,7 @@ def distribute(
 
 
 def measures(contacts: Contacts) -> Floats:
-    """dGamma_c of every contact, (n,): its area where all have one, else one for each place of contact.
+    """dGamma_c of every contact, (n,): its area where all have one, otherwise one for each point of contact.
 
     Contacts at one place with one normal have a weight of one between them.
     """

@@ -1,7 +1,7 @@
-"""What pictures of sweeps share: axes, their scales and names, and the curve of Soulsby and Whitehouse.
+"""Axes of pictures of sweeps, their scales and names, and the curve of Soulsby and Whitehouse.
 
 The curve (1997) stands beside the critical Shields numbers for comparison: it fits measurements of beds of many grains
-in turbulent flow, ours are of one grain in a steady flow. docs/validation/shields.md says what lies between.
+in turbulent flow, the computed ones are of one grain in a steady flow (docs/validation/shields.md).
 """
 
 from __future__ import annotations
@@ -74,5 +74,5 @@ def choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) ->
 
 
 def name_of(column: str) -> str:
-    """A column in words; a key of scenes as it is."""
+    """A column in words; a key of scenes is not changed."""
     return column if "." in column else _NAMES.get(column, column.replace("_", " "))
