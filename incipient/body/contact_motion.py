@@ -356,9 +356,9 @@ def _contacts(
     velocities = (rows[: 3 * count] @ motion.end.velocities).reshape(-1, 3)
     pressure = float(local[:count, 0] @ mean[:count, 0])
     works = float((local[:, 1:] * mean[:, 1:]).sum()), pressure
-    couples = lever * local[count:, 1:] if len(local) > count else np.zeros((count, 2))
+    torques = lever * local[count:, 1:] if len(local) > count else np.zeros((count, 2))
     return ActiveContacts(
-        touched.points, touched.normals, local[:count], velocities, couples, works
+        touched.points, touched.normals, local[:count], velocities, torques, works
     )
 
 

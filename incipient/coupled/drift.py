@@ -78,11 +78,11 @@ class Drift:
 
     def _entered(self) -> Floats:
         """(local nodes,) the elevation of what comes in as a wave."""
-        found, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
+        elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
             if entry.wave is not None:
-                found[nodes] += entry.wave.elevation(self._places, self._fluid.time)
-        return found
+                elevation[nodes] += entry.wave.elevation(self._places, self._fluid.time)
+        return elevation
 
     def destroy(self) -> None:
         """Free PETSc's memory."""

@@ -155,8 +155,8 @@ class Carrier:
         for name in ("velocity", "pressure"):
             part = dolfinx.fem.Function(getattr(spaces[0], name))
             part.x.array[:] = values[getattr(spaces[0], f"{name}_map")]
-            found = self.transfer.values(part)[self._rows[name]]
-            carried[getattr(spaces[1], f"{name}_map")] = found.ravel()
+            transferred = self.transfer.values(part)[self._rows[name]]
+            carried[getattr(spaces[1], f"{name}_map")] = transferred.ravel()
         return carried
 
     def places(self, old_places: Floats) -> Floats:

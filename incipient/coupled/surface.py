@@ -232,11 +232,11 @@ class SurfacePart:
         petsc.assemble_vector(self._vector, self._flux)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         if self._drift is None:
-            found = self.mesh.elevation_of(self._vector)
+            elevation = self.mesh.elevation_of(self._vector)
         else:
-            found = self._drift.raised(self._vector, self._load.known.x.array)
+            elevation = self._drift.raised(self._vector, self._load.known.x.array)
         held = self.fluid.constraints
-        return found if held.open else self.mesh.with_volume(found, held.influx)
+        return elevation if held.open else self.mesh.with_volume(elevation, held.influx)
 
     def _size(self, elevation: Floats) -> float:
         """Root mean square over the nodes of the surface."""

@@ -172,8 +172,8 @@ class TractionProbe:
         """Points (n, gdim) of the boundary and the traction there (n, gdim), those of all ranks on each of them."""
         gdim = self.fluid.space.gdim
         traction = self.field()
-        found = traction.x.array.reshape(-1, gdim)[self._blocks]
-        gathered = self.fluid.domain.comm.allgather((self._places(), found))
+        nodal = traction.x.array.reshape(-1, gdim)[self._blocks]
+        gathered = self.fluid.domain.comm.allgather((self._places(), nodal))
         points, tractions = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
         return points, tractions
 

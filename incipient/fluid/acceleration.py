@@ -56,18 +56,18 @@ def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats
     x = ufl.SpatialCoordinate(domain.mesh)
     ds, arms = domain.measure("body"), x - ufl.as_vector([float(one) for one in centre])
     if domain.gdim == 2:
-        couple = [0, 0, arms[0] * n[1] - arms[1] * n[0]]
-        pushes = [n[0], n[1], 0, *couple]
+        torque = [0, 0, arms[0] * n[1] - arms[1] * n[0]]
+        pushes = [n[0], n[1], 0, *torque]
     else:
         pushes = [*n, *ufl.cross(arms, n)]
-    found = np.zeros(6)
+    load = np.zeros(6)
     for place, push in enumerate(pushes):
         if not isinstance(push, int):
-            found[place] = dolfinx.fem.assemble_scalar(compat.form(-phi * push * ds))
-    domain.comm.Allreduce(MPI.IN_PLACE, found)
+            load[place] = dolfinx.fem.assemble_scalar(compat.form(-phi * push * ds))
+    domain.comm.Allreduce(MPI.IN_PLACE, load)
     if domain.halved:
-        found = 2.0 * found * np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
-    return found.reshape(2, 3)
+        load = 2.0 * load * np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+    return load.reshape(2, 3)
 
 
 def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:

@@ -99,16 +99,16 @@ class Carried:
 class Sponge:
     """A zone before the end of a channel in which the flow is relaxed to the base flow, so that waves die out there.
 
-    start:  x at which it begins
-    end:    x of the end of the channel
-    rate:   at the end; it rises with the square of the distance from the start
-    stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n)
+    start: x at which it begins
+    end: x of the end of the channel
+    rate: at the end; it grows as the square of the distance from the start
+    base_flow: velocity (gdim, n) at places x (3, n) and time t, here zero
     """
 
     start: float
     end: float
     rate: float
-    stream: Velocity
+    base_flow: Velocity
 
 
 @dataclass(frozen=True)

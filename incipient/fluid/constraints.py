@@ -66,8 +66,8 @@ class Constraints:
         return not self.open and self.surface is None
 
     @property
-    def stream(self) -> Any:
-        """The velocity whose momentum fluid brings that returns through an open end; None: its own."""
+    def backflow(self) -> Any:
+        """The velocity prescribed for backflow through open ends; None: backflow keeps its own velocity."""
         return self._values if self._returns else None
 
     @property
@@ -236,6 +236,6 @@ class Entry:
         """(own nodes of the boundary,) the integral of each one's function over it, counted inwards."""
         vector = petsc.assemble_vector(self._form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        found = np.array(vector.array_r[self._own])
+        areas = np.array(vector.array_r[self._own])
         vector.destroy()
-        return found
+        return areas

@@ -35,10 +35,10 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
     space = compat.space(mesh, ("DG", order))
     size = cell_size(mesh) / order
     v, _ = ufl.split(fluid.state)
-    found = dolfinx.fem.Function(space)
+    reynolds = dolfinx.fem.Function(space)
     number = ufl.sqrt(ufl.inner(v, v)) * size / fluid.viscosity
-    compat.interpolate(found, number)
-    mine = float(np.max(found.x.array, initial=0.0))
+    compat.interpolate(reynolds, number)
+    mine = float(np.max(reynolds.x.array, initial=0.0))
     return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
 

@@ -139,47 +139,47 @@ class FlowEquations:
         (v, p, w, q), model, at = flow, self.model, self.reference_map
         viscosity, force = self.viscosity, self._body_force()
         rate, carrier = self._rate_of_change(v), self.carrier(v)
-        found = terms.internal_force(v, p, w, viscosity, at) + terms.continuity(v, q, at)
+        residual = terms.internal_force(v, p, w, viscosity, at) + terms.continuity(v, q, at)
         if rate is not None:
-            found += terms.inertia(rate, w, at)
+            residual += terms.inertia(rate, w, at)
         if carrier is not None:
-            found += self._convection(v, carrier, w)
+            residual += self._convection(v, carrier, w)
         if model.inertia and model.stabilisation:
             size = cell_size(self.domain.mesh) / model.order
-            found += terms.grad_div(v, carrier, w, viscosity, size, at)
+            residual += terms.grad_div(v, carrier, w, viscosity, size, at)
         if model.inertia and model.upwind and upwind:
             # A Jacobian of corrections alone is cheaper by half without what is small where the residual is.
             along = self._frozen_velocity() if model.exact else carrier
             known = None if model.exact or model.viscosity is not None else viscosity
             strong = terms.momentum(v, p, carrier, known, rate, force, at)
             size = self._upwind_size()
-            found += terms.streamline_upwind(strong, along, w, viscosity, size, at)
+            residual += terms.streamline_upwind(strong, along, w, viscosity, size, at)
         if force is not None:
-            found += terms.body_force(force, w, at)
-        found = found * dx
+            residual += terms.body_force(force, w, at)
+        residual = residual * dx
         if self.constraints.crossings:
-            found += self._at_crossings(v, carrier, w)
+            residual += self._at_crossings(v, carrier, w)
         if self.walls is not None:
-            found += self.walls.integral(v, p, rate, w, q)
-        return found if self.surface is None else found + self.surface.integral(v, carrier, w)
+            residual += self.walls.integral(v, p, rate, w, q)
+        return residual if self.surface is None else residual + self.surface.integral(v, carrier, w)
 
     def _convection(self, v: Any, carrier: Any, w: Any) -> Any:
         return terms.convection(v, carrier, w, self.reference_map)
 
     def _at_crossings(self, v: Any, carrier: Any, w: Any) -> Any:
         """The terms of boundaries through which fluid leaves, or enters at a given rate."""
-        n, at, stream = (
+        n, at, backflow = (
             ufl.FacetNormal(self.domain.mesh),
             self.reference_map,
-            self.constraints.stream,
+            self.constraints.backflow,
         )
-        found = terms.open_boundary(v, w, n, self.viscosity, at)
+        residual = terms.open_boundary(v, w, n, self.viscosity, at)
         # 2-D flow past a grain on a rough bed does not converge with it (tests/end_to_end/test_rough_beds.py).
-        in_space = self.domain.gdim == 3 and self.model.viscosity is not None
-        if carrier is not None and (in_space or stream is not None):
-            brought = v if stream is None else v - stream
-            found += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
-        return found * self.domain.measure(*self.constraints.crossings)
+        turbulent_3d = self.domain.gdim == 3 and self.model.viscosity is not None
+        if carrier is not None and (turbulent_3d or backflow is not None):
+            brought = v if backflow is None else v - backflow
+            residual += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
+        return residual * self.domain.measure(*self.constraints.crossings)
 
     def _body_force(self) -> Any:
         """The force per unit mass; None without one."""

@@ -57,12 +57,14 @@ class SurfaceLoad:
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
         """The part in the residual of momentum, tested with w, in UFL. Not collective."""
-        found = load(v, w, self.place, self.normal, self._acting()) * self.measure
+        residual = load(v, w, self.place, self.normal, self._acting()) * self.measure
         if carrier is not None:
             brought = v if self._wave is None else v - self._wave
             for measure in self._entering:
-                found += terms.entering_boundary(brought, carrier, w, self.normal) * measure
-        return found if self._sponge is None else found + self._sponge.integral(v, w, self.place)
+                residual += terms.entering_boundary(brought, carrier, w, self.normal) * measure
+        return (
+            residual if self._sponge is None else residual + self._sponge.integral(v, w, self.place)
+        )
 
     def of_pressure(self, p: Any, q: Any) -> Any:
         """What it adds to the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
@@ -90,11 +92,11 @@ class _Sponge:
     """A sponge and the base flow in it, at the nodes of the mesh as it was made."""
 
     def __init__(self, flow: TaylorHood, sponge: Sponge):
-        self._given, self._stream = sponge, dolfinx.fem.Function(flow.velocity)
-        values = sponge.stream(flow.velocity_points().T, 0.0)
-        self._stream.x.array.reshape(-1, flow.gdim)[:] = values.T
+        self._given, self._base_flow = sponge, dolfinx.fem.Function(flow.velocity)
+        values = sponge.base_flow(flow.velocity_points().T, 0.0)
+        self._base_flow.x.array.reshape(-1, flow.gdim)[:] = values.T
 
     def integral(self, v: Any, w: Any, place: Any) -> Any:
         within = (place[0] - self._given.start) / (self._given.end - self._given.start)
         rate = self._given.rate * ufl.conditional(ufl.gt(within, 0), within**2, 0)
-        return terms.relaxation(v, self._stream, rate, w) * ufl.dx
+        return terms.relaxation(v, self._base_flow, rate, w) * ufl.dx

@@ -49,7 +49,7 @@ class SettlingOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The rest of a grain, or why it found none."""
+    """The rest of a grain, or why the grain has none."""
 
     placement: Placement  # the last one; the grain touches the bed there
     contacts: Contacts | None  # where it touches the bed, None unless it rests or balances

@@ -105,9 +105,9 @@ def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
         rows
     ]
     among = (position >= 0).all(axis=1)
-    found = _positions(wanted[order], unordered_keys(position[among], len(numbers)))
-    named, first = np.unique(facets[among][found >= 0], return_index=True)
-    values = tags[order][found[found >= 0]][first]
+    matched = _positions(wanted[order], unordered_keys(position[among], len(numbers)))
+    named, first = np.unique(facets[among][matched >= 0], return_index=True)
+    values = tags[order][matched[matched >= 0]][first]
     return dolfinx.mesh.meshtags(
         mesh, dimension - 1, named.astype(np.int32), values.astype(np.int32)
     )

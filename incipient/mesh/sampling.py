@@ -53,7 +53,7 @@ class Places:
         return cls(np.full(count, -1), np.zeros((count, gdim)), np.full(count, np.inf))
 
     @property
-    def found(self) -> NDArray[np.bool_]:
+    def located(self) -> NDArray[np.bool_]:
         """(n,) whether there is a cell."""
         return self.cells >= 0
 
@@ -219,7 +219,7 @@ def sample(function: Any, points: np.ndarray) -> np.ndarray:
     mesh = function.function_space.mesh
     places = Locator(mesh).inside(points)
     values = np.full((len(points), function.function_space.dofmap.index_map_bs), np.nan)
-    values[places.found] = evaluate(function, places.at(places.found))
+    values[places.located] = evaluate(function, places.at(places.located))
     for other in mesh.comm.allgather(values):
         missing = np.isnan(values).any(axis=1)
         values[missing] = other[missing]
@@ -259,7 +259,7 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
     s = np.linspace(0.0, 1.0, 201)[:, None]
     points = (1 - s) * np.asarray(start) + s * np.asarray(end)
     places = Locator(mesh).inside(points)
-    return int(mesh.comm.allreduce(len(np.unique(places.cells[places.found]))))
+    return int(mesh.comm.allreduce(len(np.unique(places.cells[places.located]))))
 
 
 def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:

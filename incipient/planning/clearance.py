@@ -92,13 +92,13 @@ class Surroundings:
 
         The bed is looked at more closely only if it may be nearer than `within`.
         """
-        found = [self._from_side(placement, side) for side in self.sides]
+        clearances = [self._from_side(placement, side) for side in self.sides]
         down = -np.eye(placement.gdim)[-1]
         lowest = float(self._extreme(placement, down)[-1])
         if self.bed is not None and (within == np.inf or lowest - self.bed.crest < within):
             gap, on_grain, on_bed = self._near_bed.clearance(placement)
-            found.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
-        return min(found, key=lambda one: one.distance)
+            clearances.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
+        return min(clearances, key=lambda one: one.distance)
 
     def _from_side(self, placement: Placement, side: Side) -> Clearance:
         towards = -side.inwards * np.eye(placement.gdim)[side.axis]

@@ -68,29 +68,29 @@ def inertia_of(setup: Setup, numbers: Numbers) -> Decision:
     if not scene.fluid.inertia or scene.effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         return Decision(name, False, f"{key} = false", True, expected(scene.flow.kind, numbers))
-    told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
+    reynolds_text = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if scene.effects.inertia is True:
-        return Decision(name, True, f"effects.inertia = true; {told}", True)
+        return Decision(name, True, f"effects.inertia = true; {reynolds_text}", True)
     if scene.has_surface:
-        return Decision(name, True, f"the free surface moves the fluid; {told}")
+        return Decision(name, True, f"the free surface moves the fluid; {reynolds_text}")
     if scene.flow.kind == "still" and not scene.moves:
         return Decision(name, False, "the fluid is at rest", expected=0.0)
     change = expected(scene.flow.kind, numbers)
     which = "flow Re" if numbers.grain_reynolds is None else "grain Re"
     value = numbers.flow_reynolds if numbers.grain_reynolds is None else numbers.grain_reynolds
     if change > SHARE * accuracy_asked(scene.numerics):
-        return Decision(name, True, told, expected=change)
+        return Decision(name, True, reynolds_text, expected=change)
     reason = f"{which} {value:.2g}; estimated effect on drag {percent(change)}"
     return Decision(name, False, reason, expected=change)
 
 
 def expected(kind: str, numbers: Numbers) -> float:
     """Relative change of the drag that convection makes in a kind of flow, by Oseen's term; at most one."""
-    found = [OSEEN * (numbers.bed_reynolds or 0.0)]
+    estimates = [OSEEN * (numbers.bed_reynolds or 0.0)]
     if kind in ("lid", "expression"):  # not parallel: inertia bends the flow itself
-        found.append(OSEEN * numbers.flow_reynolds)
+        estimates.append(OSEEN * numbers.flow_reynolds)
     if numbers.grain_reynolds is not None:
-        found.append(OSEEN * numbers.grain_reynolds * max(1.0, numbers.reach))
+        estimates.append(OSEEN * numbers.grain_reynolds * max(1.0, numbers.reach))
     elif kind != "still":
-        found.append(OSEEN * numbers.flow_reynolds)
-    return min(max(found), 1.0)
+        estimates.append(OSEEN * numbers.flow_reynolds)
+    return min(max(estimates), 1.0)

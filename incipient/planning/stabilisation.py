@@ -44,16 +44,18 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     if not inertia:
         return NO_CONVECTION
     number, asked = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
-    found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
+    reynolds_text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
         return Stabilisation(
-            True, f"streamline upwinding of steady 3-D flow; {found}", number, True
+            True, f"streamline upwinding of steady 3-D flow; {reynolds_text}", number, True
         )
     if asked == "auto" and _stretches_cells(setup):
-        return Stabilisation(False, f"cells are stretched along walls; {found}", number)
+        return Stabilisation(False, f"cells are stretched along walls; {reynolds_text}", number)
     if asked != "auto":
-        return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
-    bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
+        return Stabilisation(
+            asked == "on", f'numerics.stabilisation = "{asked}"; {reynolds_text}', number
+        )
+    bound = f"{reynolds_text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
 
 

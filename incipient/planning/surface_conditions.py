@@ -38,21 +38,21 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
 
     Places of which it decides nothing are missing. Not collective.
     """
-    asked, sides, up, found = (
+    asked, sides, up, conditions = (
         setup.surface,
         setup.sides,
         setup.geometry.up,
         dict[str, list[Condition]](),
     )
     if setup.scene.domain.kind != "channel" and asked.ends == "wall":
-        found["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
+        conditions["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
     if asked.bottom == "slip":
-        found["below"] = [Slip(sides.bottom, axis=up)]
+        conditions["below"] = [Slip(sides.bottom, axis=up)]
     if lid:
-        return found
+        return conditions
     if setup.scene.domain.kind == "channel":
-        found["ends"] = ends(setup)
-    return found | {"above": [free_surface(setup)]}
+        conditions["ends"] = ends(setup)
+    return conditions | {"above": [free_surface(setup)]}
 
 
 def free_surface(setup: Setup) -> FreeSurface:
@@ -96,21 +96,21 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
 
     It is counted by the area as the mesh was made.
     """
-    stream, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
+    base_velocity, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
 
     def along(x: Floats, t: float) -> Floats:
         """Velocities (n,) along the channel at places (3, n) of the inflow as the mesh was made."""
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
         places[up] = datum + (x[up] - datum) * deeper
         waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
-        return np.asarray((stream(places, t)[0] + waving) * deeper)
+        return np.asarray((base_velocity(places, t)[0] + waving) * deeper)
 
     return along
 
 
 def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     """Base flow and wave at the inflow, and the elevation there."""
-    stream, left, datum, up = (
+    base_velocity, left, datum, up = (
         base_flow.velocity,
         base_flow.domain.left,
         base_flow.datum,
@@ -119,9 +119,9 @@ def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
 
     def velocity(x: Floats, t: float) -> Floats:
         """Velocities (gdim, n) of base flow and wave at places (3, n)."""
-        found = stream(x, t)
+        total = base_velocity(x, t)
         for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
-            found[axis] += waving
-        return found
+            total[axis] += waving
+        return total
 
     return IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))

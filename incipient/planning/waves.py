@@ -30,7 +30,7 @@ class StokesWave:
     frequency: float  # in the frame of the bed, 2 pi over the period
     number: float  # of waves, 2 pi over the length
     depth: float  # of the still layer
-    stream: float  # speed as the wave feels it in the mean
+    current: float  # depth-weighted speed of the current (Kirby & Chen)
     surface: float  # speed of the flow on the surface
     # The first harmonic's velocity upwards over that on the surface, by the height above the bottom
     rise: Any
@@ -62,7 +62,7 @@ class StokesWave:
         phase, whole = k * x - self.frequency * t, 1.0 - np.exp(-2.0 * k * H)
         first, own = (
             grown * a * (self.frequency - k * self.surface),
-            self.frequency - k * self.stream,
+            self.frequency - k * self.current,
         )
         second = grown**2 * 6.0 * a**2 * own * k * np.exp(-2.0 * k * H) / whole**4
         up, down = np.exp(2.0 * k * (y - H)), np.exp(-2.0 * k * (y + H))
@@ -98,10 +98,10 @@ def stokes_wave(
         def slopes(height: float, f: Floats) -> list[float]:
             return [f[1], (k**2 + profile(height, 2) / (profile(height) - frequency / k)) * f[0]]
 
-        found = solve_ivp(
+        solution = solve_ivp(
             slopes, (0.0, depth), [0.0, k], t_eval=y, rtol=1e-10, atol=1e-12, method="DOP853"
         ).y
-        return found[0] / found[0, -1], found[1] / found[0, -1]
+        return solution[0] / solution[0, -1], solution[1] / solution[0, -1]
 
     def missed(k: float) -> float:
         relative = frequency / k - surface

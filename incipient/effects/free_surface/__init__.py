@@ -92,13 +92,13 @@ def _ends(setup: Setup) -> str:
     if setup.geometry.domain.kind == "box":
         return ""
     asked, speed, wave = setup.surface, froude(setup), wave_of(setup)
-    told = f"; Froude number {speed:.2g}" if speed else ""
-    told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
-    told += (
+    text = f"; Froude number {speed:.2g}" if speed else ""
+    text += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
+    text += (
         "that of the still fluid beyond the outflow"
         if asked.outflow == "open"
         else "and a wall at the right end"
     )
     if wave is not None:
-        told += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
-    return told + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
+        text += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
+    return text + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")

@@ -102,8 +102,8 @@ class BedContact:
         self._start = np.array(start.centre)
 
     def _gaps(self, placement: Placement, within: float) -> ClosestPoints:
-        found = self._near.gaps(placement, within + self._gap)
-        return replace(found, gaps=found.gaps - self._gap)
+        closest = self._near.gaps(placement, within + self._gap)
+        return replace(closest, gaps=closest.gaps - self._gap)
 
     # -- each step --------------------------------------------------------------------------------
 
@@ -212,10 +212,10 @@ class BedContact:
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)
         sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "couples": 2}
-        points, normals, impulses, velocities, couples = (
+        points, normals, impulses, velocities, torques = (
             np.array(kept["contacts"][name]).reshape(-1, size) for name, size in sizes.items()
         )
-        return ActiveContacts(points, normals, impulses, velocities, couples)
+        return ActiveContacts(points, normals, impulses, velocities, torques)
 
 
 def _works(

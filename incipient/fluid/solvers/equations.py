@@ -46,10 +46,10 @@ class Equations:
     def held(self) -> np.ndarray:
         """(local unknowns of the mixed space,) whether a condition holds there."""
         index_map = self.space.mixed.dofmap.index_map
-        found = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
+        is_held = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
         for condition in self.dirichlet:
-            found[condition.dof_indices()[0]] = True
-        return found
+            is_held[condition.dof_indices()[0]] = True
+        return is_held
 
     def owned_held(self) -> np.ndarray:
         """(owned unknowns of the mixed space,) whether a condition holds there."""
@@ -66,9 +66,9 @@ class Equations:
 
     def constant_pressures(self) -> np.ndarray:
         """(owned unknowns,) the constant pressures, of length one over all ranks. Collective."""
-        found = np.zeros(self.space.mixed.dofmap.index_map.size_local)
-        found[self.owned_pressures()] = 1.0
-        return found / np.sqrt(self.space.mixed.mesh.comm.allreduce(float(found.sum())))
+        constant = np.zeros(self.space.mixed.dofmap.index_map.size_local)
+        constant[self.owned_pressures()] = 1.0
+        return constant / np.sqrt(self.space.mixed.mesh.comm.allreduce(float(constant.sum())))
 
     @property
     def closed(self) -> bool:

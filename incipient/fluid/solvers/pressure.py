@@ -111,8 +111,8 @@ class CahouetChabard:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Approximately S^-1 times the right-hand side. Collective."""
-        found = self._coefficient * self._poisson.solve(right)
-        return found if self._mass is None else found + self._mass.solve(right)
+        pressure = self._coefficient * self._poisson.solve(right)
+        return pressure if self._mass is None else pressure + self._mass.solve(right)
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
@@ -148,11 +148,11 @@ class LeastSquaresCommutator:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Approximately S^-1 times the right-hand side. Collective."""
-        blocks, found = self._blocks, np.empty_like(right)
+        blocks, pressure = self._blocks, np.empty_like(right)
         forces = blocks.push(self._poisson.solve(right[self._order]))
         carried = blocks.carry(self._scale * forces)
-        found[self._order] = self._poisson.solve(blocks.gather(self._scale * carried))
-        return found
+        pressure[self._order] = self._poisson.solve(blocks.gather(self._scale * carried))
+        return pressure
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
@@ -177,8 +177,8 @@ def _bounds(space: Any, order: int) -> tuple[float, float]:
     values = compat.tabulate(space, points)
     mass = (values.T * weights) @ values
     scale = np.sqrt(mass.diagonal())
-    found = np.linalg.eigvalsh(mass / np.outer(scale, scale))
-    return float(found[0]), float(found[-1])
+    eigenvalues = np.linalg.eigvalsh(mass / np.outer(scale, scale))
+    return float(eigenvalues[0]), float(eigenvalues[-1])
 
 
 class _Poisson:

@@ -99,16 +99,16 @@ class TwoLevel(LinearSolver):
         if self._scale is None:
             self.prepare()
         right = b.array_r.copy()
-        found = self._free(self._reduced(self._free(right), rtol, transposed))
+        solution = self._free(self._reduced(self._free(right), rtol, transposed))
         # Where conditions hold the equations are those of the identity.
-        x.setArray(np.where(self._held, right, found))
+        x.setArray(np.where(self._held, right, solution))
         self.statistics.solves += 1
 
     def _reduced(self, residual: np.ndarray, rtol: float, transposed: bool) -> np.ndarray:
         """The solution whose residual is `rtol` times that given, which is overwritten."""
-        found, size = np.zeros_like(residual), self._size(residual)
+        solution, size = np.zeros_like(residual), self._size(residual)
         if size == 0.0:
-            return found
+            return solution
         directions: list[tuple[np.ndarray, np.ndarray]] = []
         smoothing = CONVECTED_SMOOTHING if self._convected else SMOOTHING
         for step in range(MOST_CYCLES * (smoothing + 1)):
@@ -126,11 +126,11 @@ class TwoLevel(LinearSolver):
             z, q = z / norm, q / norm
             directions = [*directions[1 - MOST_DIRECTIONS :], (z, q)]
             length = self._inner(residual, q)
-            found += length * z
+            solution += length * z
             residual -= length * q
             self.statistics.krylov_iterations += 1
             if is_last and step > smoothing and self._size(residual) <= rtol * size:
-                return found
+                return solution
         raise UnsolvedError(
             f"the correction in elements of a higher order did not converge in {step + 1} iterations: "
             "use a smaller numerics.mesh_size, or numerics.error_bars = false"
@@ -277,23 +277,23 @@ class OrderTransfer:
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
         """The function in the space of higher order."""
-        found = np.zeros(len(self._held[1]))
+        fine_values = np.zeros(len(self._held[1]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
             one.setArray(values[coarse])
             matrix.mult(one, other)
-            found[fine] = other.array_r
-        return np.where(self._held[1], 0.0, found)
+            fine_values[fine] = other.array_r
+        return np.where(self._held[1], 0.0, fine_values)
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
         """Restrict a residual of higher order to the lower order."""
-        values, found = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
+        values, coarse_values = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
             other.setArray(values[fine])
             matrix.multTranspose(other, one)
-            found[coarse] = one.array_r
-        return np.where(self._held[0], 0.0, found)
+            coarse_values[coarse] = one.array_r
+        return np.where(self._held[0], 0.0, coarse_values)
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
@@ -404,9 +404,9 @@ class PressureForce:
             self._fresh.add(transposed)
         right.setArray(values[self._pressures])
         matrix.mult(right, left)
-        found = np.zeros_like(values)
-        found[self._velocities] = left.array_r
-        return found
+        forces = np.zeros_like(values)
+        forces[self._velocities] = left.array_r
+        return forces
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
