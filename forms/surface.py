@@ -54,7 +54,7 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
 
 
 def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:
-    """What the surface adds to the Laplacian that stands for a0 times the pressure's Schur complement, a0 p q/m.
+    """The surface's term in the Laplacian that approximates a0 times the pressure's Schur complement: a0 p q/m.
 
     A pressure p on the surface raises it at the rate p/m: m has the added mass g/a0 and what a layer of cells, of a
     `size` each, resists, a0 size, without which the pressure would vanish there. For preconditioners.

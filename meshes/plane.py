@@ -120,7 +120,7 @@ def _draw(region: Region, frame: Frame) -> dict[str, list[int]]:
 
 
 def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
-    """Let cells be as `sizes` says near curves by name, in a frame, and everywhere."""
+    """Set cell sizes near curves by name, in a frame, and everywhere."""
     fields = gmsh.model.mesh.field
     parts = [_near_field(near, curves, frame) for near in sizes.near]
     if sizes.field is not None:
@@ -224,7 +224,7 @@ class Boundary:
 
     @classmethod
     def read(cls, curves: dict[str, list[int]]) -> Boundary:
-        """The edges of order two that gmsh holds on curves by name."""
+        """The second-order edges of gmsh on curves by name."""
         mesh = Simplices.read(curves, 2, 2)
         rows = np.concatenate([*mesh.sides.values()])
         names = np.repeat([*mesh.sides], [len(part) for part in mesh.sides.values()])
@@ -319,7 +319,7 @@ class Stand:
         )
 
     def room(self, boundary: Boundary, share: float) -> Floats:
-        """How thick (n,) all layers together are at most, along walls slowly changing; 0 where there is hardly any."""
+        """Largest total thickness (n,) of the layers, slowly varying along walls; 0 where there is hardly any space."""
         # Sides along which columns stand are no obstacles to them.
         obstacles = ~np.isin(boundary.names, boundary.names[self.ends[:, 1]])
         of_obstacles = boundary.points[np.unique(boundary.edges[obstacles])]
@@ -394,7 +394,7 @@ def _layered(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Simp
 def _filled(
     boundary: Boundary, stand: Stand, columns: Columns, cells: Integers, sizes: Sizes, frame: Frame
 ) -> Simplices:
-    """Layers and, between them, free triangles, of order one."""
+    """Layers and, between them, free triangles, first-order."""
     walls = set(boundary.names[stand.edges])
     lines = _lines(boundary, stand, columns, walls)
     geo, curves = gmsh.model.geo, dict[str, list[int]]()

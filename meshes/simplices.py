@@ -52,7 +52,7 @@ class Simplices:
         return cls(points, elements(dimension, order), sides, order)
 
     def of_order(self, order: int) -> Simplices:
-        """The straight cells of order one with the nodes of a higher order."""
+        """The straight first-order cells with the nodes of a higher order."""
         if order == 1:
             return self
         count, dimension = self.points.shape

@@ -94,12 +94,12 @@ class SizeMap:
 
     @property
     def names(self) -> list[str]:
-        """What needs the sizes of `parts`, in their order."""
+        """The features that need the sizes of `parts`, in their order."""
         near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
         return ["domain", *near, GAPS, "adaptation"]
 
     def parts(self, x: Floats) -> tuple[Floats, dict[str, Floats]]:
-        """The sizes (names, n) that each feature asks for at points (n, 3), and the distances (n,) from boundaries."""
+        """The sizes (names, n) that each feature requires at points (n, 3), and the distances (n,) from boundaries."""
         wanted = {near.boundary for near in self.sizes.near if near.boundary}
         if np.isfinite(self.sizes.gap_part):
             wanted |= {self.region.names[5], *self.region.holes}
@@ -151,7 +151,7 @@ class SizeMap:
 
     @property
     def least(self) -> Floats:
-        """The smallest size that each of `names` asks for anywhere, in the frame (names,)."""
+        """The smallest size that each of `names` requires anywhere, in the frame (names,)."""
         known = [self.sizes.far, *(near.size for near in self.sizes.near)]
         adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
         return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])

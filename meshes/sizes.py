@@ -14,7 +14,7 @@ LAYERS_SHARE = (
 
 @dataclass(frozen=True)
 class Away:
-    """How cells along a feature may grow with the distance from a point, up to a largest size; scene units.
+    """Growth of cells along a feature with the distance from a point, up to a largest size; scene units.
 
     From the distance `level` on the feature has no forms that this size follows: cells grow on.
     """
@@ -40,7 +40,7 @@ class Near:
     most: float = float("inf")
 
     def scaled(self, factor: float) -> Near:
-        """The size times a factor; the largest one away, which the boundary's shape bears, does not grow.
+        """The size times a factor; the largest one away, which the boundary's shape admits, does not grow.
 
         Finer cells grow more slowly with the distance, so that all become smaller by the factor.
         """

@@ -285,7 +285,7 @@ def _room(
     first: Floats,
     layers: WallLayers,
 ) -> Floats:
-    """How thick (feet,) all layers together are: so that the cells beyond stay sound."""
+    """Total thickness (feet,) of the layers, limited so that the cells beyond stay valid."""
     edges = np.unique(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), axis=0)
     on_wall = mesh.points[feet]
     lengths = np.linalg.norm(on_wall[edges[:, 0]] - on_wall[edges[:, 1]], axis=1)

@@ -228,7 +228,7 @@ class Ground(ExactSurface):
         return Draft(Surface(points, surface.triangles), held)
 
     def _abscissae(self, axis: int) -> Floats:
-        """Where the first triangles' grid is cut, in the frame: evenly where the bed has a shape, wider beyond."""
+        """Grid lines of the initial triangles in the frame: uniform where the bed has a shape, wider beyond."""
         low, high = (float(side[axis]) for side in self.region.rectangle)
         middle, reach = self._reach
         step = self.region.bed.feature / (

@@ -4,7 +4,7 @@ Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 
 and Coulomb's laws with the velocities at the end of the step, and act on the same effective mass as the load, the
 fluid's added mass included. Contacts are those that the body would enter in the step, which is not cut short. An
 impulse acts along the mean of a contact's normals at both ends of the step: a body that rolls along a curved bed keeps
-its energy. Remaining gaps and overlaps are corrected in the place, not in the velocities.
+its energy. Remaining gaps and overlaps are corrected in the position, not in the velocities.
 """
 
 from __future__ import annotations
@@ -24,25 +24,27 @@ from .state import BodyState
 
 NearBed = Callable[[Placement, float], ClosestPoints]
 
-ROUNDS = 40  # of impulses and places, until neither changes
-IN_TURN = 12  # rounds after which contacts that come and go in turn, such as ends of a side that lands, stay
+ROUNDS = 40  # of impulses and positions, until neither changes
+IN_TURN = (
+    12  # rounds after which alternating contacts, such as the ends of a side that lands, are kept
+)
 SETTLED = 1e-9  # change of the body's place in a round, relative to its reach, that ends them
 CLOSED = 1e-9  # gap, relative to the reach, that counts as none
 CORRECTIONS = 8  # of a place, by gaps that are taken for linear in it
-SEEN = 0.05  # gap, relative to the reach, within which contacts of one round are looked for again in the next
+SEEN = 0.05  # gap, relative to the reach, within which the next round searches for the contacts of the last
 CREATED = 1e-3  # work done by contacts, relative to impulses times velocities, that is not accepted
 SLIDES = 1e-9  # velocity along a contact, relative to the largest there, from which on it slides
-SAME_NORMAL = 0.9  # cosine of normals of what is one contact at two moments of a step
-# How far apart its places may be: times the way of the body in the step, and relative to its reach besides.
+SAME_NORMAL = 0.9  # cosine of the normals of one contact at two times in a step
+# Largest distance of its positions: over the path of the body in the step, plus a fraction of the reach.
 SAME_WAY, SAME_PLACE = 2.0, 1e-3
 
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """How a body and its bed touch.
+    """The law of contact between a body and its bed.
 
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
-    restitution: share of the normal velocity with which the body leaves an impact (Newton's law)
+    restitution: fraction of the normal velocity with which the body leaves an impact (Newton's law)
     rolling: torque against rolling, over the normal force times half of the body's largest extent, at most
     """
 
@@ -124,7 +126,7 @@ class ContactStep:
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """What a step starts from: state, contacts, velocities (n, n) gained by impulses, how far a contact may wander.
+    """Start of a step: state, contacts, velocities (n, n) per unit impulse, and the largest shift of a contact.
 
     mean: whether impulses act along the mean of normals at both ends
     """
@@ -242,7 +244,7 @@ class ContactMotion:
         return self._placed(end, self._seen(end), none.places(), start)[0]
 
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
-        """How far apart places of one contact may be in a step."""
+        """The largest distance of two positions of one contact within a step."""
         ways = [
             np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin)
             for one in (state, end)

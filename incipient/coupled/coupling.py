@@ -18,7 +18,7 @@ from .part import Part
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
-# The flow is solved to this share of the residual of the body's equation at hand.
+# The flow is solved to this fraction of the residual of the body's equation.
 SHARE = 1e-3
 SLOW = (
     "the iteration of fluid and {parts} did not converge in {number} iterations: use shorter steps, or a larger "
@@ -30,13 +30,13 @@ PATIENCE = 3
 
 @dataclass(frozen=True)
 class InterfaceReport(NewtonReport):
-    """How the iteration of a step went: `residuals` of the body's equation of motion, relative to its load."""
+    """The iteration of a step: `residuals` of the body's equation of motion, relative to its load."""
 
     residuals: tuple[float, ...] = ()
 
     @property
     def corrected(self) -> int:
-        """How often the body's velocities were corrected."""
+        """Number of updates of the body's velocities."""
         return max(len(self.residuals) - 1, 0)
 
 
@@ -77,7 +77,7 @@ class Coupling:
     def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
         """Iterate on the parts' velocities at the end of a step from the last state."""
         if order != self._order:
-            # Factors of the other backward difference serve badly.
+            # The LU factorisation of the other backward difference is a poor approximation.
             self.fluid.renew_factors()
         self._order = order
         for part in self.parts:
@@ -136,7 +136,7 @@ class Coupling:
         return self._complaint
 
     def _folded(self) -> str:
-        """What to say of a mesh that has folded over."""
+        """The reason why the mesh has folded over."""
         return " or ".join(part.folded for part in self.parts)
 
     def _is_folded(self) -> bool:

@@ -73,11 +73,11 @@ class Drift:
         return self._rising.solved(self._solvers[0], flux)
 
     def correction(self, missed: Floats) -> Floats:
-        """(local nodes,) the correction of an elevation that the flow has missed by `missed` (local nodes,)."""
+        """(local nodes,) the correction of an elevation for the residual `missed` (local nodes,)."""
         return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
 
     def _entered(self) -> Floats:
-        """(local nodes,) the elevation of what comes in as a wave."""
+        """(local nodes,) the elevation of the incoming wave."""
         elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
             if entry.wave is not None:

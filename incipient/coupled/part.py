@@ -1,4 +1,4 @@
-"""What moves with the fluid and is solved together with it, as the coupling sees it: a body, a surface."""
+"""Interface of the moving parts that the coupling solves together with the flow: bodies and surfaces."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Part(Protocol):
         ...
 
     def forget(self) -> None:
-        """Drop what earlier steps have taught about the iteration."""
+        """Discard the information of earlier steps on the iteration."""
         ...
 
     def velocities(self) -> Floats:

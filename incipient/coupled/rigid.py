@@ -33,7 +33,7 @@ from .tractions import Resultant, TractionProbe
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
-# A step whose length differs by more than this share from that of the derivative at hand takes a new one.
+# A step whose length differs by more than this fraction from that of the present derivative takes a new one.
 SAME_LENGTH = 0.1
 # Room left, relative to the body's extent, at which a body counts as having met something.
 CLOSE = 1e-6
@@ -165,7 +165,7 @@ class RigidPart:
         return residual
 
     def correct(self) -> None:
-        """Try the end under the load at hand; the flow answers linearly to the change of the body's velocities."""
+        """Try the end under the present load; the flow responds linearly to the change of the body's velocities."""
         change = self._improved.velocities - self._tried.velocities
         self._tried = self._improved
         with self._stage("interface"):
@@ -193,7 +193,7 @@ class RigidPart:
         self.past = [self.state, *self.past[:2]]
 
     def take_over(self, was: RigidPart) -> None:
-        """Go on from where the body was on another mesh."""
+        """Continue from the body on another mesh."""
         self.mean_load, self.end, self.past = was.mean_load, was.end, list(was.past)
 
     def restore(self) -> None:
@@ -228,7 +228,7 @@ class RigidPart:
     # -- one iteration ----------------------------------------------------------------------------
 
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
-        """The end under the load at hand, and by how much that load misses the body's motion."""
+        """The end under the present load, and the residual of the body's equation of motion there."""
         with self._stage("tractions"):
             self.probe.refer_to(end.place.tolist())
             flow_load = self._load_of(self.probe.resultant())
@@ -251,7 +251,7 @@ class RigidPart:
         return self._motion.end
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
-        """A load missed, relative to the loads at hand: the flow's, the rest, what resists the motion."""
+        """A residual load relative to the loads of the flow, of other forces, and of the resistance to the motion."""
         end, free = self.end, self.body.mask
         unit = self._unit()
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
@@ -262,7 +262,7 @@ class RigidPart:
     # -- the derivative ---------------------------------------------------------------------------
 
     def _responded(self, before: End, end: End) -> Response:
-        """The response at hand, corrected by what the last iteration has shown, or a new one.
+        """The present response, updated by the last iteration, or a new one.
 
         New where the factors or the length of the step have changed. The correction is Broyden's: the least
         that explains the change of load seen with the last change of velocities. It accounts for what A_u
@@ -356,7 +356,7 @@ class RigidPart:
         self._follow()
 
     def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
-        """What the load (k,) falls by with a velocity to which the flow gives an answer (unknowns,)."""
+        """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""
         fluid, before = self.fluid, self.fluid.state.x.array.copy()
         self._try(nudged)
         fluid.state.x.array[:] += change * answer

@@ -121,7 +121,7 @@ class SurfacePart:
         return self.mesh.at(self._tried)
 
     def place(self) -> None:
-        """Tell the flow the elevation tried, and what is above it."""
+        """Set the trial elevation, and the pressure above it, in the flow."""
         self._load.elevation.x.array[:] = self._tried
         self._load.update(self.fluid.time)
 
@@ -210,7 +210,7 @@ class SurfacePart:
     def ends(self) -> str:
         """Why a step from the last state would be worth nothing: the surface is no graph, or has come down to the bed.
 
-        In words, with a remedy; empty if it goes on.
+        A reason with a remedy; empty if the run continues.
         """
         slope, nodes = self._steepness(self.elevation), self.mesh.nodes
         left = float((self._depths + self.elevation)[nodes].min(initial=np.inf))

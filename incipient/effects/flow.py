@@ -120,7 +120,7 @@ class UnsteadinessEffect(Effect):
     name = EffectName.UNSTEADINESS
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Present with [time], unless the scene asks for a quasi-steady flow."""
+        """Present with [time], unless the scene requires a quasi-steady flow."""
         scene = setup.scene
         time = scene.time
         if time is None:

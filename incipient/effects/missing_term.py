@@ -1,4 +1,4 @@
-"""A term that is missing in the equations: what it would change, to first order, in the flow that was computed.
+"""First-order change of a computed flow by a term that is missing in the equations.
 
 A term T changes force and torque by -T(v)(z): the term at the computed flow v, tested with the solution z of the dual
 problem of force or torque (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182,
@@ -26,13 +26,13 @@ from .effect import Solved
 
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
-# Residual of the dual solutions of what is said in two digits: a thousandth of them, where it was measured in 3-D.
+# Residual of the dual solutions of estimates of two digits: an error of a thousandth, measured in 3-D.
 ROUGH = 1e-4
 
 
 def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     """The change of force and torque by a missing term; without a grain, that of the velocity. Collective."""
-    # To first order the flow of lower order does, whose matrix is there.
+    # The lower-order flow, whose matrix is assembled, is accurate enough to first order.
     run, force, couple = solved.run, solved.force, solved.couple
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
@@ -52,7 +52,7 @@ def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
 
 
 def with_factors_of_steady_flow(fluid: Fluid) -> None:
-    """Let the fluid's factors be those of its steady equations, linearised about its state. Collective.
+    """Factorise the fluid's steady equations, linearised about its state. Collective.
 
     The state stays; of an unsteady fluid the next step sets everything again.
     """
@@ -71,7 +71,7 @@ def change_of_loads(
     """The change of force (3,) and torque (3,) on a boundary by a missing term, to first order. Collective.
 
     Args:
-        fluid: solved, with factors of its steady equations at hand.
+        fluid: solved, with its steady equations factorised.
         term: the integrand, on the left-hand side of the momentum equation.
         about: point (gdim,) that the torque refers to.
     """

@@ -1,4 +1,4 @@
-"""The force of a flow that changes faster than viscosity acts: of the disturbance's potential, added mass among it.
+"""The force of a flow that changes faster than viscosity acts: that of the disturbance's potential with added mass.
 
 Where the base flow w changes at the rate of w in unit time, the fluid around bodies at rest gains w + grad(phi), with
 no flux through walls: n . grad(phi) = -n . w there. The pressure of the disturbance is -phi (fluid density one).
@@ -31,12 +31,12 @@ def load_of_disturbance(
     outlet: str,
     centre: Sequence[float],
 ) -> Floats:
-    """Force and torque (2, 3) on the boundary "body" by the disturbance of a base flow that grows. Collective.
+    """Force and torque (2, 3) on the boundary "body" by the disturbance of an accelerating base flow. Collective.
 
     Args:
         velocity: of the base flow, (gdim, n) at places (3, n), that it gains in unit time.
-        walls: boundaries that nothing crosses, "body" among them. Others are taken as far from the disturbance.
-        outlet: the one of the others where its potential is zero.
+        walls: boundaries that nothing crosses, "body" among them. Other boundaries count as far from the disturbance.
+        outlet: the other boundary where the potential is zero.
         centre: (gdim,) of the torque.
     """
     mesh, gdim = domain.mesh, domain.gdim

@@ -77,7 +77,7 @@ class Constraints:
 
     @property
     def crossings(self) -> tuple[str, ...]:
-        """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
+        """Names of open ends, and of those at which only the velocity along the axis is prescribed."""
         return (*self.open, *(entry.boundary for entry in self.entries))
 
     @property
@@ -179,7 +179,7 @@ class Entry:
     Args:
         domain: whose mesh is as it was made.
         condition: of the end.
-        walls: names of boundaries at which the fluid sticks; it does so in the corners, too.
+        walls: names of boundaries at which the fluid sticks, also in the corners.
 
     Attributes:
         boundary, axis, given, wave: those of the condition.

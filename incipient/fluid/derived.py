@@ -30,7 +30,7 @@ def vorticity(fluid: Fluid) -> Any:
 
 
 def measured_cell_reynolds(fluid: Fluid) -> float:
-    """The largest |v| h/(k nu) of all cells of a flow at hand; h is the root of the doubled area. Collective."""
+    """The largest |v| h/(k nu) of all cells of a computed flow; h is the root of the doubled area. Collective."""
     mesh, order = fluid.domain.mesh, fluid.space.order
     space = compat.space(mesh, ("DG", order))
     size = cell_size(mesh) / order

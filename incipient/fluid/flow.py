@@ -74,7 +74,7 @@ class Fluid(Holder, FlowEquations):
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
-        self.negligible = 0.0  # speed in the mean of a correction that counts as none
+        self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
 
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
@@ -106,7 +106,7 @@ class Fluid(Holder, FlowEquations):
         return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
 
     def _equations(self) -> Equations:
-        """What the Jacobian is made of."""
+        """The data from which solvers assemble the Jacobian."""
         held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
@@ -244,7 +244,7 @@ class Fluid(Holder, FlowEquations):
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
     ) -> tuple[np.ndarray, np.ndarray]:
-        """How the flow answers to a change of boundary velocities, to a residual of `rtol`. Collective.
+        """The flow's response to a change of boundary velocities, to a residual of `rtol`. Collective.
 
         `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
         change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
@@ -308,7 +308,7 @@ class Fluid(Holder, FlowEquations):
 def build_fluid(
     domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
 ) -> Fluid:
-    """The fluid of a model, and that of order two where its systems are solved by two levels. Collective.
+    """The fluid of a model, and the second-order one where its systems are solved by two levels. Collective.
 
     The latter is `Fluid.coarse`, is freed with it, and counts for the same statistics.
     """
@@ -326,7 +326,7 @@ def build_fluid(
 
 @contextmanager
 def lowered(fluid: Fluid) -> Iterator[Fluid]:
-    """The flow of order two of a fluid, or a temporary one, with the fluid's state. Collective."""
+    """The second-order flow of a fluid, or a temporary one, with the fluid's state. Collective."""
     if fluid.coarse is not None:
         fluid.coarse.interpolate(fluid)
         yield fluid.coarse

@@ -1,4 +1,4 @@
-"""What walls exert on a flow that feels them by a law of the wall; imported only where there are any."""
+"""Friction of walls with a law of the wall; imported only where there are any."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class WallLoad:
         )
 
     def work(self, state: Any) -> Any:
-        """What walls that move do on the flow in unit time, in UFL; None where none moves. Not collective."""
+        """The power of moving walls on the flow, in UFL; None where none moves. Not collective."""
         terms = [-self.power(state, one.velocity, name) for name, one in self._motions.items()]
         return sum(terms[1:], terms[0]) if terms else None
 

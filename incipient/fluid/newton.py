@@ -20,7 +20,7 @@ MUCH = 0.05  # of the state: a change after which an older preconditioner would 
 
 
 class System(Protocol):
-    """What Newton's method needs of a discretised problem; all methods are collective."""
+    """Interface of a discretised problem for Newton's method; all methods are collective."""
 
     def correction(self, fresh: bool, rtol: float | None) -> float:
         """Subtract a correction, `fresh` with new factors or preconditioner; its size relative to the state.
@@ -33,7 +33,7 @@ class System(Protocol):
 
 @dataclass(frozen=True)
 class Contraction:
-    """The factor by which factors at hand shrink corrections, as far as it is known.
+    """The contraction of Newton updates with the present LU factorisation, as far as it is known.
 
     ratio:    second correction of a solve over its first, when it was last measured
     measured: number of the solve, counted since the factors were made, in which that was
@@ -55,7 +55,7 @@ class Contraction:
         return size * ratio / (1 - ratio) if ratio < 0.5 else np.inf
 
     def after(self, sizes: list[float]) -> Contraction:
-        """What is known after another solve, whose corrections had these sizes."""
+        """The contraction after another solve with Newton updates of these sizes."""
         number = self.solves + 1
         if len(sizes) < 2 or sizes[0] == 0.0:
             return replace(self, solves=number)
@@ -65,7 +65,7 @@ class Contraction:
 
 @dataclass(frozen=True)
 class NewtonReport:
-    """How an iteration went: sizes of the corrections relative to the state, and the error estimated to be left.
+    """Report of an iteration: sizes of the Newton updates relative to the state, and the estimated remaining error.
 
     `contraction` is that of the factors at hand, for the next solve with them. `failure` says why the linear system of
     the correction after those was not solved; empty where it was.

@@ -1,4 +1,4 @@
-"""What acts on the flow below a free surface within a time step; imported only where there is one."""
+"""Load of a free surface on the flow within a time step; imported only where there is one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .space import TaylorHood, cell_size
 
 
 class SurfaceLoad:
-    """The load of a free surface, by functions on the mesh's own nodes that a step sets. Making it is collective.
+    """The load of a free surface, by functions on the mesh's nodes that a step sets. The constructor is collective.
 
     It includes the terms at an inflow and in the sponge.
 
@@ -67,7 +67,7 @@ class SurfaceLoad:
         )
 
     def of_pressure(self, p: Any, q: Any) -> Any:
-        """What it adds to the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
+        """The surface's term in the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
         return (
             pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
         )
@@ -79,7 +79,7 @@ class SurfaceLoad:
         )
 
     def update(self, time: float) -> None:
-        """Evaluate what comes in as a wave and the pressure above, where the mesh is now. Not collective."""
+        """Evaluate the incoming wave and the pressure above at the present mesh. Not collective."""
         if self._wave is not None and self._coming is not None:
             points = self._held.points
             self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T

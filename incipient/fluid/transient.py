@@ -27,9 +27,9 @@ GROWTH = 1.25
 
 @dataclass(frozen=True)
 class ShareOfError:
-    """The tolerance of a time step as a share of the local error in time that the step before has made.
+    """The tolerance of a time step as a fraction of the local time error of the step before.
 
-    share:       what the algebra may add to the error of a step
+    share:       fraction that the algebraic error may add to the error of a step
     unknown:     tolerance while no step has an error estimate yet
     least, most: between which the tolerance stays
     """
@@ -52,7 +52,7 @@ def of_steps(asked: float | Literal["auto"]) -> float | ShareOfError:
 
 
 class Interface(Protocol):
-    """What moves with the fluid and is solved together with it; all methods are collective."""
+    """Interface of the moving parts that are solved together with the flow; all methods are collective."""
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
         """Solve for the end of a step of this length and order from the last state, the fluid's state included.
@@ -62,7 +62,7 @@ class Interface(Protocol):
         ...
 
     def allowed(self, length: float) -> float:
-        """How long the step just attempted may be: less than its length where something is met on the way."""
+        """The admissible length of the attempted step: shorter if a part meets something on the way."""
         ...
 
     def accept(self) -> None:
@@ -78,7 +78,7 @@ class Interface(Protocol):
         ...
 
     def velocities(self) -> np.ndarray:
-        """(n,) velocities of what moves, whose error limits the steps, too."""
+        """(n,) velocities of the moving parts, whose error also limits the steps."""
         ...
 
     def complaint(self) -> str:
@@ -190,7 +190,7 @@ class Transient:
         """One accepted step, at most `length` long: halved while it does not converge or errs too much.
 
         Raises:
-            ConvergenceError: as in `march`; the run can go on from the last good state.
+            ConvergenceError: as in `march`; the run can continue from the last good state.
         """
         self._remember()
         try:
@@ -204,7 +204,7 @@ class Transient:
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
-        """Go on with a fluid on another mesh, whose state is the present one, and its past there. Collective."""
+        """Continue with a fluid on another mesh, which has the present state and its past there. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
         self._new_mesh = fluid.time
 
@@ -233,7 +233,7 @@ class Transient:
 
     @property
     def number(self) -> int:
-        """How many steps have been accepted."""
+        """Number of accepted steps."""
         return self._count
 
     @property
@@ -266,7 +266,7 @@ class Transient:
         )
 
     def _remedy(self) -> str:
-        """What a user may change when the flow alone fails: steps with extrapolated convection are linear."""
+        """The remedy when the flow alone fails: steps with extrapolated convection are linear."""
         linear = (
             ', numerics.convection = "extrapolated"'
             if self.fluid.model.convection == "implicit"
@@ -289,7 +289,7 @@ class Transient:
         ]
 
     def _attempt(self, length: float) -> NewtonReport:
-        """Solve for the end of a step; a flow set off at once from what a much shorter one makes of it, if need be."""
+        """Solve a step; an impulsively started flow begins, if necessary, from the end of a much shorter step."""
         self._discretise(length)
         report = self._solved(length)
         if report.converged or len(self._past) > 1:
@@ -310,11 +310,11 @@ class Transient:
 
     @property
     def _is_second(self) -> bool:
-        """Whether the step at hand is of second order."""
+        """Whether the present step is second-order."""
         return self.order == 2 and len(self._past) > 1
 
     def _discretise(self, length: float) -> None:
-        """Let the fluid's equations be those of a step of this length, and its state a first guess."""
+        """Set the fluid's equations for a step of this length, and its state to an initial guess."""
         fluid, past = self.fluid, self._past
         second = self._is_second
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0

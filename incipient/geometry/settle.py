@@ -39,7 +39,7 @@ SOFTEST = 1e-4  # second derivative of the height, per grain size, that still co
 
 
 class SettlingOutcome(Enum):
-    """How settling ends."""
+    """Outcome of settling."""
 
     RESTS = "rests in equilibrium"
     BALANCES = "balances: the least disturbance makes it fall"
@@ -218,7 +218,7 @@ class _Descent:
         return np.asarray(near.points - np.asarray(placement.centre))
 
     def _hold(self, placement: Placement, near: ClosestPoints) -> Hold:
-        """How contacts carry the load, and the part of it that they leave unbalanced."""
+        """The contact forces, and the unbalanced part of the load."""
         arms = self._arms(placement, near)
         return hold(self.load, near.normals, arms, self.friction, self.size)
 
@@ -319,7 +319,7 @@ class _Descent:
         return placement
 
     def _shift(self, placement: Placement, contacts: ClosestPoints) -> Floats:
-        """How far (k, gdim) contacts are from the line of action of the load."""
+        """Distances (k, gdim) of contacts from the line of action of the load."""
         force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
         forces = np.tile(force, (len(arms), 1))
         torque = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
@@ -361,7 +361,7 @@ class _Descent:
         left, values, right = np.linalg.svd(
             self._derivative(placement, carrying), full_matrices=True
         )
-        # Away from equilibrium what is free has small values, too, in proportion to the error.
+        # Away from equilibrium free directions also have small values, in proportion to the error.
         small = float(np.clip(np.abs(error).max(), 1e-6, 1e-2))
         rank = int((values > small * max(values[0], 1e-300)).sum())
         motion = -right[:rank].T @ ((left[:, :rank].T @ error) / values[:rank])

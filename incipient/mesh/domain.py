@@ -114,7 +114,7 @@ def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
 
 
 def _positions(ascending: Integers, numbers: Integers) -> Integers:
-    """Where numbers (n,) stand among ascending ones, (n,); -1 where they do not."""
+    """Indices (n,) of numbers (n,) among ascending ones; -1 where they are missing."""
     if not len(ascending):
         return np.full(len(numbers), -1)
     position = np.minimum(np.searchsorted(ascending, numbers), len(ascending) - 1)

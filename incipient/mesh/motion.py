@@ -34,7 +34,7 @@ from .domain import Domain
 RIGID = 0.75
 # Extent of a boundary along an axis, relative to its largest, below which it is plane and normal to the axis.
 FLAT = 1e-9
-# Smallest quality of a moved cell, over that of the cell as it was made, with which it still serves.
+# Smallest admissible quality of a moved cell, over that of the cell as made.
 LEAST_QUALITY = 0.02
 
 
@@ -77,7 +77,7 @@ class RigidDisplacement:
         self._between = _between_vertices(domain.mesh) if turning else None
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = Potentials(domain)
-        # A turn of a body that is its own mirror image leaves the plane of symmetry in its place.
+        # A turn of a mirror-symmetric body leaves the plane of symmetry in place.
         turning_within = (SYMMETRY,) if domain.halved else ()
         along_others = _sliding(domain, boundary)
         sliding = [

@@ -1,4 +1,4 @@
-"""Where points lie in the cells of a mesh, values of fields there, and extrema along lines, on any number of ranks.
+"""Location of points in the cells of a mesh, values of fields there, and extrema along lines, on any ranks.
 
 The search is by whole arrays: pairs of points and cells whose bounding balls hold them come from a tree of the
 points, the straight simplex on each cell's vertices rules most of them out, and curved cells are pulled back by
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # Barycentric coordinates down to this count as inside.
 INSIDE = -1e-9
 POINTS = 20_000  # dealt with at a time, which limits the memory taken
-# Cells looked at to find the nearest one, by the distance of their middles, and of these pulled back to.
+# Candidates for the nearest cell, by the distance of their centres, and the number of these pulled back to.
 NEAR, NEAREST = 64, 8
 NEWTON_STEPS = 30
 TIE = 1e-12  # of its extent: what a cell loses against another one as near for each unit that a point lies outside
@@ -287,7 +287,7 @@ def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
 def evaluate(function: Any, places: Places) -> Floats:
     """(n, components) values of a scalar or vector function at places, all of them in this rank's cells.
 
-    Outside of its cell the function's polynomial goes on. Ghosts must be up to date.
+    Outside of its cell the function's polynomial is extrapolated. Ghosts must be up to date.
     """
     space = function.function_space
     block = space.dofmap.index_map_bs

@@ -31,14 +31,14 @@ class Transfer:
     """Evaluation of functions of one mesh, where it is now, at points that may differ from rank to rank.
 
     Construction is collective; one transfer serves any number of functions on the mesh. A point outside the mesh
-    takes the extrapolated polynomial of the nearest cell: meant for a curved boundary meshed anew, whose nodes lie
+    takes the extrapolated polynomial of the nearest cell: meant for a remeshed curved boundary, whose nodes lie
     off the old mesh by a fraction of a cell (see `farthest`).
 
     Args:
         mesh: the mesh, of simplices, straight or curved.
         points: (n, gdim or 3) of this rank, in scene units.
-        reach: how far out of its cell, in barycentric coordinates, a polynomial goes on; farther out a point takes the
-            value at a near point of the cell, as is needed in clefts that coarse cells fill otherwise on each mesh.
+        reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a point takes the value at
+            a near point of the cell, as needed in interstices that coarse cells fill differently on each mesh.
 
     Attributes:
         outside: how many of the points of all ranks no cell holds.
@@ -105,5 +105,5 @@ class Transfer:
 
 
 def _splits(parts: list[Any]) -> Integers:
-    """Where each of the parts but the first begins when they are put one after the other."""
+    """Start indices of the concatenated parts, without the first."""
     return np.cumsum([len(part) for part in parts])[:-1]

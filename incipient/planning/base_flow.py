@@ -18,7 +18,7 @@ Velocity = Callable[[np.ndarray, float], np.ndarray]
 Profile = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 SAMPLES = 1000  # of heights for a mean
-ROUND_OFF = 1e-9  # of the depth: how far below its datum a flow may be asked for
+ROUND_OFF = 1e-9  # of the depth: largest distance below its datum at which a flow is evaluated
 TERMS = 50  # of the series of a duct: it errs by less than 1e-5 of the mean velocity
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
 # times period times that depth over the viscosity: measured over periods of half-discs and ripples
@@ -93,7 +93,7 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
-        """Whether it is of known shear at the bed and passes several forms in 2-D that repeat."""
+        """Whether the shear at the bed is known and the flow passes several repeated bedforms in 2-D."""
         return repeats(self.flow, self.domain, self.bed)
 
     @property
@@ -139,7 +139,7 @@ class BaseFlow:
 
     @property
     def gust(self) -> Gust | None:
-        """What multiplies the flow in time; None: nothing does."""
+        """The factor of the flow as a function of time; None: one."""
         return getattr(self.flow, "gust", None)
 
     @property
@@ -148,7 +148,7 @@ class BaseFlow:
         return self.gust is not None or getattr(self.flow, "unsteady", False)
 
     def factor(self, t: float) -> float:
-        """What the flow is multiplied by at a time."""
+        """The factor of the flow at a time."""
         return 1.0 if self.gust is None else self.gust.factor(t)
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:

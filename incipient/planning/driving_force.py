@@ -1,4 +1,4 @@
-"""What a base flow that a gust multiplies exerts: on the fluid, whose velocity it changes, and on the fluid displaced.
+"""Force of a gust that multiplies a base flow: on the fluid, and on the fluid that the grain displaces.
 
 The base flow u = f(t) U(z) has the rate of change f' U, which pressure and stress of the flow around bring about. The
 force f' U per unit mass stands for them: without a grain the flow is f U exactly, whatever the size of the domain. It

@@ -1,4 +1,4 @@
-"""What a computation takes: cells and unknowns, counted on the mesh that will be used, and memory."""
+"""Expense of a computation: cells and unknowns, counted on the mesh that will be used, and memory."""
 
 import math
 from collections.abc import Callable
@@ -19,8 +19,8 @@ MEMORY_GROWTH = 194.0
 # corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted
 # (docs/contribute/defaults.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
-DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
-# Factors of higher orders over those of order two, by peaks of a lid-driven cube (docs/contribute/defaults.md).
+DENSER = 1600.0  # extra bytes per unknown of third-order matrices, by blocks
+# Factorisations of higher orders over second-order ones, by peaks of a lid-driven cube (docs/contribute/defaults.md).
 FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
@@ -82,7 +82,7 @@ def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
 
 
 def _distinct(cells: Integers, number: int) -> int:
-    """How many different sets of so many corners cells have."""
+    """Number of distinct sets of a number of corners of cells."""
     rows = np.concatenate(
         [cells[:, list(some)] for some in combinations(range(cells.shape[1]), number)]
     )

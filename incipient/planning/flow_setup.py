@@ -27,7 +27,7 @@ WITH_BED_STRESS = ("shear", "poiseuille", "open-channel", "log-law")  # kinds of
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A scene and its parts: each is made when it is first asked for, and what is absent is never imported.
+    """A scene and its parts: each is made on first use, and modules of absent parts are never imported.
 
     No method is collective.
     """
@@ -158,7 +158,7 @@ class Setup:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        """What the grain may run into."""
+        """The boundaries that the grain may meet."""
         return surroundings_of(self.geometry, self.sides, self.ceiling, self.scene.has_surface)
 
     def faster(self, factor: float) -> Setup:

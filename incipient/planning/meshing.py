@@ -110,7 +110,7 @@ def _closed_layout(setup: Setup, plan: Plan) -> Layout:
 
 
 def _stance(setup: Setup, moved: Placement | None) -> Stance:
-    """Where the grain is, in the scene or where it has `moved`, and what it is nearest to."""
+    """The grain's placement, in the scene or after it has `moved`, and its nearest boundary."""
     stance = setup.geometry.stance if moved is None else Stance(moved, moved)
     if not setup.geometry.moves or stance.placement is None:
         return stance

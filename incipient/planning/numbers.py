@@ -17,7 +17,7 @@ from .base_flow import BaseFlow
 if TYPE_CHECKING:
     from .flow_setup import Setup
 
-SAMPLES = 33  # of times and of heights at which a given flow is looked at
+SAMPLES = 33  # of times and of heights at which a given flow is sampled
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def numbers_of(setup: Setup) -> Numbers:
 
 
 def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
-    """Times at which a flow that changes is looked at, those of a gust among them."""
+    """Times at which an unsteady flow is sampled, including those of a gust."""
     if time is None:
         return np.zeros(1)
     knots = np.empty(0) if base_flow.gust is None else base_flow.gust.knots()

@@ -34,9 +34,9 @@ ABSORBED = 5.0
 
 
 def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
-    """What a free surface decides of the conditions at the ends, below and above; without it under a rigid `lid`.
+    """Conditions of a free surface at the ends, below and above; under a rigid `lid` without the surface's own.
 
-    Places of which it decides nothing are missing. Not collective.
+    Boundaries that the surface leaves to other conditions are missing. Not collective.
     """
     asked, sides, up, conditions = (
         setup.surface,
@@ -58,7 +58,7 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
 def free_surface(setup: Setup) -> FreeSurface:
     """The condition on top of a scene whose top is a free surface. Not collective."""
     asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
-    # Where the still level meets the right end, the pressure without the hydrostatic part is zero.
+    # The pressure without the hydrostatic part is zero where the still level meets the right end.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
     top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
@@ -85,7 +85,7 @@ def sponge(setup: Setup) -> Sponge | None:
     asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
     if asked.sponge == 0.0:
         return None
-    # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end in the mean.
+    # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average.
     rate = 3.0 * ABSORBED * math.sqrt(abs(scene.gravity_vector[scene.up]) * domain.height)
     start = domain.right - asked.sponge
     return Sponge(start, domain.right, rate / asked.sponge, setup.base_flow.velocity)

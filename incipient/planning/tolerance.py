@@ -1,4 +1,4 @@
-"""How well the algebraic equations of a steady flow are solved, where the scene leaves it open."""
+"""Default tolerances of the algebraic equations of a steady flow."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""Stokes's wave of second order on a current: what a wave maker lets in."""
+"""Second-order Stokes wave on a current: the inflow of a wave maker."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats
 
-# Second harmonic over the first from which on a wave of second order has a second crest in its trough.
+# Second harmonic over the first from which on a second-order wave has a second crest in its trough.
 HIGHEST = 0.25
 HEIGHTS = 201  # at which a flow profile is sampled
 
@@ -36,7 +36,7 @@ class StokesWave:
     rise: Any
 
     def begun(self, t: float) -> float:
-        """What there is of the amplitude at a time."""
+        """The fraction of the amplitude reached at a time."""
         return float(1.0 - np.exp(-((t * self.frequency / (2.0 * np.pi)) ** 2)))
 
     @property
@@ -85,7 +85,7 @@ def stokes_wave(
 
     With U(y) the flow's `speed`, a function of heights (n,) above the bottom, and c = w/k, the velocity upwards
     solves Rayleigh's equation (U - c) (f'' - k^2 f) = U'' f, f(0) = 0, with (U - c)^2 f' = ((U - c) U' + g) f on the
-    surface. A uniform flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The speed felt in the mean is weighted
+    surface. A uniform flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The mean speed of the current is weighted
     by 2 k cosh(2 k y)/sinh(2 k H) (Kirby & Chen 1989, J. Geophys. Res. 94, 1013).
     """
     y = np.linspace(0.0, depth, HEIGHTS)

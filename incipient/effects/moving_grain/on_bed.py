@@ -89,12 +89,12 @@ class GrainOnBed(MovingGrain):
 
     @property
     def does(self) -> str:  # type: ignore[override]
-        """What the grain did in the last step: the name of a mode, "flight" or "rest"."""
+        """The grain's motion in the last step: the name of a mode, "flight" or "rest"."""
         return self.bed_contact.course.mode
 
     @property
     def ends(self) -> str:
-        """What the grain has done that ends the run, as `time.until` names it, "contact" or IN_POCKET; or nothing."""
+        """The event that ends the run, as in `time.until`, "contact" or IN_POCKET; empty: none."""
         until, course = self.time.until, self.bed_contact.course
         if until == "out-of-pocket" and course.sinks and self._gust_is_over():
             return super().ends or IN_POCKET
@@ -137,7 +137,7 @@ class GrainOnBed(MovingGrain):
         ]
 
     def reported(self) -> dict[str, Any]:
-        """How the motion ended, where the grain is, how it went, what it did on its bed."""
+        """End of the motion, position, trajectory, and history on the bed."""
         trajectory, length = super().reported()["trajectory"], self.last_step()
         load = (
             np.zeros(self.body.size)

@@ -17,7 +17,7 @@ PREFIX = "fluid_"
 # Steady, and in time, where a shorter step does more than further iterations.
 MOST_ITERATIONS, MOST_IN_TIME = 250, 200
 RESTART = 100
-# A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
+# A preconditioner is rebuilt when it needs this many times the iterations that it needed when new.
 AGED = 1.5
 # An old one is given up after this many times the iterations that it needed when it was new.
 USELESS = 4.0
@@ -71,7 +71,7 @@ class Block(LinearSolver):
         return solver, triangle
 
     def prepare(self) -> None:
-        """Take the blocks of the preconditioner from the matrix as it is now. Collective."""
+        """Rebuild the blocks of the preconditioner from the present matrix. Collective."""
         if self._direct is not None:
             self._direct.prepare()
             return
@@ -122,7 +122,7 @@ class Block(LinearSolver):
 
     @property
     def _new(self) -> bool:
-        """Whether the preconditioner is of the matrix as it is now."""
+        """Whether the preconditioner is that of the present matrix."""
         return bool(self.matrix.stateGet() == self._state)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:

@@ -17,7 +17,7 @@ from .equations import Equations, LinearSolver, LinearStatistics
 # chooses; of scenes in metres for microns, whose viscosity is 1e-12 beside gradients of 1e-6, it then finds no pivots.
 ATTEMPTS = ((200, 77), (800, 8))
 
-# Of factors in 3-D over n^(4/3): 1.9 GB at 95,000 unknowns of order two (docs/contribute/defaults.md).
+# Of factors in 3-D over n^(4/3): 1.9 GB at 95,000 second-order unknowns (docs/contribute/defaults.md).
 LU_BYTES = 440.0
 WIDEST = 1e12  # factor between numbers of a matrix beyond which it is not the memory that does not suffice
 SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
@@ -87,11 +87,11 @@ class Direct(LinearSolver):
 
     @property
     def _exact(self) -> bool:
-        """Whether the factors are those of the matrix as it is now."""
+        """Whether the factorisation is that of the present matrix."""
         return bool(self.matrix.stateGet() == self._factored)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
-        """Number of iterations, or None if GMRES with the factors at hand does not converge."""
+        """Number of iterations, or None if GMRES with the present factorisation does not converge."""
         if self._exact and self._applied(b, x, transposed) <= rtol * b.norm():
             return 1
         self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=4 * self.patience)
@@ -113,7 +113,7 @@ class Direct(LinearSolver):
         return size
 
     def prepare(self) -> None:
-        """Make new factors of the matrix as it is now. Collective.
+        """Factorise the present matrix. Collective.
 
         Raises:
             UnsolvedError: the matrix is singular or not finite.
@@ -123,7 +123,7 @@ class Direct(LinearSolver):
         self._aged = False
 
     def approximate(self, b: Any, x: Any) -> None:
-        """x = b solved with the factors at hand, whatever the matrix has become since. Collective."""
+        """Solve for x = b with the present factorisation, even if the matrix has changed. Collective."""
         self._solver.getPC().apply(b, x)
         self.statistics.solves += 1
 
@@ -152,7 +152,7 @@ class Direct(LinearSolver):
         self.statistics.factorisations += 1
 
     def _why_not_factorised(self, error: int) -> ConvergenceError:
-        """What MUMPS says: not finite, singular, or short of memory. Collective."""
+        """The failure that MUMPS reports: not finite, singular, or short of memory. Collective."""
         if not np.isfinite(self.matrix.norm()):
             return UnsolvedError(NOT_FINITE)
         rows = self.matrix.getLocalSize()[0]

@@ -53,7 +53,7 @@ class PressureMass:
             self._solver.setFromOptions()
 
     def assemble(self, blocks: Blocks | None = None) -> None:
-        """Take the viscosity of the state as it is."""
+        """Reassemble with the viscosity of the present state."""
         self._mass.zeroEntries()
         petsc.assemble_matrix(self._mass, self._form)
         self._mass.assemble()
@@ -77,10 +77,10 @@ class PressureMass:
 
 
 class CahouetChabard:
-    """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for flow in time.
+    """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for unsteady flow.
 
     Where fluid leaves freely the pressure vanishes weakly: the diagonal of A is doubled there, which unlike a condition
-    leaves the preconditioner regular. A free surface adds what a pressure on it moves. Without viscosity there is no M.
+    leaves the preconditioner regular. A free surface adds a term. Without viscosity there is no M.
     Source: Cahouet & Chabard (1988), Int. J. Numer. Methods Fluids 8, 869.
     """
 

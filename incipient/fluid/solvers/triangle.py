@@ -1,4 +1,4 @@
-"""The preconditioner of the flow's Jacobian by its blocks."""
+"""Block-triangular preconditioner of the flow's Jacobian."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .options import RELAXATION, algebraic, preconditioner
 from .pressure import schur_complement
 
 VELOCITY = "fluid_velocity_"
-# Of the matrix that the velocity has in a projection, a mass matrix, relaxation is enough.
+# The velocity's matrix in a projection is a mass matrix: relaxation is enough.
 OF_MASS = {"pc_type": "sor"}
 OF_COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
 
@@ -118,7 +118,7 @@ class Blocks:
         self._vectors = [block.createVecs() for block in submatrices]
 
     def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
-        """(n,) what the functions of PETSc's vectors, one for each component, make of the velocities (n,)."""
+        """(n,) results of functions of PETSc's vectors, one per component, for the velocities (n,)."""
         results = np.empty_like(values)
         for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
             right.setArray(values[at])

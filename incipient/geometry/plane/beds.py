@@ -58,7 +58,7 @@ class Bed(ABC):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """The abscissae between which `curves` can be asked for."""
+        """The abscissae between which `curves` is defined."""
         return -np.inf, np.inf
 
     @abstractmethod
@@ -473,7 +473,7 @@ class Curved(Polyline):
         return PchipInterpolator(*np.array(self.knots).T)
 
     def _stretches(self) -> list[tuple[float, float, bool]]:
-        """Where stretches that bend, and straight ones, begin and end, in order."""
+        """The ends of curved and straight stretches, in order."""
         x, y = np.array(self.knots).T
         slope, chord = self._curve(x, 1), np.diff(y) / np.diff(x)
         away = np.maximum(np.abs(slope[:-1] - chord), np.abs(slope[1:] - chord))

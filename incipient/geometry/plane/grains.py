@@ -59,7 +59,7 @@ class Chain:
 
     @cached_property
     def starts(self) -> Floats:
-        """Where the curves begin, (n, 2)."""
+        """Start points (n, 2) of the curves."""
         return np.array([curve.start for curve in self.curves])
 
     @cached_property

@@ -418,7 +418,7 @@ class SmoothTerrain(Terrain):
         return best
 
     def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
-        """What (n, 2) makes x no foot of the points, and Newton's step to remove it, bounded."""
+        """Residual (n, 2) of x as the foot of the points, and the bounded Newton update."""
         height, slope, curvature = self.shape(x)
         offset = height - points[:, 2]
         residual = x - points[:, :2] + offset[:, None] * slope

@@ -193,7 +193,7 @@ class SpatialProximity(Proximity):
     def _starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
     ) -> Starts:
-        """Where to search a core: corners (and edges) close to a plane or a smooth bed, and triangles."""
+        """The features of a core to search: corners (and edges) near a plane or a smooth bed, and triangles."""
         core, curved = self.grain.cores[k], isinstance(pieces, SmoothTerrain)
         parts, points = self._places[k]
         points, bound = placement.to_scene(points), within + core.radius
@@ -265,7 +265,7 @@ class SpatialProximity(Proximity):
         corners: bool = False,
         slack: float = 0.0,
     ) -> ClosestPoints:
-        """The `minima` that are local minima over the whole surface, each once; on request all corners, too.
+        """The `minima` that are local minima over the whole surface, each once; on request also all corners.
 
         Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
         """

@@ -67,7 +67,7 @@ class Solid(Shape):
 
     @property
     def sharp(self) -> bool:
-        """Whether it has edges that a mesh has to follow."""
+        """Whether the grain has edges that a mesh must resolve."""
         return False
 
     @abstractmethod
@@ -76,7 +76,7 @@ class Solid(Shape):
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """What balls are rolled around to make the grain; none if it is smooth without being round."""
+        """The core of a rounded grain, which a ball is rolled around; none if it is smooth but not round."""
         return ()
 
     def project(self, x: ArrayLike) -> Floats:
@@ -240,7 +240,7 @@ class Box(Solid):
 
     @property
     def sharp(self) -> bool:
-        """Whether its edges are not rounded."""
+        """Whether its edges are sharp."""
         return self.edge_radius == 0.0
 
     @property

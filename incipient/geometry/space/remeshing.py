@@ -160,7 +160,7 @@ class SurfaceMesh:
 
 @dataclass(frozen=True, eq=False)
 class Remesher:
-    """What a surface is to become: where its points lie, and how long its edges are to be."""
+    """Target of remeshing: the exact surface of the points, and the edge lengths."""
 
     exact: ExactSurface
     size: SizeOf

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
-BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
-LEVELS = 20_000  # points at which a level is asked for at once
+BLOCK = 1_000_000  # pairs of points and triangles per block
+LEVELS = 20_000  # points per evaluation of a level
 ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
 CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
 DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
