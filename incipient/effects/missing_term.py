@@ -32,7 +32,7 @@ ROUGH = 1e-4
 
 def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     """The change of force and torque by a missing term; without a grain, that of the velocity. Collective."""
-    # The lower-order flow, whose matrix is assembled, is accurate enough to first order.
+    # To first order the flow of lower order does, whose matrix is there.
     run, force, couple = solved.run, solved.force, solved.couple
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)

@@ -39,11 +39,11 @@ SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 class TwoLevel(LinearSolver):
     """Solves A x = b for a flow in elements of a higher order than k, which is solved in order k on the same mesh.
 
-    GCR, matrix-free. The search directions of a cycle are those of a smoother and then a solution in elements of order
-    k. The smoother is the pressure's mass matrix over the viscosity and symmetric relaxation of each velocity component,
-    with convection after that pressure's force; it removes short waves, where diffusion dominates. Residuals are
-    measured in the dual of the energy norm, by the diagonals of the smoother's operators: otherwise the largest cells,
-    far away from the bodies, outweigh all others.
+    GCR, matrix-free. The search directions of a cycle are those of a smoother, and then a solution in elements of order
+    k. The smoother is the pressure's mass matrix over the viscosity and symmetric relaxation of each velocity
+    component, with convection after that pressure's force; it removes short waves, where diffusion dominates. Residuals
+    are measured in the dual of the energy norm, by the diagonals of the smoother's operators: otherwise the largest
+    cells, far away from the bodies, outweigh all others.
     Source: Eisenstat, Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
 
     Args:
