@@ -82,7 +82,6 @@ class _Pen:
         return int(gmsh.model.geo.addPoint(*self.frame.local(np.asarray(x)).tolist(), 0.0))
 
     def curve(self, curve: Curve) -> int:
-        """The tag of the curve, drawn."""
         geo = gmsh.model.geo
         start, end = self.point(curve.start), self.point(curve.end)
         if isinstance(curve, Line):
@@ -394,7 +393,6 @@ def _layered(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Simp
 def _filled(
     boundary: Boundary, stand: Stand, columns: Columns, cells: Integers, sizes: Sizes, frame: Frame
 ) -> Simplices:
-    """Layers and, between them, free triangles, first-order."""
     walls = set(boundary.names[stand.edges])
     lines = _lines(boundary, stand, columns, walls)
     geo, curves = gmsh.model.geo, dict[str, list[int]]()

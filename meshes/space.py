@@ -204,7 +204,6 @@ def _within(lines: Floats, plane: tuple[int, float]) -> np.ndarray:
 
 
 def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
-    """Straight tetrahedra within a closed shell."""
     model, tags = gmsh.model, dict[str, list[int]]()
     for number, name in enumerate(triangles, start=1):
         tags[name] = [model.addDiscreteEntity(2, number)]

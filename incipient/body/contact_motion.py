@@ -352,7 +352,6 @@ def _contacts(
     ends: tuple[BodyState, Motion],
     lever: float,
 ) -> ActiveContacts:
-    """The contacts of a step that has settled."""
     (rows, along), (state, motion), count = ways, ends, len(touched)
     mean = (along @ (0.5 * (state.velocities + motion.end.velocities))).reshape(-1, 3)
     velocities = (rows[: 3 * count] @ motion.end.velocities).reshape(-1, 3)

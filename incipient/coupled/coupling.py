@@ -136,7 +136,6 @@ class Coupling:
         return self._complaint
 
     def _folded(self) -> str:
-        """The reason why the mesh has folded over."""
         return " or ".join(part.folded for part in self.parts)
 
     def _is_folded(self) -> bool:

@@ -239,7 +239,6 @@ class SurfacePart:
         return elevation if held.open else self.mesh.with_volume(elevation, held.influx)
 
     def _size(self, elevation: Floats) -> float:
-        """Root mean square over the nodes of the surface."""
         own = elevation[self.mesh.nodes[: self.mesh.owned]]
         total, count = self.fluid.domain.comm.allreduce(np.array([own @ own, len(own)]))
         return float(np.sqrt(total / max(count, 1)))

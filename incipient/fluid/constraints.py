@@ -144,7 +144,6 @@ class Constraints:
         return conditions
 
     def _pressure_pin(self) -> Any:
-        """One pressure unknown set to zero."""
         index_map = self.space.pressure.dofmap.index_map
         numbers = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
         own = np.flatnonzero(numbers == _first_node(self.space.pressure)).astype(np.int32)

@@ -85,7 +85,6 @@ class FlowEquations:
             self._below.let_in(conditions)
 
     def _surface_load(self) -> Any:
-        """The load of the free surface; None without one."""
         if self.constraints.surface is None:
             return None
         from .surface import SurfaceLoad
@@ -93,7 +92,6 @@ class FlowEquations:
         return SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
 
     def _wall_load(self) -> Any:
-        """The load of walls with a law of friction; None without."""
         if not (walls := self.constraints.friction):
             return None
         from .friction import WallLoad
@@ -182,7 +180,6 @@ class FlowEquations:
         return residual * self.domain.measure(*self.constraints.crossings)
 
     def _body_force(self) -> Any:
-        """The force per unit mass; None without one."""
         model = self.model
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
         if model.driven is None or not model.unsteady:
@@ -198,7 +195,6 @@ class FlowEquations:
         return cell_size(self.domain.mesh) / (self.model.upwind_order or self.model.order)
 
     def _past(self) -> list[Any]:
-        """Velocities of the past states."""
         return [ufl.split(h)[0] for h in self.history]
 
     def _rate_of_change(self, v: Any) -> Any:

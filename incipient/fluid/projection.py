@@ -59,7 +59,6 @@ class Projection(Holder):
         return float(np.sqrt(change / whole)) if whole else 0.0
 
     def _solve(self) -> None:
-        """Find the change of the velocity, and the multiplier."""
         conditions, vector = self.fluid.constraints.dirichlet, self._vector
         self._matrix.zeroEntries()
         petsc.assemble_matrix(self._matrix, self._left, conditions)

@@ -310,7 +310,6 @@ class Transient:
 
     @property
     def _is_second(self) -> bool:
-        """Whether the present step is second-order."""
         return self.order == 2 and len(self._past) > 1
 
     def _discretise(self, length: float) -> None:

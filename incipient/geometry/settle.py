@@ -114,7 +114,6 @@ def settle_under(
 
 
 def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Floats:
-    """The unit vector of gravity."""
     if gravity is None:
         return np.array([0.0] * (dimension - 1) + [-1.0])
     vector = np.array(gravity, dtype=float)
@@ -150,11 +149,9 @@ class _Descent:
 
     @property
     def size(self) -> float:
-        """The grain's largest diameter."""
         return self._proximity.size
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
-        """Step by step down to a rest."""
         placement = self._proximity.lowered(start)
         length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):
@@ -210,7 +207,6 @@ class _Descent:
     def _touching(
         self, placement: Placement, near: ClosestPoints, tolerance: float
     ) -> ClosestPoints:
-        """The places that count as contacts."""
         close = near.only(near.gaps <= tolerance * self.size)
         return self._proximity.locally_least(placement, close, slack=tolerance * self.size)
 
@@ -249,7 +245,6 @@ class _Descent:
         return placement.moved(self.size * motion[:d], motion[d:])
 
     def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
-        """The contacts that take part in holding the weight."""
         held = self._hold(placement, touching)
         return touching.only(np.unique(held.owner[held.factors > USED]))
 

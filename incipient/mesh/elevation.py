@@ -180,7 +180,6 @@ class RisingDisplacement:
         )
 
     def _numbers(self, nodes: Any) -> Any:
-        """Global numbers of this rank's among local nodes."""
         index_map = self.space.dofmap.index_map
         own = nodes[nodes < index_map.size_local]
         return (own + index_map.local_range[0]).astype(PETSc.IntType)

@@ -204,7 +204,6 @@ class _Poisson:
         return np.asarray(self._left.array_r)
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         for held in self._held:
             held.destroy()
         self._held = []

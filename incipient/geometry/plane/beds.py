@@ -244,7 +244,6 @@ class HalfDiscs(Bed):
 
     @property
     def _touching(self) -> bool:
-        """Whether the half-discs leave no base line between them."""
         return self.spacing - 2.0 * self.radius <= 1e-9 * self.radius
 
     def _centre(self, x: Floats) -> Floats:

@@ -330,7 +330,6 @@ def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, Floats]]:
 
 
 def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bool:
-    """Whether a point contact lies on a patch."""
     ends, outward = patch
     return bool(
         np.abs(normal - outward).max() <= SAME_DIRECTION

@@ -85,7 +85,6 @@ def _at(outline: Sequence[Curve], place: float) -> Floats:
 
 
 def _pieces(outline: Sequence[Curve], first: float, last: float) -> tuple[Curve, ...]:
-    """The curves between two places of an outline."""
     result = []
     for k in range(int(first), int(np.ceil(last))):
         low, high = max(first - k, 0.0), min(last - k, 1.0)

@@ -452,7 +452,6 @@ class Ridges(SmoothTerrain):
 
     @property
     def _wave(self) -> Floats:
-        """The wave vector (2,)."""
         k = 2.0 * np.pi / self.wavelength
         return np.array([k * np.cos(self.angle), k * np.sin(self.angle)])
 

@@ -65,7 +65,6 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _neighbours(self) -> np.ndarray:
-        """The samples next to each sample, (n, most)."""
         a, b = self._samples.edges.T
         return grouped(np.append(a, b), np.append(b, a), len(self._samples.points))
 
@@ -342,7 +341,6 @@ class SpatialProximity(Proximity):
 
 
 def _shortened(steps: Floats, longest: float) -> Floats:
-    """Steps (n, 3) of at most a length."""
     length = np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
     return np.asarray(steps * np.minimum(1.0, longest / length))
 
