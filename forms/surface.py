@@ -19,7 +19,7 @@ class SurfaceTerms:
     """Terms of a free surface in the residual of the flow.
 
     gravity:   acceleration (gdim,), whose last component is negative or zero
-    origin:    a place (gdim,) of the still level at which the pressure without the hydrostatic part is to be zero
+    origin:    a position (gdim,) of the still level at which the pressure without the hydrostatic part is to be zero
     rate:      coefficient a0 of the present elevation in its backward difference
     known:     what that difference makes of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
     elevation: that of the mesh as it is now

@@ -85,7 +85,7 @@ def stacked_by_diagonals(points: Floats, rows: Integers) -> Integers:
 
 
 def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:
-    """Thickness (n,) that differs by no more than the slack (k,) of links (k, 2) between neighbours."""
+    """Thickness (n,) that differs by at most the slack (k,) of links (k, 2) between neighbours."""
     a, b = links.T
     even = thickness.copy()
     while True:

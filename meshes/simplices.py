@@ -86,7 +86,7 @@ class Simplices:
         feet: Integers | None = None,
         share: Floats | None = None,
     ) -> tuple[Simplices, Integers]:
-        """The cells of order two with middles (k,) of edges moved, and the nodes that are moved less: there is no room.
+        """The second-order cells with middles (k,) of edges moved, and the nodes that are moved less: there is no room.
 
         Nodes that are free make room. Where cells fold even so edges are straight; in layers they are bent less.
 
@@ -149,7 +149,7 @@ def measures(points: Floats, cells: Integers) -> Floats:
 
 
 def jacobian_lower_bound(nodes: Floats) -> Floats:
-    """A lower bound (m,) of the determinants of cells of order two (m, nodes, gdim), in units of the straight ones'.
+    """A lower bound (m,) of the determinants of second-order cells (m, nodes, gdim), in units of the straight ones'.
 
     The determinant is a polynomial of order gdim: the least of its control points in Bernstein's form is below it.
     """

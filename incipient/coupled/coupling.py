@@ -45,7 +45,7 @@ class Coupling:
 
     Args:
         fluid: with `FlowModel.moving_mesh`.
-        parts: what moves, each with a boundary of its own.
+        parts: the moving parts, each with a boundary of its own.
         motion: the motion of the mesh, which is where the parts' last states put it.
         tolerance: for the parts' equations of motion, relative to their loads; None: that of the step's equations.
         stage: context managers by name that take the time.
@@ -87,7 +87,7 @@ class Coupling:
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> InterfaceReport:
-        """Iterate on from the converged end, whose report is given, for a flow that other things have changed since."""
+        """Iterate on from the converged end, whose report is given, for a flow that has changed otherwise since."""
         assert isinstance(before, InterfaceReport)
         return self._iterate(length, order, tolerance, before.residuals)
 
@@ -144,17 +144,17 @@ class Coupling:
         return self.quality.worst <= 0.0
 
     def _inner_tolerance(self, residuals: Sequence[float]) -> float:
-        """The flow is solved as well as this iteration can use."""
+        """The tolerance of the flow that this iteration can use."""
         last = residuals[-1] if residuals else self._first_residual
         # From one iteration to the next the residual falls by two orders or more.
         return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which a part meets something on the way it has taken."""
+        """The length, or the shorter one after which a part meets something on its path."""
         return min(part.allowed(length) for part in self.parts)
 
     def accept(self) -> None:
-        """The end of the attempt is the last state now."""
+        """Make the end of the attempt the last state."""
         for part in self.parts:
             part.accept()
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
@@ -167,7 +167,7 @@ class Coupling:
         self.fluid.constraints.boundary_points_moved()
 
     def forget(self) -> None:
-        """Drop what the parts know of the flow, and how far the last step began from its end."""
+        """Discard the parts' data on the flow, and the initial residual of the last step."""
         self._first_residual = 0.0
         for part in self.parts:
             part.forget()
@@ -192,11 +192,11 @@ class Coupling:
         return self.motion.quality(self._places())
 
     def _places(self) -> Floats:
-        """(n, 3) places of the mesh's nodes with the parts at the ends tried."""
+        """(n, 3) positions of the mesh's nodes with the parts at the trial ends."""
         return self.motion.places(*(part.displacement() for part in self.parts))
 
     def _follow(self) -> None:
-        """Bring mesh and boundary values to where the parts are at the ends tried."""
+        """Move mesh and boundary values to the trial ends of the parts."""
         with self._stage("mesh motion"):
             self.fluid.domain.mesh.geometry.x[:] = self._places()
             self.fluid.mesh_moved(self.places[0], self.places[-1])

@@ -1,14 +1,14 @@
 """A rigid body in a fluid, with the derivative of the traction with respect to the body's velocity.
 
-A body accelerates with the fluid around it. For a light body that added mass is most of what has to be moved,
-and passing forces and velocities back and forth diverges. The iteration here uses the derivative of the traction
+A body accelerates with the fluid around it. For a light body the added mass dominates,
+and a segregated exchange of forces and velocities diverges. The iteration here uses the derivative of the traction
 with respect to the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in 2-D, 6
-in 3-D) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, for
-which the fluid has a solver anyway. What the displaced mesh adds to A R is a one-sided finite difference, and
-Broyden's updates correct A_u from one iteration to the next. With A_u beside the mass, bodies without mass are no
-exception.
-Along a law of the wall the flow is not held: the wall's velocity is in what the wall exerts, friction and what nothing
-crosses it by. The flow's answer is that to the change of this load, and A_u what the load then differs by.
+in 3-D) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, which
+the fluid's solver solves. The contribution of the displaced mesh to A R is a one-sided finite difference, and
+Broyden's updates correct A_u from one iteration to the next. With A_u added to the mass, bodies without mass
+converge as well.
+A law of the wall does not prescribe the flow's velocity: the wall's velocity enters friction and impermeability. The
+flow then responds to the change of this load, and A_u is the resulting change of the load.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The flow's answer to rigid motions of its body: changes of its state (k, unknowns), and of the load.
+    """The flow's response to rigid motions of its body: changes of its state (k, unknowns), and of the load.
 
     `resistance` (k, k) is A_u, minus the derivative of the load by the velocities, for steps of a `length`.
     """
@@ -76,10 +76,10 @@ class RigidPart:
         fluid: with `Carried(displacement.boundary)`, or there `Friction` that moves, among its conditions, and with
             `FlowModel.moving_mesh`.
         body: its mass, moments and freedom.
-        state: where it is and how it moves at the fluid's time.
-        displacement: how the body displaces the mesh.
+        state: position and velocities at the fluid's time.
+        displacement: displacement of the mesh by the body.
         load: force and torque (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
-        room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
+        room: clearance [length] of a body in a state; None: unlimited.
         stage: context managers by name that take the time.
         added_mass: False iterates without the derivative of the traction, as programs that pass forces and
             velocities back and forth do. It diverges for light bodies: for comparison only.
@@ -149,11 +149,11 @@ class RigidPart:
             self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
 
     def residual(self, length: float, order: int) -> float:
-        """The residual of the body's equation of motion relative to its load; also finds the end under that load.
+        """The residual of the body's equation of motion relative to its load; also computes the end under that load.
 
         Raises:
-            ConvergenceError: a folded mesh offers no resistance, nor need the flow in a step so long that the
-                way which the body goes outweighs its velocity; both pass with shorter steps.
+            ConvergenceError: the resistance of a folded mesh, or of a step so long that the body's path outweighs
+                its velocity, may be singular; shorter steps converge.
         """
         self.mean_load = replace(self.mean_load, order=order)
         try:
@@ -264,9 +264,9 @@ class RigidPart:
     def _responded(self, before: End, end: End) -> Response:
         """The present response, updated by the last iteration, or a new one.
 
-        New where the factors or the length of the step have changed. The correction is Broyden's: the least
-        that explains the change of load seen with the last change of velocities. It accounts for what A_u
-        leaves out, the change of the load with the body's place, and for factors that have aged.
+        New after a change of the factorisation or of the step's length. Otherwise Broyden's update, the smallest that
+        explains the last change of the load with the velocities. It accounts for the change of the load with the
+        body's position, which A_u neglects, and for an old factorisation.
         """
         if not self.added_mass:
             return self._no_response(end.length)
@@ -332,7 +332,7 @@ class RigidPart:
     ) -> dict[int, Floats]:
         """Derivatives of the fluid's residual by velocities of the body, at given velocities of the fluid.
 
-        They come through the place of the mesh at the end, and where a law of the wall holds directly.
+        They arise from the position of the mesh at the end, and directly along a law of the wall.
         """
         before, derivatives = self.fluid.residual(), {}
         for k in free:
@@ -343,7 +343,7 @@ class RigidPart:
         return derivatives
 
     def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
-        """The end of a step with a little more of a velocity, and how much more."""
+        """The end of a step with a perturbed velocity, and the perturbation."""
         way, d = np.zeros(self.body.size), self.body.gdim
         way[k] = NUDGE * self._extent / self._unit()[k]
         # At the end of a step the body has gone half the step's length times its velocity there.
@@ -369,7 +369,7 @@ class RigidPart:
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
         """Minus the derivative (k, k) of the load that is not the flow's by the body's velocities; not collective.
 
-        It comes through the place at the end as in `_of_displacements`, and directly; zero for a constant load.
+        It arises from the position at the end as in `_of_displacements`, and directly; zero for a constant load.
         """
         changes = np.zeros((self.body.size, self.body.size))
         for k in np.flatnonzero(self.body.mask):

@@ -92,7 +92,7 @@ class InertiaEffect(Effect):
         return setup.inertia
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """Convection, stabilised where cells need it; the steady start of a flow in time is upwinded for its solver."""
+        """Convection, stabilised where cells need it; the steady start of unsteady flow is upwinded for its solver."""
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind

@@ -34,7 +34,7 @@ def load_of_disturbance(
     """Force and torque (2, 3) on the boundary "body" by the disturbance of an accelerating base flow. Collective.
 
     Args:
-        velocity: of the base flow, (gdim, n) at places (3, n), that it gains in unit time.
+        velocity: of the base flow, (gdim, n) at positions (3, n), that it gains in unit time.
         walls: boundaries that nothing crosses, "body" among them. Other boundaries count as far from the disturbance.
         outlet: the other boundary where the potential is zero.
         centre: (gdim,) of the torque.

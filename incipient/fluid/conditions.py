@@ -116,7 +116,7 @@ class FreeSurface:
     """A boundary on top that moves with the fluid and is a graph over the plane; velocities there are free.
 
     gravity:  acceleration (gdim,); its hydrostatic pressure acts on the surface where this is above the still level
-    origin:   a place (gdim,) of the still level, at which the flow's pressure is that above the surface
+    origin:   a position (gdim,) of the still level, at which the flow's pressure is that above the surface
     pressure: of what is above, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
     pinned:   names of the boundaries at which its elevation stays; the fluid sticks to them
     sponge:   zone at the end of a channel in which waves die out; None: there is none

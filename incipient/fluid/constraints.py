@@ -112,7 +112,7 @@ class Constraints:
         ]
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Give a carried boundary its velocity, a function of its nodes' places (n, gdim)."""
+        """Give a carried boundary its velocity, a function of its nodes' positions (n, gdim)."""
         gdim, blocks = self.space.gdim, self._carried[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 

@@ -43,7 +43,7 @@ class WallMotion:
             constant.value[:] = values
 
     def at(self, places: np.ndarray) -> np.ndarray:
-        """(n, gdim) velocities at places (n, gdim)."""
+        """(n, gdim) velocities at positions (n, gdim)."""
         velocity, spin, centre = (part.value for part in self._parts)
         arms = places - centre
         return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
@@ -98,7 +98,7 @@ class WallLoad:
         self._motions[boundary].give(velocity, spin, place)
 
     def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
-        """(n, gdim) of the wall at a boundary, at places (n, gdim) of it. Not collective."""
+        """(n, gdim) of the wall at a boundary, at positions (n, gdim) of it. Not collective."""
         motion = self._motions.get(boundary)
         return np.zeros_like(places) if motion is None else motion.at(places)
 

@@ -67,7 +67,7 @@ class Contraction:
 class NewtonReport:
     """Report of an iteration: sizes of the Newton updates relative to the state, and the estimated remaining error.
 
-    `contraction` is that of the factors at hand, for the next solve with them. `failure` says why the linear system of
+    `contraction` is that of the present factorisation, for its next solve. `failure` says why the linear system of
     the correction after those was not solved; empty where it was.
     """
 
@@ -97,7 +97,7 @@ def solve(
     A Jacobian and its factors are kept while they contract well enough: a correction then costs one residual and one
     back-substitution. New ones are made at the start if `fresh`, and whenever a correction is more than
     `WORST_CONTRACTION` of the one before. With the `contraction` that earlier solves have seen one correction is enough
-    where it leaves no more than the tolerance; every `MEASURED_EVERY` solves a second one checks that. With `inexact`
+    where it leaves at most the tolerance; every `MEASURED_EVERY` solves a second one checks that. With `inexact`
     every correction has a new Jacobian, its system is solved no better than that pays, and what that leaves counts; the
     preconditioner is a new one where the last correction was more than `MUCH` of the state.
 

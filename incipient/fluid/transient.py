@@ -40,7 +40,7 @@ class ShareOfError:
     most: float = 1e-4
 
     def after(self, error: float | None) -> float:
-        """The tolerance of a step after one of this local error, which None leaves open. Not collective."""
+        """The tolerance of a step after one with this local error; None: unknown. Not collective."""
         if error is None:
             return self.unknown
         return float(np.clip(self.share * error, self.least, self.most))
@@ -90,7 +90,7 @@ class Interface(Protocol):
 class TimeStep:
     """One accepted step: the time reached, its length, the local error (None: not enough history yet).
 
-    `tolerance` is what its algebraic solution was allowed to leave.
+    `tolerance` is that of its algebraic solution.
     """
 
     number: int
@@ -119,7 +119,7 @@ def backward_difference(
 
 @dataclass(frozen=True)
 class Past:
-    """A state that has been: its time, the fluid's unknowns, and the velocities of what moves with the fluid."""
+    """A past state: its time, the fluid's unknowns, and the velocities of the moving parts."""
 
     time: float
     state: np.ndarray
@@ -132,9 +132,9 @@ class Transient:
     Args:
         fluid: built with `FlowModel(unsteady=True)`; its present state is the initial one.
         order: 1 (the paper's backward difference) or 2.
-        tolerance: relative, for the algebraic solution within a step; or its share of the step's own error.
+        tolerance: relative, for the algebraic solution within a step; or its fraction of the step's error.
         accuracy: local error of the velocity a step may make, relative; None keeps the steps as given.
-        interface: what moves with the fluid, or None.
+        interface: the moving parts, or None.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class Transient:
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
         """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
 
-        The first steps then are much shorter than `step`: nothing can tell their error yet. Without `accuracy` the
+        The first steps then are much shorter than `step`: their error has no estimate yet. Without `accuracy` the
         very first is of length `first` times `step`, and each next one a quarter longer up to `step`; so are those
         after one that had to be halved, as differences of second order over steps 2.4 times as long each are unstable
         (Grigorieff 1983, Numer. Math. 42, 359).
@@ -187,7 +187,7 @@ class Transient:
             yield taken
 
     def advance(self, length: float) -> TimeStep:
-        """One accepted step, at most `length` long: halved while it does not converge or errs too much.
+        """One accepted step, at most `length` long: halved while it does not converge or its error is too large.
 
         Raises:
             ConvergenceError: as in `march`; the run can continue from the last good state.
@@ -226,7 +226,7 @@ class Transient:
         self._length_kept = next_length if number else None
 
     def forget(self) -> None:
-        """Drop factors and what else earlier steps have taught about the iteration: a resumed run has none either."""
+        """Discard factorisations and other data of earlier steps on the iteration: a resumed run has none either."""
         self.fluid.renew_factors()
         if self.interface is not None:
             self.interface.forget()
@@ -362,9 +362,9 @@ class Transient:
         return max(error, change / size if size else 0.0)
 
     def _credible(self, error: float | None) -> float | None:
-        """The error by which the next tolerance goes: no larger than before while states come from another mesh.
+        """The error that sets the next tolerance: no larger than before while states come from another mesh.
 
-        Their differences then tell of both meshes more than of time.
+        Their differences then include the difference of both meshes.
         """
         if min(one.time for one in self._past[: self.order + 1]) > self._new_mesh:
             return error
@@ -392,7 +392,7 @@ class QuasiSteady(Transient):
     """Advances a steady fluid whose boundary values change in time. All methods are collective.
 
     As `Transient`, for a fluid built with `FlowModel(unsteady=False)`: each step is steady, started from that
-    of the step before. There is no error in time, and so no adaptive step.
+    of the step before. There is no time error, and so no adaptive step.
     """
 
     def _attempt(self, length: float) -> NewtonReport:
@@ -404,7 +404,7 @@ class QuasiSteady(Transient):
 
 
 def _landing(left: float, step: float) -> float:
-    """The step, adjusted so that the last one lands on the end without being a sliver."""
+    """The step, adjusted so that the last one reaches the end and is not much shorter."""
     if left <= step * (1 + 1e-9):
         return left
     return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step

@@ -118,7 +118,7 @@ class MeshMotion:
         self.domain.mesh.geometry.x[:] = self.places(*displacements)
 
     def quality(self, places: Floats | None = None) -> MeshQuality:
-        """Quality of the mesh as it is now, or as it would be with its nodes at other places (n, 3)."""
+        """Quality of the mesh as it is now, or as it would be with its nodes at other positions (n, 3)."""
         qualities = self._cell_qualities(self.domain.mesh.geometry.x if places is None else places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
         comm = self.domain.comm

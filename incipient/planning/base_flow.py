@@ -152,7 +152,7 @@ class BaseFlow:
         return 1.0 if self.gust is None else self.gust.factor(t)
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
-        """Velocities (gdim, n) at places (3, n). Not collective."""
+        """Velocities (gdim, n) at positions (3, n). Not collective."""
         return self._from(self.datum)(x, t)
 
     @cached_property
@@ -177,7 +177,7 @@ class BaseFlow:
         return float(np.mean(self._profile(heights, np.zeros(SAMPLES))))
 
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
-        """Points (3, n) of given heights above or below a place (gdim,). Not collective."""
+        """Points (3, n) of given heights above or below a position (gdim,). Not collective."""
         points = np.zeros((3, len(heights)))
         points[: self.domain.up] = np.array(place[: self.domain.up])[:, None]
         points[self.domain.up] = heights
@@ -199,13 +199,13 @@ class BaseFlow:
         return float(self.speed * self.viscosity * abs(gradient))
 
     def _from(self, foot: float | Callable[[np.ndarray], np.ndarray]) -> Velocity:
-        """The flow at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""
+        """The flow at rest below `foot`, which is the datum or higher, or a function of positions (3, n)."""
         if isinstance(self.flow, ExpressionFlow):
             return self._formulas
         profile, datum, up = self._profile, self.datum, self.domain.up
 
         def velocity(x: np.ndarray, t: float) -> np.ndarray:
-            """Velocities (gdim, n) at places (3, n), along the first axis."""
+            """Velocities (gdim, n) at positions (3, n), along the first axis."""
             lowest = foot(x) if callable(foot) else foot
             speed = np.minimum(
                 profile(x[up] - datum, x[1]), STEEPER * profile(x[up] - lowest, x[1])
@@ -248,7 +248,7 @@ class BaseFlow:
         )
 
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """Speed (n,) at places (gdim or more, n) without a gust."""
+        """Speed (n,) at positions (gdim or more, n) without a gust."""
         return self._profile(x[self.domain.up] - self.datum, x[1])
 
     def _in_duct(self, mean: float, depth: float) -> Profile:

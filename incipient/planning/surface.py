@@ -15,7 +15,7 @@ def sticking(setup: Setup) -> tuple[str, ...]:
 
 
 def depths(geometry: Geometry, places: np.ndarray) -> tuple[np.ndarray, str]:
-    """The depth (n,) below the still level at places (n, 3), down to bed or resting grain, and which in words.
+    """The depth (n,) below the still level at positions (n, 3), down to bed or resting grain, and which in words.
 
     A 3-D grain is left to the mesh, whose cells above it fold before the surface touches it. Not collective.
     """

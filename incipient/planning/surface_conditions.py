@@ -99,7 +99,7 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
     base_velocity, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
 
     def along(x: Floats, t: float) -> Floats:
-        """Velocities (n,) along the channel at places (3, n) of the inflow as the mesh was made."""
+        """Velocities (n,) along the channel at positions (3, n) of the inflow as the mesh was made."""
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
         places[up] = datum + (x[up] - datum) * deeper
         waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
@@ -118,7 +118,7 @@ def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     )
 
     def velocity(x: Floats, t: float) -> Floats:
-        """Velocities (gdim, n) of base flow and wave at places (3, n)."""
+        """Velocities (gdim, n) of base flow and wave at positions (3, n)."""
         total = base_velocity(x, t)
         for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
             total[axis] += waving

@@ -317,7 +317,7 @@ def _smoothing_mass(equations: Equations) -> PressureMass:
 class Action:
     """Applies the Jacobian of the present state, or its transpose; where conditions hold that of the identity.
 
-    In elements of order three and more on tetrahedra one application costs about three times that of a matrix, which
+    In elements of third or higher order on tetrahedra one application costs about three times that of a matrix, which
     takes twenty to make and 1.5 kB an unknown to keep. Methods are collective.
 
     Args:

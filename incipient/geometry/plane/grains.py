@@ -40,7 +40,7 @@ PANELS = 96  # of Gauss's rule on a curve that is no line
 SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
 # Points of the splines that are meshed; those of a quarter are closer to it than 1e-7 of the grain's size
 QUARTER, EVEN = 768, 192
-# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by no more than an angle.
+# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by at most an angle.
 BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0

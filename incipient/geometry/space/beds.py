@@ -301,7 +301,7 @@ class SphereBed(Terrain):
         return which[close], centres[close]
 
     def _disorder(self, places: Floats, layer: np.ndarray) -> Floats:
-        """Shifts (n, 3) of spheres at places (n, 2) of layers (n,): bits mixed as by Steele, Lea & Flood (2014)."""
+        """Shifts (n, 3) of spheres at positions (n, 2) of layers (n,): bits mixed as by Steele, Lea & Flood (2014)."""
         chances = []
         for number in range(3):
             state = np.zeros(len(places), dtype=np.uint64)

@@ -266,7 +266,7 @@ class SpatialProximity(Proximity):
     ) -> ClosestPoints:
         """The `minima` that are local minima over the whole surface, each once; on request also all corners.
 
-        Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
+        Points whose neighbourhood is lower by at most `slack` (a length) count as minima.
         """
         slack = max(slack, SAME * self.size)
         keep = np.ones(len(minima), dtype=bool)

@@ -451,7 +451,7 @@ def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _towards(mesh: SurfaceMesh, of: np.ndarray, weights: Floats, places: Floats) -> Floats:
-    """The ways (n, 3) from the points to the weighted mean of places (k, 3), each of a point (k,)."""
+    """The ways (n, 3) from the points to the weighted mean of positions (k, 3), each of a point (k,)."""
     total = summed(of, weights, len(mesh.points))
     pull = summed(of, weights[:, None] * places, len(mesh.points))
     return pull / np.maximum(total, 1e-300)[:, None] - mesh.points
