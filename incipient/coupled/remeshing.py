@@ -1,8 +1,8 @@
-"""A new mesh on the way: everything the run needs is carried over from the old one, and checked.
+"""Remeshing during a run: the fields are transferred from the old mesh, and checked.
 
-Fields, past states and past places of the mesh live on the old mesh as it is now. Each point of the new mesh
-takes what the old one has there: velocities and pressures now and before, and the way its point of the mesh
-has come. The second-order backward difference continues unchanged. Velocities then get their
+Fields, past states and past positions of the mesh are given on the present old mesh. Each point of the new mesh
+takes the values of the old one there: present and past velocities and pressures, and the path of its point of the
+mesh. The second-order backward difference continues unchanged. Velocities then get their
 boundary values, and the nearest velocity field without (discrete) divergence, each on the mesh of its time.
 """
 
@@ -39,7 +39,7 @@ REACH = 0.25
 
 @dataclass(frozen=True)
 class Remeshing:
-    """A new mesh: when, of how many cells, the worst of them, and how much the flow changed with it.
+    """A new mesh: time, number of cells, the worst of them, and the change of the flow.
 
     outside: nodes of the new mesh that were not in the old one, and how far from it (`farthest`) [length]
     change:  how much making the velocity free of divergence again changed it, relative

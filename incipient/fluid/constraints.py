@@ -29,7 +29,7 @@ from .space import TaylorHood, boundary_blocks
 class Constraints:
     """The Dirichlet conditions of a flow, kept up to date with time.
 
-    Where two boundaries meet, the condition named later holds: name walls after moving lids and the
+    Where two boundaries meet, the condition named later applies: with walls after moving lids the
     corners are watertight. With `level` the pressure is zero at one node where no boundary gives it a level.
     """
 
@@ -72,7 +72,7 @@ class Constraints:
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Names of the boundaries along which the flow is resisted by a law of the wall."""
+        """Names of the boundaries with a law of the wall."""
         return tuple(one.boundary for one in self.friction)
 
     @property
@@ -86,7 +86,7 @@ class Constraints:
         return sum(entry.influx for entry in self.entries)
 
     def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
-        """Local pressure nodes on the boundaries through which fluid leaves freely, and on a surface. Collective."""
+        """Local pressure nodes on outflow boundaries and on a surface. Collective."""
         names = self.open if surface is None else (*self.open, surface.boundary)
         nodes = [
             boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names
@@ -153,7 +153,7 @@ class Constraints:
 
 
 def _first_node(space: Any) -> int:
-    """Global number of the node that comes first by its coordinates, the same place on any number of ranks."""
+    """Global number of the node with the first coordinates, the same point on any number of ranks."""
     index_map = space.dofmap.index_map
     points = space.tabulate_dof_coordinates()
     comm = space.mesh.comm
@@ -172,8 +172,8 @@ def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
 class Entry:
     """The velocity along the normal of an end, whose profile is stretched with the depth. Every method is collective.
 
-    A node has the velocity of the place at which the mesh was made, times a factor that is the same for all of them:
-    by it the discharge is that through the end as it was made, whatever the depth is now.
+    A node has the velocity of its position when the mesh was made, times one factor for all nodes. With this factor the
+    discharge is that through the end as made, for any present depth.
 
     Args:
         domain: whose mesh is as it was made.

@@ -48,11 +48,11 @@ def solve_steady(
 ) -> tuple[Step, ...]:
     """Solve steadily at the fluid's Reynolds number from its present state. Collective.
 
-    Higher-order elements start from the solution in second-order elements on the same mesh, which
-    costs a fraction; where that is not to be had, and for order two, the Reynolds number is approached
-    from `first_share` of it. From a solution that is `NEAR` they start at once: order two, whose flow at large
-    Reynolds numbers may be farther away, then comes second. By two levels there is no other way. `watch` is called
-    with (share, iteration, size of the correction).
+    Higher-order elements start from the solution in second-order elements on the same mesh, which costs less. Without
+    such a solution, and for second order, the Reynolds number is approached from `first_share` of it. From a solution
+    that is `NEAR` higher-order elements start directly: at large Reynolds numbers the second-order flow may be farther
+    away, and is then the fallback. Flows of two levels always start from second order. `watch` is called with (fraction,
+    iteration, size of the Newton update).
 
     Args:
         reached: fraction of the Reynolds number that the present state is the solution of; 0: of none.
@@ -114,10 +114,10 @@ def approach(
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
-    """Approach the fluid's Reynolds number by steps that steer themselves. Collective.
+    """Approach the fluid's Reynolds number in adaptive steps. Collective.
 
-    The step grows while Newton's method converges and halves when it does not; each start is
-    extrapolated from the two solutions before. From the solution at a fraction `reached` all the rest is tried first.
+    The step grows while Newton's method converges and halves when it does not; each start is extrapolated from the two
+    solutions before. From the solution at a fraction `reached` the full Reynolds number is tried first.
 
     Raises:
         ConvergenceError: the step became smaller than `smallest_step`, the first linear system was not solved, or the

@@ -101,8 +101,8 @@ class Locator:
     def nearest(self, points: Floats) -> Places:
         """The cell nearest to each of the points (n, at least gdim); none only where this rank has no cells.
 
-        The points are thought to lie outside of all cells. The nearest is sought among the `NEAR` cells whose
-        middles are. Where the cell's map has no inverse at the point, the place is a near point of the cell.
+        The points are assumed outside of all cells. Candidates are the `NEAR` cells with the nearest centres. Where the
+        cell's map has no inverse at the point, the result is a near point of the cell.
         """
         return self._in_parts(points, self._nearest)
 
@@ -321,7 +321,7 @@ def _clipped(coordinates: Floats) -> Floats:
 
 
 def _box(points: Floats) -> Floats:
-    """(2, g) lowest and highest coordinates; nothing is between them if there are no points."""
+    """(2, g) lowest and highest coordinates; an empty box if there are no points."""
     return np.array([points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
 
 

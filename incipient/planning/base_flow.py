@@ -1,4 +1,4 @@
-"""The base flow: what the flow would be without grain and bed forms, and what of it enters."""
+"""The base flow, without grain and bedforms, and its inflow."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum
 
 @dataclass(frozen=True)
 class EffectiveHeight:
-    """The height above the base line of the level plane that a bed with forms acts as on the flow far above."""
+    """Height above the base line of the plane that is equivalent to a bed with roughness elements for the far flow."""
 
     height: float  # in the base flow at its speed
     uncertainty: float  # how far it may be off
@@ -41,7 +41,7 @@ class EffectiveHeight:
 
 
 def repeats(flow: Any, domain: Domain, bed: Any) -> bool:
-    """Whether a base flow of known shear at the bed passes several forms in 2-D that repeat. Not collective."""
+    """Whether a base flow of known shear at the bed passes several repeated bedforms in 2-D. Not collective."""
     if (
         domain.width is not None
         or bed is None
@@ -54,7 +54,7 @@ def repeats(flow: Any, domain: Domain, bed: Any) -> bool:
 def effective_height(
     flow: Any, domain: Domain, bed: Any, viscosity: float, speed: float
 ) -> EffectiveHeight:
-    """The effective height of a 2-D bed below a base flow faster by `speed`. Not collective.
+    """The effective height of a 2-D bed below a base flow `speed` times as fast. Not collective.
 
     viscosity: kinematic; inf without inertia
     """
@@ -80,7 +80,7 @@ def _shear_rate(flow: Any, depth: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class BaseFlow:
-    """The flow without grain and bed forms, in units of the scene."""
+    """The flow without grain and bedforms, in units of the scene."""
 
     flow: Any  # the section of the scene that gives it
     domain: Domain
@@ -186,9 +186,9 @@ class BaseFlow:
     def bed_stress(self) -> float:
         """Shear stress at the datum of the flow `speed` times this one, with fluid density one.
 
-        It is that of the profile, the same over the whole bed; between walls, in the middle; of a flow given by
-        formulas, at the inflow. In a log-law flow it is u*^2, of which the viscosity is but a part where the bed is
-        rough. Not collective.
+        The stress of the profile is the same over the whole bed; between walls it is taken in the middle, of a flow
+        given by formulas at the inflow. In a log-law flow it is u*^2, of which viscous stress is only a fraction where
+        the bed is rough. Not collective.
         """
         if isinstance(self.flow, LogLaw):
             return float((self.speed * self.flow.shear_velocity) ** 2)
