@@ -1,4 +1,4 @@
-"""The free surface: what it exerts on the fluid, and the weak kinematic condition (337), on a surface that is a graph.
+"""The load of a free surface on the fluid, and the weak kinematic condition (337), for a surface that is a graph.
 
 The surface is the boundary where the last coordinate is the still level plus the elevation, and n its outward normal.
 Its area times n's last component is the area below it of the plane, which does not change in time.
@@ -19,11 +19,11 @@ class SurfaceTerms:
     """Terms of a free surface in the residual of the flow.
 
     gravity:   acceleration (gdim,), whose last component is negative or zero
-    origin:    a position (gdim,) of the still level at which the pressure without the hydrostatic part is to be zero
+    origin:    a position (gdim,) of the still level at which the pressure without the hydrostatic part is zero
     rate:      coefficient a0 of the present elevation in its backward difference
-    known:     what that difference makes of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
-    elevation: that of the mesh as it is now
-    pressure:  of what is above the fluid, per density of the fluid; None: none
+    known:     contribution of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
+    elevation: of the present mesh
+    pressure:  above the fluid, over the fluid's density; None: none
     unfelt:    what of a pinned surface's elevation has no weight; None: the surface is not pinned
     """
 

@@ -28,7 +28,7 @@ THINNEST = 0.05  # smallest ratio of moments that shapes the path within a step
 class Inertia:
     """Mass, principal moments, and in 3-D the principal axes in the body frame: columns (3, 3), right-handed.
 
-    One moment (1,) in 2-D, three (3,) in 3-D. Mass and moments may be zero: then only the fluid resists.
+    One moment (1,) in 2-D, three (3,) in 3-D. Mass and moments may be zero: then only the added mass resists.
     Raises SceneError on values that no distribution of mass has.
     """
 

@@ -51,8 +51,8 @@ def solve_steady(
     Higher-order elements start from the solution in second-order elements on the same mesh, which costs less. Without
     such a solution, and for second order, the Reynolds number is approached from `first_share` of it. From a solution
     that is `NEAR` higher-order elements start directly: at large Reynolds numbers the second-order flow may be farther
-    away, and is then the fallback. Flows of two levels always start from second order. `watch` is called with (fraction,
-    iteration, size of the Newton update).
+    away, and is then the fallback. Flows of two levels always start from second order. `watch` is called with
+    (fraction, iteration, size of the Newton update).
 
     Args:
         reached: fraction of the Reynolds number that the present state is the solution of; 0: of none.

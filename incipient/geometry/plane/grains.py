@@ -563,7 +563,7 @@ def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
 
 @dataclass(frozen=True, init=False)
 class Discs(Balls, Grain):
-    """Discs that hang together without enclosing a hole; they are shifted to the centroid of their union.
+    """Connected discs that enclose no hole; they are shifted to the centroid of their union.
 
     Raises SceneError if the numbers are no discs, if a disc lies within others or touches none.
     """

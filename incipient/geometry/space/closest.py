@@ -36,7 +36,7 @@ Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points,
 
 @dataclass(frozen=True, eq=False)
 class SpatialProximity(Proximity):
-    """A grain and a bed in 3-D, prepared for questions about many placements.
+    """A grain and a bed in 3-D, prepared for queries at many placements.
 
     Parts of a core are numbered: its triangles, its corners, its edges.
     """
@@ -83,7 +83,7 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _places(self) -> list[tuple[np.ndarray, Floats]]:
-        """Corners of each core, on smooth beds also places along edges: parts (m,) and points (m, 3) in the body frame.
+        """Corners of each core, on smooth beds also points along edges: parts (m,) and points (m, 3) in the body frame.
 
         An edge may lie across crests of a smooth bed, half a feature from each other at least.
         """
@@ -446,7 +446,7 @@ def _patch(triangles: Floats, radius: float) -> Contacts:
 
 
 def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
-    """Which points to keep where several of one normal lie on a straight line of contact: its two ends."""
+    """The points to keep of those with one normal on a straight line of contact: its two ends."""
     keep = np.ones(len(minima), dtype=bool)
     _, label = np.unique(np.round(minima.normals, 6), axis=0, return_inverse=True)
     for item in np.unique(label):
