@@ -33,7 +33,7 @@ from ..fluid.space import boundary_blocks
 from ..results.errorbars import Loads
 from .terms import SAFETY
 
-LEAST_COUPLE = 0.1  # of what the force at the boundary would turn by: smaller changes do not count
+LEAST_TORQUE = 0.1  # of what the force at the boundary would turn by: smaller changes do not count
 
 
 class GoalErrors:
@@ -77,13 +77,13 @@ class GoalErrors:
         return self.computed.force - self.improved.force
 
     @property
-    def couple(self) -> Floats:
+    def torque(self) -> Floats:
         """(3,) computed torque less that of the finer elements."""
-        return self.computed.couple - self.improved.couple
+        return self.computed.torque - self.improved.torque
 
     def loads(self, unit: float) -> Loads:
         """Force and torque with the estimated errors taken away, in a unit of the fluid's loads."""
-        return Loads(unit * self.improved.force, unit * self.improved.couple)
+        return Loads(unit * self.improved.force, unit * self.improved.torque)
 
     @property
     def is_upwinded(self) -> bool:
@@ -94,7 +94,7 @@ class GoalErrors:
         """Make one more correction; how much of all that is corrected by now it was, the more of force and torque.
 
         The residual is that without upwinding, the Jacobian that with it: a correction leaves some of what upwinding
-        changes, and the next one tells how much. `force` and `couple` then are those of both. A torque that hardly
+        changes, and the next one tells how much. `force` and `torque` then are those of both. A torque that hardly
         changes, against the force at the boundary's largest distance, tells nothing.
         """
         before = self.improved
@@ -104,9 +104,9 @@ class GoalErrors:
             float(np.linalg.norm(vector))
             for vector in (before.force - self.improved.force, self.force)
         )
-        couples = before.couple - self.improved.couple, self.couple
-        turned_last, turned_both = (float(np.linalg.norm(vector)) for vector in couples)
-        least = max(LEAST_COUPLE * both * self._reach, 1e-300)
+        torques = before.torque - self.improved.torque, self.torque
+        turned_last, turned_both = (float(np.linalg.norm(vector)) for vector in torques)
+        least = max(LEAST_TORQUE * both * self._reach, 1e-300)
         return max(last / max(both, 1e-300), turned_last / max(turned_both, least))
 
     @property

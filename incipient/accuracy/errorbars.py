@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import ConvergenceError, IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..scene import Scene
 from .coarse_runs import KeptRuns, Solve, coarse, is_coarse
 from .terms import (
@@ -45,18 +45,18 @@ OF_MODEL = (
 def error_bars(
     run: Run,
     force: Forces | None,
-    couple: Couples | None,
+    torque: Torques | None,
     solve: Solve,
     improve: Solve | None = None,
 ) -> ErrorBars:
     """The error bars of a finished run with what they mean for its verdict; see `error_terms`. Collective."""
-    return with_safety(error_terms(run, force, couple, solve, improve=improve), run, force, couple)
+    return with_safety(error_terms(run, force, torque, solve, improve=improve), run, force, torque)
 
 
 def error_terms(
     run: Run,
     force: Forces | None,
-    couple: Couples | None,
+    torque: Torques | None,
     solve: Solve,
     speed: float = 1.0,
     improve: Solve | None = None,
@@ -72,7 +72,7 @@ def error_terms(
         improve: gives loads on coarser cells less their estimated errors; None: the discretisation is not corrected.
     """
     scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
-    computed, left_out = loads_of_run(run, force, couple), not_there(scene)
+    computed, left_out = loads_of_run(run, force, torque), not_there(scene)
     if scene.is_averaged and scene.time is None and is_coarse(scene):
         known.loads[coarse(scene).model_dump_json()] = computed
     estimates = _of_run(run, speed, improve) | of_the_model(scene, speed)
@@ -94,20 +94,20 @@ def error_terms(
 
 
 def with_safety(
-    bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None
+    bars: ErrorBars, run: Run, force: Forces | None, torque: Torques | None
 ) -> ErrorBars:
     """The bars with the safety factor's, where there is a verdict and at least one term. Collective.
 
     It is that of the corrected loads. Nothing is certain of a grain in turbulent flow: another program with the same
     model finds other loads.
     """
-    if run.contacts is None or force is None or couple is None or not bars.terms:
+    if run.contacts is None or force is None or torque is None or not bars.terms:
         return bars
-    force, couple = bars.corrected(force, couple)
-    errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
+    force, torque = bars.corrected(force, torque)
+    errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
     from .goal import bar_of_scene  # which loads linear programs, slowly
 
-    bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
+    bar = bar_of_scene(run.scene, run.contacts, force, torque, errors)
     if bar is None:
         return bars
     if (walls := run.wall_report()) is not None:
@@ -118,7 +118,7 @@ def with_safety(
     return replace(bars, safety=replace(bar, unknown=unknown))
 
 
-def loads_of_run(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
+def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Loads:
     """What a run has come to. Collective."""
     from ..mesh.sampling import centrelines
 
@@ -128,7 +128,7 @@ def loads_of_run(run: Run, force: Forces | None, couple: Couples | None) -> Load
     lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
     size = 1.0 if scene.grain is None else scene.grain.size
     walls, upstream = run.wall_report(), run.separated()
-    loads = Loads.at_the_end(force, couple, place, run.elevations, walls, size, upstream)
+    loads = Loads.at_the_end(force, torque, place, run.elevations, walls, size, upstream)
     return replace(loads, centreline=centreline_velocities(lines))
 
 
@@ -139,15 +139,15 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed, improve)
 
     def not_steady(computed: Loads, solve: Solve) -> Term:
-        force, couple = computed.unsteady[:3], computed.unsteady[3:]
-        return Term("not steady", force, couple, "by how much loads change in the last steps")
+        force, torque = computed.unsteady[:3], computed.unsteady[3:]
+        return Term("not steady", force, torque, "by how much loads change in the last steps")
 
     def pocket(computed: Loads, solve: Solve) -> Term:
         """Error from the unknown pressure in closed pockets between contacts."""
         assert run.probe is not None and run.probe.enclosed is not None
-        force, couple = run.probe.enclosed.unknown(run.probe.about)
+        force, torque = run.probe.enclosed.unknown(run.probe.about)
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
-        return Term("pocket", speed**2 * force, speed**2 * couple, how)
+        return Term("pocket", speed**2 * force, speed**2 * torque, how)
 
     by_runs = by_coarse_runs(run.scene, run.accounts.known.terms.get(OF_MESH))
     estimates = {"discretisation": by_runs or discretisation, "not steady": not_steady}
@@ -190,12 +190,12 @@ def _by_surplus(run: Run, speed: float) -> Term:
     placement, rough = run.layout.placement, run.fluid.coarse
     assert placement is not None and rough is not None and run.probe is not None
     fine, other = run.probe.resultant(), TractionProbe(rough, "body", placement.centre).resultant()
-    force, couple = (
+    force, torque = (
         LEFT * unit_of(run, speed) * (getattr(fine, of) - getattr(other, of))
-        for of in ("force", "couple")
+        for of in ("force", "torque")
     )
     how = f"{LEFT:g} of the change from order 2 to order {run.plan.order} on the same mesh"
-    return Term("discretisation", np.abs(force), np.abs(couple), how).with_components_alike()
+    return Term("discretisation", np.abs(force), np.abs(torque), how).with_components_alike()
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
@@ -207,7 +207,7 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
     if len(changes) < 2:
         return None
     errors = []
-    for name in ("force", "couple"):
+    for name in ("force", "torque"):
         parts = [getattr(change, name) for change in changes]
         size = float(np.linalg.norm(getattr(computed, name))) or np.inf
         sized = [(part, min(float(np.linalg.norm(part)) / size, 1.0)) for part in parts]

@@ -18,7 +18,7 @@ from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.verdict import MassAndInertia, judged
 from ..evaluation.contact_verdict import find_contacts, load_of
 from ..planning.flow_setup import Setup
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..results.result import Result
 from ..results.safetybar import SafetyBar
 from ..scene import Scene
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Errors (6,) of force and torque by the name of what they come from.
 Errors = Mapping[str, Floats]
 # A torque smaller than this fraction of force times grain size is measured against that.
-LEAST_COUPLE = 0.01
+LEAST_TORQUE = 0.01
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
 
 
@@ -42,7 +42,7 @@ class LoadsOnMesh:
     """Loads, elevations and walls that a run on a mesh has come to, as a result has them."""
 
     force: Forces | None
-    torque: Couples | None
+    torque: Torques | None
     elevations: Elevations | None = None
     turbulence: WallReport | None = None
 
@@ -57,10 +57,10 @@ class Quantity(Protocol):
     def name(self) -> str:
         """What it is called."""
 
-    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque."""
 
-    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
         """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
 
 
@@ -81,7 +81,7 @@ def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
         return _ratio(float(error.max(initial=0.0)), on_mesh.elevations.largest)
     if on_mesh.force is None or on_mesh.torque is None:
         return None
-    return goal.error(on_mesh.force, on_mesh.torque, term.force, term.couple)
+    return goal.error(on_mesh.force, on_mesh.torque, term.force, term.torque)
 
 
 @dataclass(frozen=True)
@@ -99,43 +99,43 @@ class Goal:
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
-    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque.
 
         For the force it is the size of the error over that of the force; for the safety factor the width of its
         interval over its value, infinite where only one of both is.
         """
         if self.name in ("force", "torque"):
-            error = of_force if self.name == "force" else of_couple
-            return _ratio(float(np.linalg.norm(error)), self._scale(force, couple))
+            error = of_force if self.name == "force" else of_torque
+            return _ratio(float(np.linalg.norm(error)), self._scale(force, torque))
         assert self.contacts is not None
-        errors = {"discretisation": np.abs(np.concatenate([of_force, of_couple]))}
-        bar = bar_of_scene(self.scene, self.contacts, force, couple, errors)
+        errors = {"discretisation": np.abs(np.concatenate([of_force, of_torque]))}
+        bar = bar_of_scene(self.scene, self.contacts, force, torque, errors)
         assert bar is not None
         return bar.relative
 
-    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
         """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
         gdim = self.scene.gdim
         places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
         if self.contacts is not None:
-            slope = self._slope(force, couple, places)
+            slope = self._slope(force, torque, places)
             if np.all(np.isfinite(slope)) and np.any(slope):
                 return [slope]
-        units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(force, couple) or 1.0)
+        units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(force, torque) or 1.0)
         return [unit for unit in units if unit[gdim:].any() == (self.name == "torque")]
 
-    def _scale(self, force: Forces, couple: Couples) -> float:
+    def _scale(self, force: Forces, torque: Torques) -> float:
         size = float(np.linalg.norm(force.flow))
         if self.name != "torque":
             return size
         assert self.scene.grain is not None
-        return max(float(np.linalg.norm(couple.flow)), LEAST_COUPLE * size * self.scene.grain.size)
+        return max(float(np.linalg.norm(torque.flow)), LEAST_TORQUE * size * self.scene.grain.size)
 
-    def _slope(self, force: Forces, couple: Couples, places: dict[int, int]) -> Floats:
+    def _slope(self, force: Forces, torque: Torques, places: dict[int, int]) -> Floats:
         """Derivatives of log(safety factor) along force and torque, (3,) in 2-D and (6,) in 3-D."""
         load, scene, contacts = (
-            load_of(self.scene.placement, force, couple),
+            load_of(self.scene.placement, force, torque),
             self.scene,
             self.contacts,
         )
@@ -172,13 +172,13 @@ def _ratio(error: float, scale: float) -> float:
 
 
 def bar_of_scene(
-    scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors
+    scene: Scene, contacts: Contacts, force: Forces, torque: Torques, errors: Errors
 ) -> SafetyBar | None:
     """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective."""
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
     load, inert = (
-        load_of(scene.placement, force, couple),
+        load_of(scene.placement, force, torque),
         mass_and_inertia(scene.body, scene.placement),
     )
     return bar_of_safety(load, contacts, scene.contact.law, inert, errors)

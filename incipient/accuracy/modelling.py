@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError
 from ..results.errorbars import ErrorBars, Loads, Term
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..scene.flows import Flow
 from ..simulation.loads import weights
@@ -223,5 +223,5 @@ def _on_mesh(scene: Scene, loads: Loads) -> LoadsOnMesh:
     if scene.placement is None:
         return LoadsOnMesh(None, None, loads.elevations)
     force = Forces(loads.force, loads.force, *weights(scene))
-    couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
-    return LoadsOnMesh(force, couple, loads.elevations)
+    torque = Torques(loads.torque, loads.torque, spatial(scene.placement.centre))
+    return LoadsOnMesh(force, torque, loads.elevations)

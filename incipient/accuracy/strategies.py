@@ -222,31 +222,31 @@ class DualWeighted(Steady):
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
         """See `Strategy`."""
-        search, force, couple = self.search, on_mesh.force, on_mesh.torque
-        assert run.layout.placement is not None and force is not None and couple is not None
+        search, force, torque = self.search, on_mesh.force, on_mesh.torque
+        assert run.layout.placement is not None and force is not None and torque is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             plain = unit_of(run, search.speed)
             unit = goals.allowance * plain
             term = by_dual(goals, unit)
-            self._plain = search.goal.error(force, couple, term.force, term.couple)
+            self._plain = search.goal.error(force, torque, term.force, term.torque)
             before, self._improved = self._improved, (search.speed, goals.loads(plain))
             self._compared = self._corrects and before is not None and before[0] == search.speed
             if self._compared and before is not None:
                 term = by_both(term, goals, unit, before[1])
             search.known.terms["discretisation"] = term
             others = search.suited.terms if search.suited is not None else ()
-            between = of_interaction((*others, term), Loads(force.flow, couple.flow))
+            between = of_interaction((*others, term), Loads(force.flow, torque.flow))
             whole = (
                 term
                 if between is None
                 else replace(
-                    term, force=term.force + between.force, couple=term.couple + between.couple
+                    term, force=term.force + between.force, torque=term.torque + between.torque
                 )
             )
-            error = search.goal.error(force, couple, whole.force, whole.couple)
+            error = search.goal.error(force, torque, whole.force, whole.torque)
             if error <= search.allowed:
                 return Estimate(error, term, term.doubt)  # there is no next mesh
-            parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, couple)]
+            parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, torque)]
             shares = gathered(run.domain.mesh, parts)
         return Estimate(error, term, term.doubt, shares=shares)
 
@@ -446,5 +446,5 @@ class InTime(Strategy):
 
 def _on_mesh(run: Run) -> LoadsOnMesh:
     """What a solved run has come to. Collective."""
-    force, couple = (None, None) if run.probe is None else loads(run, surface=False)
-    return LoadsOnMesh(force, couple, run.elevations, run.wall_report())
+    force, torque = (None, None) if run.probe is None else loads(run, surface=False)
+    return LoadsOnMesh(force, torque, run.elevations, run.wall_report())

@@ -98,9 +98,9 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
     """
     left = goals.correct_again() if goals.is_upwinded else 0.0
     doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
-    force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
+    force, torque = unit * np.abs(goals.force), unit * np.abs(goals.torque)
     return Term(
-        "discretisation", force, couple, "dual-weighted residual, next-higher order", doubt=doubt
+        "discretisation", force, torque, "dual-weighted residual, next-higher order", doubt=doubt
     )
 
 
@@ -111,8 +111,8 @@ def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
     """
     plain = unit / goals.allowance
     here = goals.loads(plain)
-    apart = np.concatenate([here.force - beside.force, here.couple - beside.couple])
-    change = -plain * np.concatenate([goals.force, goals.couple])
+    apart = np.concatenate([here.force - beside.force, here.torque - beside.torque])
+    change = -plain * np.concatenate([goals.force, goals.torque])
     corrected = term.corrected(change, goals.allowance * np.abs(apart))
     if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
         return term
@@ -282,7 +282,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     if scene.closes_contacts:
         how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
         return Term.of_difference("gap", loads[0], loads[1], 1.0, how)
-    values = [np.concatenate([each.force, each.couple]) for each in loads]
+    values = [np.concatenate([each.force, each.torque]) for each in loads]
     # The change is that from the smallest gap: the way there from the scene's is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
     by_power = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
@@ -304,7 +304,7 @@ def _noise(coarse: Loads, computed: Loads) -> Floats:
     """(6,) what coarse runs on meshes of their own differ by for that alone; on one mesh, moved, nothing."""
     if coarse.moved:
         return np.zeros(6)
-    return np.abs(np.concatenate([coarse.force - computed.force, coarse.couple - computed.couple]))
+    return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
 
 
 def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
@@ -340,7 +340,7 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None =
         return replace(
             term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}"
         )
-    values = [np.concatenate([each.force, each.couple]) for each in (here, far, farthest)]
+    values = [np.concatenate([each.force, each.torque]) for each in (here, far, farthest)]
     noise = _noise(here, computed)
     change, left = _to_unbounded(values, decay, float(np.linalg.norm(noise[:3])))
     times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"

@@ -381,7 +381,7 @@ class RigidPart:
         """Force and torque as the body takes them, (k,)."""
         d = self.body.gdim
         return np.concatenate(
-            [resultant.force[:d], resultant.couple[2:] if d == 2 else resultant.couple]
+            [resultant.force[:d], resultant.torque[2:] if d == 2 else resultant.torque]
         )
 
     def _largest_arm(self) -> float:

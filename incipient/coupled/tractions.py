@@ -63,7 +63,7 @@ class Resultant:
     """
 
     force: np.ndarray
-    couple: np.ndarray
+    torque: np.ndarray
     about: np.ndarray
 
 
@@ -132,7 +132,7 @@ class TractionProbe:
         ds = self.fluid.domain.measure(self.boundary)
         part = self._with_enclosed(self._integrated(compat.form(ufl.inner(pressure, w) * ds)))
         whole = self.surface_resultant()
-        return Resultant(whole.force - part.force, whole.couple - part.couple, self.about)
+        return Resultant(whole.force - part.force, whole.torque - part.torque, self.about)
 
     def _integrated(self, form: Any) -> Resultant:
         """Force and torque of the linear form of a traction."""
@@ -145,8 +145,8 @@ class TractionProbe:
     def _with_enclosed(self, exposed: Resultant) -> Resultant:
         if self.enclosed is None:
             return exposed
-        force, couple = self.enclosed.load(self.about)
-        return Resultant(exposed.force + force, exposed.couple + couple, exposed.about)
+        force, torque = self.enclosed.load(self.about)
+        return Resultant(exposed.force + force, exposed.torque + torque, exposed.about)
 
     def field(self) -> Any:
         """The traction as a velocity-space function, zero off the boundary; its integral is the residual force.
@@ -219,12 +219,12 @@ class TractionProbe:
         forces = spatial(forces)
         arms = spatial(self._places()) - self.about
         mine = np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
-        force, couple = self.fluid.domain.comm.allreduce(mine)
+        force, torque = self.fluid.domain.comm.allreduce(mine)
         if self.fluid.domain.halved:
-            force, couple = (
-                np.array([force, couple]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
+            force, torque = (
+                np.array([force, torque]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
             )  # no zeros below zero
-        return Resultant(force, couple, self.about)
+        return Resultant(force, torque, self.about)
 
     def _places(self) -> np.ndarray:
         """Coordinates of the boundary's owned nodes, (n, gdim)."""

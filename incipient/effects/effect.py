@@ -11,7 +11,7 @@ from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
 from ..results.left_out import Omission
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..results.quantity import OutputQuantity
 from .run_part import RunPart, Solving, Stage
 
@@ -27,7 +27,7 @@ class Solved:
 
     run: Solving
     force: Forces | None
-    couple: Couples | None
+    torque: Torques | None
     verdict: dict[str, Any] | None
 
 

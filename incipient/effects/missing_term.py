@@ -33,22 +33,22 @@ ROUGH = 1e-4
 def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     """The change of force and torque by a missing term; without a grain, that of the velocity. Collective."""
     # To first order the flow of lower order does, whose matrix is there.
-    run, force, couple = solved.run, solved.force, solved.couple
+    run, force, torque = solved.run, solved.force, solved.torque
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
-    if force is None or couple is None or grain is None:
+    if force is None or torque is None or grain is None:
         how = "of the velocity on average, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
-    forces, couples = change_of_loads(
-        fluid, term, "body", couple.about[: fluid.space.gdim].tolist()
+    forces, torques = change_of_loads(
+        fluid, term, "body", torque.about[: fluid.space.gdim].tolist()
     )
     # A torque may vanish by symmetry: it then is compared with half the grain's size times the force.
     arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
-    of_couple = float(np.linalg.norm(couples)) / max(
-        float(np.linalg.norm(couple.flow)), arm, 1e-300
+    of_torque = float(np.linalg.norm(torques)) / max(
+        float(np.linalg.norm(torque.flow)), arm, 1e-300
     )
-    relative = max(_ratio(forces, force.flow), of_couple)
-    return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, couples)
+    relative = max(_ratio(forces, force.flow), of_torque)
+    return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, torques)
 
 
 def with_factors_of_steady_flow(fluid: Fluid) -> None:
@@ -83,10 +83,10 @@ def change_of_loads(
         motion = rigid_motion(fluid, boundary, about, goal)
         mine[k] = tested @ fluid.dual(motion, ROUGH)[:owned]
     changes = -fluid.domain.comm.allreduce(mine)
-    force, couple = np.zeros(3), np.zeros(3)
+    force, torque = np.zeros(3), np.zeros(3)
     force[:gdim] = changes[:gdim]
-    couple[-(size - gdim) :] = changes[gdim:]
-    return force, couple
+    torque[-(size - gdim) :] = changes[gdim:]
+    return force, torque
 
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:

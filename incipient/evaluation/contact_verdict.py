@@ -9,7 +9,7 @@ from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
 from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..results.safetybar import SafetyBar
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
@@ -30,13 +30,13 @@ def find_contacts(scene: Scene) -> Contacts:
     return Setup(scene).geometry.contacts
 
 
-def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load:
+def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load:
     """The load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
 
     The placement is that of the grain where it touches the bed, not where the gap has lifted it.
     """
     assert placement is not None
-    return Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(placement.centre))
+    return Load(force.flow, torque.flow, force.weight + force.buoyancy, spatial(placement.centre))
 
 
 def followed(scene: Scene, load: Load) -> Rocking | None:

@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Floats
 from ..geometry.placement import Placement
 from .elevations import Elevations
-from .loads import Couples, Forces, loads_words
+from .loads import Forces, Torques, loads_words
 from .quantity import STORED_NAMES, as_stored
 from .safetybar import SafetyBar
 
@@ -26,7 +26,7 @@ ALL = "the sum: an error bar is not a standard deviation"
 MOST_SPANS = 4  # of reverse flow, listed in words
 # What a term has errors of.
 ERRORS = (
-    *("force", "couple", "place", "elevation", "level"),
+    *("force", "torque", "place", "elevation", "level"),
     *("shear", "separated", "centreline"),
 )
 
@@ -35,9 +35,9 @@ ERRORS = (
 class Loads:
     """Force and torque (3,) of the flow on a grain, and what else errors are estimated of."""
 
-    # force, couple: (0,) without a grain
+    # force, torque: (0,) without a grain
     force: Floats
-    couple: Floats
+    torque: Floats
     place: Floats | None = None  # of a grain that moves, with its angle or quaternion: (3 or 7,)
     elevations: Elevations | None = None  # of a free surface
     # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
@@ -54,7 +54,7 @@ class Loads:
     def at_the_end(
         cls,
         force: Forces | None,
-        couple: Couples | None,
+        torque: Torques | None,
         place: Floats | None,
         elevations: Elevations | None,
         walls: WallReport | None = None,
@@ -65,11 +65,11 @@ class Loads:
 
         upstream: intervals of x of reverse laminar flow along the bed
         """
-        of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
+        of_force, of_torque = (NO_GRAIN if one is None else one.plain for one in (force, torque))
         shear = None if walls is None or force is not None else walls.shear_velocities
         upstream = upstream if walls is None else walls.backward
         separated = None if upstream is None else longest_first(upstream)
-        found = cls(of_force, of_couple, place, elevations, shear, separated)
+        found = cls(of_force, of_torque, place, elevations, shear, separated)
         spread = 0.0 if walls is None or force is None else walls.spread
         return replace(found, unsteady=found.part(spread, size)) if spread else found
 
@@ -83,10 +83,10 @@ class Loads:
 
     def part(self, share: float, size: float) -> Floats:
         """(6,) a share of the loads on a grain of a size, in each component that does not vanish by symmetry."""
-        whole = float(np.linalg.norm([*self.force, *(self.couple / size)]))
+        whole = float(np.linalg.norm([*self.force, *(self.torque / size)]))
         units = np.repeat([1.0, size], 3)
         return np.asarray(
-            share * whole * units * (np.concatenate([self.force, self.couple]) != 0.0)
+            share * whole * units * (np.concatenate([self.force, self.torque]) != 0.0)
         )
 
 
@@ -95,14 +95,14 @@ class Correction:
     """What is added to the computed force and torque (3,) for errors whose sign is known."""
 
     force: Floats
-    couple: Floats
+    torque: Floats
 
 
 @dataclass(frozen=True)
 class Term:
     """One source of error: absolute errors of force, torque (3,) and other quantities, and how they were estimated.
 
-    force, couple: what a correction leaves of them, if there is one; (0,) without a grain
+    force, torque: what a correction leaves of them, if there is one; (0,) without a grain
     place: (3,), in 3-D (6,), of place and turn of a moving grain, the turn in radians, in 3-D about x, y and z
     power: exponent of the gap with which the error is expected to fall; parts: terms that this one is the sum of
     elevation, level: (stations,) of a free surface, the largest ones within the run, and those at the end
@@ -115,7 +115,7 @@ class Term:
 
     name: str
     force: Floats
-    couple: Floats
+    torque: Floats
     how: str
     place: Floats | None = None
     power: float = 1.0
@@ -136,7 +136,7 @@ class Term:
             left: (6,) what it differs by from the change estimated in another way: the error that remains. No
                 component is taken to be better known, relative to its change, than the vector that it belongs to.
         """
-        found, errors = np.zeros(6), np.concatenate([self.force, self.couple])
+        found, errors = np.zeros(6), np.concatenate([self.force, self.torque])
         for part in (slice(3), slice(3, 6)):
             size, doubt = (float(np.linalg.norm(one[part])) for one in (change, left))
             if doubt < size:
@@ -145,18 +145,18 @@ class Term:
             else:
                 errors[part] = np.maximum(errors[part], np.abs(left[part]))
         if not found.any():
-            return replace(self, force=errors[:3], couple=errors[3:])
+            return replace(self, force=errors[:3], torque=errors[3:])
         correction = Correction(found[:3], found[3:])
-        return replace(self, force=errors[:3], couple=errors[3:], correction=correction)
+        return replace(self, force=errors[:3], torque=errors[3:], correction=correction)
 
     @property
     def uncorrected(self) -> Term:
         """The term without its correction: the errors that it has estimated."""
         if self.correction is None:
             return self
-        pairs = (self.correction.force, self.force), (self.correction.couple, self.couple)
-        force, couple = (np.maximum(np.abs(change), left) for change, left in pairs)
-        return replace(self, force=force, couple=couple, correction=None)
+        pairs = (self.correction.force, self.force), (self.correction.torque, self.torque)
+        force, torque = (np.maximum(np.abs(change), left) for change, left in pairs)
+        return replace(self, force=force, torque=torque, correction=None)
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
@@ -184,24 +184,24 @@ class Term:
             centreline = np.full(len(apart), share * apart.max())
         number, still = len(one.force), one.unsteady + other.unsteady
         force = np.abs(one.force - other.force) + still[:number]
-        couple = np.abs(one.couple - other.couple) + still[3 : 3 + number]
-        of_loads = share * force, share * couple
+        torque = np.abs(one.torque - other.torque) + still[3 : 3 + number]
+        of_loads = share * force, share * torque
         others = elevation, level, shear, separated, centreline
         return cls(name, *of_loads, how, place, 1.0, (), *others)
 
     def with_components_alike(self) -> Term:
         """The term with errors of components, unless they vanish, as large as those of the vectors, and of both u*."""
-        force, couple = (
-            float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple)
+        force, torque = (
+            float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.torque)
         )
         shear = None if self.shear is None else np.full_like(self.shear, np.max(self.shear))
-        return replace(self, force=force, couple=couple, shear=shear)
+        return replace(self, force=force, torque=torque, shear=shear)
 
     def with_changes(self, unsteady: Floats) -> Term:
         """The term with errors larger by what loads (6,) of a flow that has not converged still change by."""
         number = len(self.force)
-        couple = self.couple + unsteady[3 : 3 + number]
-        return replace(self, force=self.force + unsteady[:number], couple=couple)
+        torque = self.torque + unsteady[3 : 3 + number]
+        return replace(self, force=self.force + unsteady[:number], torque=torque)
 
     def with_elevations_times(self, factor: float) -> Term:
         """The term with errors of elevations enlarged by a factor."""
@@ -240,9 +240,9 @@ class ErrorBars:
         return self.total.force
 
     @property
-    def couple(self) -> Floats:
+    def torque(self) -> Floats:
         """(3,) absolute error of the torque, (0,) without a grain."""
-        return self.total.couple
+        return self.total.torque
 
     @property
     def correction(self) -> Correction | None:
@@ -250,15 +250,15 @@ class ErrorBars:
         found = [term.correction for term in self.terms if term.correction is not None]
         if not found:
             return None
-        parts = zip(*((one.force, one.couple) for one in found), strict=True)
+        parts = zip(*((one.force, one.torque) for one in found), strict=True)
         return Correction(*(np.sum(changes, axis=0) for changes in parts))
 
-    def corrected(self, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
+    def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
         """Forces and torques with the corrections added; as they are without one."""
         change = self.correction
         if change is None:
-            return force, couple
-        return force.corrected(change.force), couple.corrected(change.couple)
+            return force, torque
+        return force.corrected(change.force), torque.corrected(change.torque)
 
     @property
     def doubtful(self) -> str:
@@ -282,7 +282,7 @@ class ErrorBars:
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
             if (change := term.correction) is not None:
-                by = loads_words(change.force + 0.0, change.couple + 0.0, gdim, "+.2g")
+                by = loads_words(change.force + 0.0, change.torque + 0.0, gdim, "+.2g")
                 lines.append(f"    {'corrected by':<16}{by}")
             if term.doubt:
                 lines.append(
@@ -324,7 +324,7 @@ def _shared(one: Floats, others: Floats) -> Floats:
 
 
 def _errors(term: Term, gdim: int) -> str:
-    said = [loads_words(term.force, term.couple, gdim, ".1e")] if len(term.force) else []
+    said = [loads_words(term.force, term.torque, gdim, ".1e")] if len(term.force) else []
     if term.place is not None:
         said.append(_end_of_path(term.place))
     if term.elevation is not None and term.level is not None:

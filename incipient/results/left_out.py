@@ -12,7 +12,7 @@ class Omission:
 
     relative: change that it would have made, relative to the load; None: not known
     exceeds: whether it may be more than the accuracy asked for
-    force, couple: change of the force and the torque (3,); None: not known
+    force, torque: change of the force and the torque (3,); None: not known
     """
 
     name: str
@@ -21,7 +21,7 @@ class Omission:
     exceeds: bool
     remedy: str = ""
     force: Floats | None = None
-    couple: Floats | None = None
+    torque: Floats | None = None
 
     def lines(self) -> list[str]:
         """One line for a reader, and a warning where one is due."""

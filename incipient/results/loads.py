@@ -47,7 +47,7 @@ class Forces:
 
 
 @dataclass(frozen=True)
-class Couples:
+class Torques:
     """Torques on the grain (3,) about a point (3,), as the forces of these names; in 2-D along the third axis."""
 
     flow: Floats
@@ -60,7 +60,7 @@ class Couples:
         """The torque of the flow as computed (3,)."""
         return self.flow if self.computed is None else self.computed
 
-    def corrected(self, change: Floats) -> Couples:
+    def corrected(self, change: Floats) -> Torques:
         """The torques with a change (3,) added to the computed torque of the flow."""
         return replace(self, flow=self.plain + change, computed=self.plain)
 
@@ -124,7 +124,7 @@ def named(name: str, vector: Floats, gdim: int) -> dict[str, float]:
     return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate(AXES[:gdim])}
 
 
-def named_couple(name: str, vector: Floats, gdim: int) -> dict[str, float]:
+def named_torque(name: str, vector: Floats, gdim: int) -> dict[str, float]:
     """The components (3,) of a torque by the names of columns: one in 2-D, three in 3-D."""
     return {name: float(vector[2])} if gdim == 2 else named(name, vector, 3)
 

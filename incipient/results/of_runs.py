@@ -39,7 +39,7 @@ def _viscous(unit: str, run: Any) -> Any:
     if run.probe is None:
         return None
     found = run.probe.viscous_resultant()
-    return found.force if unit == "force" else found.couple
+    return found.force if unit == "force" else found.torque
 
 
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:

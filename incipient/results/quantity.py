@@ -11,10 +11,7 @@ import numpy as np
 
 LOW, HIGH = "_low", "_high"  # of the columns that hold the ends of a quantity's error bar
 AXES = ("x", "y", "z")
-STORED_NAMES = {
-    "couple": "torque",
-    "shear": "shear_velocity",
-}  # of fields, where results have others
+STORED_NAMES = {"shear": "shear_velocity"}  # of fields, where results have others
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from .cost_of_effects import cost_lines
 from .elevations import Elevations
 from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
-from .loads import Coefficients, Couples, Forces, Gap, loads_words
+from .loads import Coefficients, Forces, Gap, Torques, loads_words
 from .quantity import OutputQuantity, as_stored, put, screen_lines
 from .si import si_lines, with_loads
 from .trajectory import number_words, place_words, trajectory_lines
@@ -97,7 +97,7 @@ class Result:
     plan: Plan
     scene: dict[str, Any]
     force: Forces | None
-    torque: Couples | None
+    torque: Torques | None
     coefficients: Coefficients | None
     grain: dict[str, Any] | None
     gap: Gap | None

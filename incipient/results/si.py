@@ -36,7 +36,7 @@ def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
     scalars = {name: getattr(scales, name) for name in ("length", "time", "velocity", "stress")}
     found: dict[str, Any] = {
         "dimension": scene.gdim,
-        "units": scalars | {"force": scales.force, "torque": scales.couple},
+        "units": scalars | {"force": scales.force, "torque": scales.torque},
         "nominal_diameter": scales.length * nominal_diameter(scene.grain),
     }
     for name in ("shear_rate", "velocity"):

@@ -105,7 +105,7 @@ class Scales:
         return self.stress * self.length ** (self.gdim - 1)
 
     @property
-    def couple(self) -> float:
+    def torque(self) -> float:
         """[N m], in 2-D [N]."""
         return self.force * self.length
 

@@ -40,18 +40,18 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
     scene, grain = run.scene, run.grain
     reported = {name: value for part in run.parts for name, value in part.reported().items()}
     with run.stage("tractions"):
-        force = couple = verdict = traction = None
+        force = torque = verdict = traction = None
         contacts = run.contacts
         if run.probe is not None:
-            force, couple = loads(run, surface=True)
+            force, torque = loads(run, surface=True)
             traction = Traction(*run.probe.vectors())
             if status == "complete" and grain is None:
-                verdict = judged(run, force, couple)
+                verdict = judged(run, force, torque)
             if grain is not None and (grain.part.met or grain.does):
                 from ..effects.moving_grain.landing import landing
 
                 landed = landing(
-                    run.setup, grain.state, grain.clearance(), force, couple, grain.does
+                    run.setup, grain.state, grain.clearance(), force, torque, grain.does
                 )
                 contacts, verdict = landed.contacts, landed.verdict
                 reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
@@ -67,8 +67,8 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         plan=run.plan,
         scene=scene.model_dump(mode="json"),
         force=force,
-        torque=couple,
-        coefficients=None if force is None or couple is None else coefficients(run, force, couple),
+        torque=torque,
+        coefficients=None if force is None or torque is None else coefficients(run, force, torque),
         grain=_grain(run),
         gap=gap,
         contacts=_contacts(contacts),
@@ -131,13 +131,13 @@ def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
     """The result with its loads corrected, and what follows from them. Collective."""
     if bars is None or bars.correction is None or result.force is None or result.torque is None:
         return result
-    force, couple = bars.corrected(result.force, result.torque)
+    force, torque = bars.corrected(result.force, result.torque)
     return replace(
         result,
         force=force,
-        torque=couple,
-        coefficients=coefficients(run, force, couple),
-        verdict=judged(run, force, couple),
+        torque=torque,
+        coefficients=coefficients(run, force, torque),
+        verdict=judged(run, force, torque),
     )
 
 
@@ -149,7 +149,7 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
     from ..evaluation.contact_verdict import bar_with_rocking
 
     assert result.verdict is not None and result.force is not None and run.scene.grain is not None
-    apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.couple) / run.scene.grain.size
+    apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.torque) / run.scene.grain.size
     share = float(apart / np.linalg.norm(result.force.flow))
     mode, drift = result.verdict["mode"], rocking["drift"]
     return replace(

@@ -97,10 +97,10 @@ class InTurn:
             self._run = self._beside = None  # also if the next run fails
             self._open.close()
             run = self._open.enter_context(self._prepare(scene))
-            force, couple = loads_at(run, 1.0)
+            force, torque = loads_at(run, 1.0)
             self._run, self._beside = run, Beside(run, self._coarse, self._by_itself)
             if not self._beside.serves(key):  # nor for others, each of which has a mesh of its own
-                return Loads(force.flow, couple.flow)
+                return Loads(force.flow, torque.flow)
         return self._beside(scene)
 
     def handed_over(self, wanted: Scene) -> tuple[Run, ExitStack] | None:

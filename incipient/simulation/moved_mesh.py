@@ -80,7 +80,7 @@ class MovedMesh:
             places[:] = before
         # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
         unit = speed * run.fluid.reynolds / run.plan.reynolds
-        return Loads(unit * found.force, unit * found.couple, moved=True)
+        return Loads(unit * found.force, unit * found.torque, moved=True)
 
     def _follow(self, fluid: Fluid, other: Fluid) -> None:
         """Add to the velocity of the run's flow what the base flow differs by between old places and new ones."""

@@ -17,7 +17,7 @@ from ..interrupt import Interruption
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.errorbars import Loads
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..results.result import Result
 from ..scene import Scene
 from .assemble import completed, outcome
@@ -86,10 +86,10 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
         return _loads_in(run, *loads_at(run, speed))
 
 
-def _loads_in(run: Run, force: Forces, couple: Couples) -> Loads:
+def _loads_in(run: Run, force: Forces, torque: Torques) -> Loads:
     """Force and torque of a run, with what they still change by."""
     assert run.scene.grain is not None
-    return Loads.at_the_end(force, couple, None, None, run.wall_report(), run.scene.grain.size)
+    return Loads.at_the_end(force, torque, None, None, run.wall_report(), run.scene.grain.size)
 
 
 def _solve(

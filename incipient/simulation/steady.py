@@ -11,7 +11,7 @@ from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
 from ..planning.tolerance import of_steady
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from .build import probe_of
 from .loads import loads
 from .state import Run
@@ -54,7 +54,7 @@ def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
         solve_steadily(run, fluid)
 
 
-def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:
+def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
     """Solve steadily with the flow faster by a factor at the same viscosity; the loads then. Collective.
 
     In units of the faster flow only the Reynolds number changes, so the mesh, the forms and the last

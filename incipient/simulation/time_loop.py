@@ -15,7 +15,7 @@ from ..fluid import Fluid
 from ..interrupt import Interruption
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
-from ..results.loads import named, named_couple
+from ..results.loads import named, named_torque
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .march import March
@@ -184,13 +184,13 @@ class TimeLoop:
         """Columns of the loads on a grain that is held, and of the verdict on them."""
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
-            force, couple = loads(run, surface=False)
-        found = coefficients(run, force, couple)
-        row: dict[str, Any] = named("force", force.flow, gdim) | named_couple(
-            "torque", couple.flow, gdim
+            force, torque = loads(run, surface=False)
+        found = coefficients(run, force, torque)
+        row: dict[str, Any] = named("force", force.flow, gdim) | named_torque(
+            "torque", torque.flow, gdim
         )
         row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
-        verdict = judged(run, force, couple)
+        verdict = judged(run, force, torque)
         row["mode"] = verdict["mode"] if verdict else ""
         if verdict:
             factor = verdict["safety_factor"]

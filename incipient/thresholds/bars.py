@@ -59,7 +59,7 @@ class CriticalBars:
 
 def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
     """The error bars of a critical flow from those of force and torque there."""
-    errors = {term.name: np.concatenate([term.force, term.couple]) for term in loads.terms}
+    errors = {term.name: np.concatenate([term.force, term.torque]) for term in loads.terms}
     if flow.own_mesh is not None:
         errors[OWN_MESH] = flow.own_mesh.change
     ranges = {name: factor_range(flow, error) for name, error in errors.items()}
@@ -80,7 +80,7 @@ def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, Error
     change = loads.correction
     if change is None:
         return flow, loads
-    shift = np.concatenate([change.force, change.couple]) / flow.factor
+    shift = np.concatenate([change.force, change.torque]) / flow.factor
     path = replace(flow.path, loads=flow.path.loads + shift)
     for width in NEARBY:
         low, high = flow.factor / (1.0 + width), flow.factor * (1.0 + width)

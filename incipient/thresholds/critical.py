@@ -164,13 +164,13 @@ def _with_bars(
     """The threshold with error bars, or the reason why they were not computed. Collective."""
     with run.stage("error bars"):
         try:
-            force, couple = search.at_nearest(flow.factor)
+            force, torque = search.at_nearest(flow.factor)
             # The nearest computed flow may be far away where the load is proportional.
             force = replace(force, flow=flow.load.flow_force)
-            couple = replace(couple, flow=flow.load.flow_couple)
+            torque = replace(torque, flow=flow.load.flow_couple)
             solve = Beside(run, coarse_scenes, loads_of, flow.factor)
             improve = partial(improved_loads, comm=run.comm, speed=flow.factor)
-            terms = error_terms(run, force, couple, solve, flow.factor, improve)
+            terms = error_terms(run, force, torque, solve, flow.factor, improve)
             flow, terms = corrected(flow, terms)
             bars = critical_bars(flow, terms)
         except IncipientError as error:

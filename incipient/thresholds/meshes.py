@@ -28,7 +28,7 @@ from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
@@ -65,12 +65,12 @@ class CriticalGoal:
     halved: bool = False
     name: str = "critical flow"
 
-    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error of the critical factor for errors (3,) of force and torque."""
-        low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_couple])))
+        low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_torque])))
         return max(high / self.flow.factor - 1.0, 1.0 - low / self.flow.factor)
 
-    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
         """Derivatives (3,), in 3-D (6,), of log factor by force and torque; by the force alone, where S jumps."""
         path, load = self.flow.path, self.flow.load
         size = float(np.linalg.norm(load.flow_force))

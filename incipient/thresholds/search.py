@@ -24,7 +24,7 @@ from ..errors import ConvergenceError, SceneError
 from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import from_first
 from ..planning.effects import EffectName
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
 from .path import LoadPath, flow_of
@@ -32,7 +32,7 @@ from .path import LoadPath, flow_of
 if TYPE_CHECKING:
     from ..contact.rocking import Rocking
 
-Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
+Solve = Callable[[Run, float, float], tuple[Forces, Torques]]
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
@@ -114,7 +114,7 @@ class CriticalSearch:
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
         self._holds = run.contacts, scene.contact.law
-        self._solved: dict[float, tuple[Forces, Couples]] = {}
+        self._solved: dict[float, tuple[Forces, Torques]] = {}
         self._states: dict[float, list[Floats]] = {}
         numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
@@ -189,7 +189,7 @@ class CriticalSearch:
             self._solve(factor)
         return self._load(factor)
 
-    def at_nearest(self, factor: float) -> tuple[Forces, Couples]:
+    def at_nearest(self, factor: float) -> tuple[Forces, Torques]:
         """Restore the computed flow nearest to a factor; force and torque there."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda known: abs(known - within))

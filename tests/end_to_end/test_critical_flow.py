@@ -174,7 +174,7 @@ def test_shields_against_many_spacings_has_no_jumps() -> None:
 
 
 def test_a_disc_on_a_plane_has_none() -> None:
-    """Any couple about its only contact rolls a disc on a flat bed."""
+    """Any torque about its only contact rolls a disc on a flat bed."""
     threshold = threshold_of(on_bed("numerics.mesh_size=2.0"))
     assert threshold.factor == 0.0 and threshold.bars is None
     assert "any flow moves the grain, rolling" in threshold.text()
@@ -267,11 +267,11 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
         coarse.bars.terms["gap"] < 3.0 * changes["gap"]
         and coarse.bars.terms["domain"] < 3.0 * changes["domain"]
     )
-    # Errors of force and couple may cancel in the threshold, which the term does not count on: they are compared.
+    # Errors of force and torque may cancel in the threshold, which the term does not count on: they are compared.
     term = next(term for term in coarse.bars.loads.terms if term.name == "discretisation")
     fine = load_per_flow(better["discretisation"]) * coarse.factor
     changed = np.abs(fine - load_per_flow(coarse) * coarse.factor).sum()
-    assert changed / 3.0 < np.concatenate([term.force, term.couple]).sum() < 3.0 * changed
+    assert changed / 3.0 < np.concatenate([term.force, term.torque]).sum() < 3.0 * changed
     assert coarse.bars.low < coarse.factor < coarse.bars.high
     write(THRESHOLD, tmp_path, on_bed(*STOKES), coarse.to_dict(), MPI.COMM_SELF)
     assert_told(coarse, tmp_path)
@@ -289,7 +289,7 @@ def test_error_bars_cover_the_datum(datum: str) -> None:
 
 
 def load_per_flow(threshold: Threshold) -> np.ndarray:
-    """Force and couple (6,) of the flow of the scene, which are linear in its strength without inertia."""
+    """Force and torque (6,) of the flow of the scene, which are linear in its strength without inertia."""
     load = threshold.load
     return np.concatenate([load.flow_force, load.flow_couple]) / threshold.factor
 

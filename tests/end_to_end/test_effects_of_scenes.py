@@ -75,7 +75,7 @@ def left_out(result, name):
 
 
 def change(omission):
-    return np.array([*omission.force[:2], omission.couple[2]])
+    return np.array([*omission.force[:2], omission.torque[2]])
 
 
 # -- what an absent effect costs -----------------------------------------------------------------------------

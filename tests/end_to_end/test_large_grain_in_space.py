@@ -55,7 +55,7 @@ def stone(mesh_size=7.0, **changes):
 def test_what_grain_and_walls_bear_is_what_the_stream_loses():
     """Balance of momentum along half of the channel, with the eddies of the inflow: to the tolerance of the flow.
 
-    Force and couple are those of the whole grain; across the stream they vanish.
+    Force and torque are those of the whole grain; across the stream they vanish.
     """
     with prepared(stone(), MPI.COMM_SELF) as run:
         assert run.fluid.solver.regular, "on few cells factors are faster than blocks"
@@ -65,7 +65,7 @@ def test_what_grain_and_walls_bear_is_what_the_stream_loses():
         force, result = run.probe.resultant(), outcome(run)
     assert sum(borne) == pytest.approx(lost, rel=1e-5)
     assert force.force[0] == pytest.approx(2.0 * borne[0], rel=1e-10)
-    assert force.force[1] == force.couple[0] == force.couple[2] == 0.0
+    assert force.force[1] == force.torque[0] == force.torque[2] == 0.0
     assert result.turbulence.applicable and result.verdict["moves"]
 
 

@@ -75,7 +75,7 @@ def on_sand(number, roughness, mesh_size=2.0, length=10.0, depth=4.0, upstream=0
 
 
 def loads(scene):
-    """Drag, lift and couple."""
+    """Drag, lift and torque."""
     found = incipient.run(scene)
     return np.array([*found.force.flow[:2], found.torque.flow[2]])
 
@@ -203,7 +203,7 @@ def test_a_sphere_on_hydraulically_smooth_sand_bears_what_it_does_on_a_smooth_be
     }
     rough, smooth = (incipient.run(over_sand(k, 1500.0, 3.0, domain, **sphere)) for k in (0.2, 0.0))
     assert rough.force.flow == pytest.approx(smooth.force.flow, rel=0.01, abs=1e-6)
-    assert rough.couple.flow == pytest.approx(smooth.couple.flow, rel=0.01, abs=1e-6)
+    assert rough.torque.flow == pytest.approx(smooth.torque.flow, rel=0.01, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -225,7 +225,7 @@ def test_a_sphere_in_a_pocket_of_hydraulically_smooth_sand_bears_what_it_does_am
     rough, smooth = (incipient.run(over_sand(k, 1.0, 2.5, domain, **pocket)) for k in (0.1, 0.0))
     print(rough.force.flow, smooth.force.flow)
     assert rough.force.flow == pytest.approx(smooth.force.flow, rel=0.01, abs=1e-6)
-    assert rough.couple.flow == pytest.approx(smooth.couple.flow, rel=0.01, abs=1e-6)
+    assert rough.torque.flow == pytest.approx(smooth.torque.flow, rel=0.01, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ ON_PLANE = {
     "contact": Contact(friction=0.5),
     "numerics": COARSE,
 }
-# Force over 6 pi mu a G h and couple over 4 pi mu a^3 G on a sphere whose centre is h = 1.02 a above the plane
+# Force over 6 pi mu a G h and torque over 4 pi mu a^3 G on a sphere whose centre is h = 1.02 a above the plane
 # (Goldman, Cox & Brenner 1967, Chem. Eng. Sci. 22, 653; by bispherical coordinates in two resolutions).
 EXACT = 1.685911, 0.94565455
 RANKS = """
@@ -41,7 +41,7 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 def scaled(scene, result):
-    """Force along the stream and couple across it in the units of the exact ones."""
+    """Force along the stream and torque across it in the units of the exact ones."""
     mu, a, h = scene.viscosity, 0.5, 0.51
     return result.force.flow[0] / (6 * pi * mu * a * h), result.torque.flow[1] / (
         4 * pi * mu * a**3
@@ -68,7 +68,7 @@ def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     )
     (tmp_path / "scene.toml").write_text(dumps(scene))
     alone = incipient.run(scene, comm=MPI.COMM_SELF)
-    one = np.concatenate([alone.force.flow, alone.couple.flow])
+    one = np.concatenate([alone.force.flow, alone.torque.flow])
     done = mpirun(2, RANKS, tmp_path / "scene.toml")
     assert done.returncode == 0, done.stderr
     two = np.array(done.stdout.split(), dtype=float)
@@ -112,10 +112,10 @@ def test_error_bars_cover_the_exact_numbers():
     terms = {term.name: term for term in result.error_bars.terms}
     assert set(terms) == {"discretisation", "gap", "domain"}
     counted = [terms["discretisation"], terms["domain"]]  # the exact numbers are those with the gap
-    force, couple = sum(term.force[0] for term in counted), sum(term.couple[1] for term in counted)
+    force, torque = sum(term.force[0] for term in counted), sum(term.torque[1] for term in counted)
     bars = (
         force / (6 * pi * scene.viscosity * 0.5 * 0.51),
-        couple / (4 * pi * scene.viscosity * 0.125),
+        torque / (4 * pi * scene.viscosity * 0.125),
     )
     assert np.all(np.abs(np.subtract(scaled(scene, result), EXACT)) <= np.array(bars))
 

@@ -89,7 +89,7 @@ def test_the_error_bar_of_the_mesh_holds_what_a_finer_one_finds():
     found, finer = loads(scene), loads(sand(1500.0, 1.1))
     term = by_coarser_mesh(scene, found, loads)
     assert (abs(found.force - finer.force) <= term.force).all()
-    assert (abs(found.couple - finer.couple) <= term.couple).all()
+    assert (abs(found.torque - finer.torque) <= term.torque).all()
 
 
 @pytest.mark.slow

@@ -73,9 +73,9 @@ def readings(fluid: Fluid, about: tuple[float, ...], points: Any) -> dict[str, A
     return {
         "ranks": fluid.domain.comm.size,
         "force": by_residual.force.tolist(),
-        "couple": by_residual.couple.tolist(),
+        "couple": by_residual.torque.tolist(),
         "surface force": by_integral.force.tolist(),
-        "surface couple": by_integral.couple.tolist(),
+        "surface couple": by_integral.torque.tolist(),
         "velocity norm": integral(fluid.domain, ufl.inner(velocity, velocity)) ** 0.5,
         "pressure norm": integral(
             fluid.domain, (pressure - dolfinx.fem.Constant(fluid.domain.mesh, mean)) ** 2

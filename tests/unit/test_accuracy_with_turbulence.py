@@ -368,7 +368,7 @@ def test_components_of_loads_in_space_err_alike():
     term = by_coarser_mesh(in_space(1.0), solved(in_space(1.0)), solved)
     coarser = 2.0**0.5
     assert term.force == pytest.approx([0.5 * coarser, 0.0, 0.5 * coarser])
-    assert term.couple == pytest.approx([0.0, 0.2 * coarser, 0.0])
+    assert term.torque == pytest.approx([0.0, 0.2 * coarser, 0.0])
 
 
 def test_cells_in_space_that_tell_nothing_are_not_compared_with():
@@ -390,7 +390,7 @@ def test_walls_in_space_that_are_no_planes_are_told_from_those_that_are():
 def test_what_a_flow_still_changes_by_is_in_the_error_of_a_search():
     term = Term("discretisation", np.array([0.1, 0.0, 0.2]), np.array([0.0, 0.3, 0.0]), "")
     found = term.with_changes(np.array([0.01, 0.0, 0.02, 0.0, 0.04, 0.0]))
-    assert found.force == pytest.approx([0.11, 0.0, 0.22]) and found.couple == pytest.approx(
+    assert found.force == pytest.approx([0.11, 0.0, 0.22]) and found.torque == pytest.approx(
         [0.0, 0.34, 0.0]
     )
 

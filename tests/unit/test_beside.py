@@ -21,7 +21,7 @@ from incipient.simulation.beside import Beside, InTurn
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
 
-# Force over 6 pi mu a G h and couple over 4 pi mu a^3 G with gaps of 1.25% and 5% of the diameter (Goldman, Cox &
+# Force over 6 pi mu a G h and torque over 4 pi mu a^3 G with gaps of 1.25% and 5% of the diameter (Goldman, Cox &
 # Brenner 1967, Chem. Eng. Sci. 22, 653, in bispherical coordinates; the table of docs/validation/laminar.md).
 AT_FIVE_PERCENT = 1.6325, 0.9518
 
@@ -55,13 +55,13 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
         assert np.array_equal(run.domain.mesh.geometry.x, before)
         faster = Beside(run, coarse_scenes, never, speed=3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
-    assert found[0].force == pytest.approx(own.force) and found[0].couple == pytest.approx(
-        own.couple
+    assert found[0].force == pytest.approx(own.force) and found[0].torque == pytest.approx(
+        own.torque
     )
     assert faster.force == pytest.approx(3.0 * own.force)  # creeping: in proportion to the speed
     units = 6 * pi * scene.viscosity * 0.5 * 0.55, 4 * pi * scene.viscosity * 0.125
     assert found[2].force[0] / units[0] == pytest.approx(AT_FIVE_PERCENT[0], rel=0.015)
-    assert found[2].couple[1] / units[1] == pytest.approx(AT_FIVE_PERCENT[1], rel=0.015)
+    assert found[2].torque[1] / units[1] == pytest.approx(AT_FIVE_PERCENT[1], rel=0.015)
     assert (
         own.force[0] < found[1].force[0] < found[2].force[0]
     )  # the shear is faster where the centre is higher

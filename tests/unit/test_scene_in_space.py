@@ -14,7 +14,7 @@ from incipient.contact.verdict import judge
 from incipient.effects.plan import make_plan
 from incipient.evaluation.contact_verdict import find_contacts, load_of
 from incipient.planning.flow_setup import Setup
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.scene import (
     Box,
     Capsule,
@@ -209,9 +209,9 @@ def test_a_sphere_in_a_pocket_of_spheres_leaves_it_at_the_angle_of_repose(turned
         assert one.placement.centre == pytest.approx((5.0, 4.0, math.sqrt(2.0 / 3.0)))
         buoyancy, weight = weights(one)
         force = Forces(np.zeros(3), np.zeros(3), buoyancy, weight)
-        couple = Couples(np.zeros(3), np.zeros(3), np.array(one.placement.centre))
+        torque = Torques(np.zeros(3), np.zeros(3), np.array(one.placement.centre))
         load, inert = (
-            load_of(one.placement, force, couple),
+            load_of(one.placement, force, torque),
             mass_and_inertia(one.body, one.placement),
         )
         found[slope > repose] = judge(load, find_contacts(one), 1.0, inert).equilibrium.moves

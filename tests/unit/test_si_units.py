@@ -56,7 +56,7 @@ def test_a_grain_of_quartz_in_water() -> None:
     assert (scales.length, scales.time, scales.velocity) == pytest.approx((5e-4, 5e-3, 0.1))
     assert scales.force == pytest.approx(
         1000.0 * 0.1**2 * 5e-4**2
-    ) and scales.couple == pytest.approx(1.25e-9)
+    ) and scales.torque == pytest.approx(1.25e-9)
 
 
 def test_the_flow_and_loads_in_si() -> None:

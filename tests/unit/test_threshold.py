@@ -29,7 +29,7 @@ from incipient.geometry.space.grains import Sphere
 from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.scene import Disc, Flat, Fluid, Turbulence, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.thresholds import meshes
@@ -62,7 +62,7 @@ class Pretended:
         self.voice, self.load, self.limit = Silent(), load, limit
         self.comm, self.tried = MPI.COMM_SELF, list[float]()
 
-    def loads_at(self, run: Any, factor: float, start: float) -> tuple[Forces, Couples]:
+    def loads_at(self, run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
         if factor not in (self.limit, *self.tried):
             self.tried.append(factor)
         self.fluid.reynolds = min(factor, self.limit) * self.plan.reynolds
@@ -70,8 +70,8 @@ class Pretended:
             raise ConvergenceError("no steady flow")
         flow, gravity = factor * self.load(factor), np.array([0.0, -1.0, 0.0])
         weight, buoyancy = 2.65 * 2.5 * np.pi * gravity, -2.5 * np.pi * gravity
-        couple = Couples(flow[3:], flow[3:], np.zeros(3))
-        return Forces(flow[:3], flow[:3], buoyancy, weight), couple
+        torque = Torques(flow[3:], flow[3:], np.zeros(3))
+        return Forces(flow[:3], flow[:3], buoyancy, weight), torque
 
     def safety(self, factor: float) -> float:
         flow = factor * self.load(factor)
@@ -183,7 +183,7 @@ def test_a_mean_flow_that_is_not_found_is_not_tried_again(monkeypatch: pytest.Mo
     pretended, asked = Pretended(lambda f: 1e-3 * DRAG * (0.3 + f), limit=5.0), list[float]()
     mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", ""))
 
-    def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Couples]:
+    def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
         pretended.fluid.reynolds = (
             factor * pretended.plan.reynolds
         )  # as a mean flow takes it, before it is sought

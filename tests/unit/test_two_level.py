@@ -31,7 +31,7 @@ def around_a_ball(inertia: bool, cell: float = 0.6) -> Fluid:
 
 def load_of(fluid: Fluid) -> np.ndarray:
     found = TractionProbe(fluid, "body", CENTRE).resultant()
-    return np.concatenate([found.force, found.couple])
+    return np.concatenate([found.force, found.torque])
 
 
 @pytest.mark.parametrize("inertia", [True, False])
@@ -47,7 +47,7 @@ def test_a_first_correction_tells_the_load_of_one_order_more(inertia: bool) -> N
         with GoalErrors(fluid, "body", CENTRE) as goals:
             finer = goals.finer
             assert isinstance(finer.solver, TwoLevel) and finer.space.order == 3
-            estimate = np.concatenate([goals.force, goals.couple])
+            estimate = np.concatenate([goals.force, goals.torque])
             along_it = estimate / np.linalg.norm(estimate)
             by_shares = goals.shares(along_it).sum()
             before = size_of_residual(finer, goals._before)

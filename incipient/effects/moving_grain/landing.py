@@ -20,7 +20,7 @@ from ...evaluation.contact_verdict import load_of, standing
 from ...geometry.closest import touching
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
-from ...results.loads import Couples, Forces
+from ...results.loads import Forces, Torques
 from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact
 from .bed_contact import REST
@@ -43,7 +43,7 @@ class Landing:
 
 
 def landing(
-    setup: Setup, state: BodyState, met: Clearance, force: Forces, couple: Couples, does: str = ""
+    setup: Setup, state: BodyState, met: Clearance, force: Forces, torque: Torques, does: str = ""
 ) -> Landing:
     """Contacts and verdict of a grain that has met a boundary, or rests or moves there. Not collective."""
     scene, bed, stands = setup.scene, setup.sides.bottom, does == REST
@@ -60,7 +60,7 @@ def landing(
     if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)
     assert scene.body is not None and scene.contact is not None
-    load = load_of(state.placement, force, couple)
+    load = load_of(state.placement, force, torque)
     inert = mass_and_inertia(scene.body, state.placement)
     try:
         found = judge(load, contacts, scene.contact.law, inert).to_dict()
@@ -70,14 +70,14 @@ def landing(
     found["sentence"] = f"{found['supposed']}, {found['sentence']}"
     found["note"] = _note(state)
     if stands:
-        touching_factor = _factor_where_it_touches(setup, state, contacts, (force, couple))
+        touching_factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
         found["touching_factor"] = touching_factor
         found["note"] = _left_open(scene.contact, touching_factor)
     return Landing(contacts, found)
 
 
 def _factor_where_it_touches(
-    setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Couples]
+    setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Torques]
 ) -> float | None:
     """The safety factor under the same load of the grain without the gap at which contact acts; None: there is none.
 

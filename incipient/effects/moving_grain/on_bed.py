@@ -144,8 +144,8 @@ class GrainOnBed(MovingGrain):
             if length is None
             else self.part.contacts.mean_load(self.state.place, length)
         )
-        force, couple = load[: self.scene.gdim], load[self.scene.gdim :]
-        on_bed = {"force": force, "torque": couple if len(couple) == 3 else float(couple[0])}
+        force, torque = load[: self.scene.gdim], load[self.scene.gdim :]
+        on_bed = {"force": force, "torque": torque if len(torque) == 3 else float(torque[0])}
         return {"trajectory": {**trajectory, "on_bed": {**self.bed_contact.reported(), **on_bed}}}
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:

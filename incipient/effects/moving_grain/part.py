@@ -26,7 +26,7 @@ from ...planning.body import initial_state, rigid_body
 from ...planning.clearance import Clearance, Surroundings
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
-from ...results.loads import apart, named, named_couple
+from ...results.loads import apart, named, named_torque
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
@@ -245,9 +245,9 @@ class MovingGrain(RunPart):
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
         """Force and torque (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
-        force, couple = self._fluid.load_on_displaced((state or self.state).placement)
+        force, torque = self._fluid.load_on_displaced((state or self.state).placement)
         gdim = self.body.gdim
-        load = np.concatenate([force[:gdim], couple if gdim == 3 else couple[2:]])
+        load = np.concatenate([force[:gdim], torque if gdim == 3 else torque[2:]])
         if self._halved:
             load[[1, 3, 5]] = 0.0
         return load
@@ -321,11 +321,11 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
         **place,
         **turned,
         **named("velocity", velocity, gdim),
-        **named_couple("spin", spin, gdim),
+        **named_torque("spin", spin, gdim),
     }
 
 
-def columns_of_load(load: Floats, force: str, couple: str) -> dict[str, float]:
+def columns_of_load(load: Floats, force: str, torque: str) -> dict[str, float]:
     """A load (3,), in 3-D (6,), by the names of the history's columns. Not collective."""
     gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
-    return named(force, pushed, gdim) | named_couple(couple, twisted, gdim)
+    return named(force, pushed, gdim) | named_torque(torque, twisted, gdim)

@@ -140,7 +140,7 @@ class TurbulentFlow(RunPart):
 
         def found() -> Floats:
             resultant = probe.resultant()
-            return np.concatenate([resultant.force, resultant.couple / grain.size])
+            return np.concatenate([resultant.force, resultant.torque / grain.size])
 
         return found
 
