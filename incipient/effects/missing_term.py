@@ -32,7 +32,7 @@ ROUGH = 1e-4
 
 def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     """The change of force and torque by a missing term; without a grain, that of the velocity. Collective."""
-    # To first order the flow of lower order does, whose matrix is there.
+    # The lower-order flow, whose matrix is assembled, is accurate enough to first order.
     run, force, torque = solved.run, solved.force, solved.torque
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
@@ -42,12 +42,12 @@ def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     forces, torques = change_of_loads(
         fluid, term, "body", torque.about[: fluid.space.gdim].tolist()
     )
-    # A torque may vanish by symmetry: it then is compared with half the grain's size times the force.
+    # A torque may vanish because of symmetry: it is then compared with half the grain's size times the force.
     arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
-    of_torque = float(np.linalg.norm(torques)) / max(
+    relative_torque = float(np.linalg.norm(torques)) / max(
         float(np.linalg.norm(torque.flow)), arm, 1e-300
     )
-    relative = max(_ratio(forces, force.flow), of_torque)
+    relative = max(_ratio(forces, force.flow), relative_torque)
     return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, torques)
 
 

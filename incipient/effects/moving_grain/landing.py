@@ -63,17 +63,17 @@ def landing(
     load = load_of(state.placement, force, torque)
     inert = mass_and_inertia(scene.body, state.placement)
     try:
-        found = judge(load, contacts, scene.contact.law, inert).to_dict()
+        verdict = judge(load, contacts, scene.contact.law, inert).to_dict()
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
-    found["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
-    found["sentence"] = f"{found['supposed']}, {found['sentence']}"
-    found["note"] = _note(state)
+    verdict["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
+    verdict["sentence"] = f"{verdict['supposed']}, {verdict['sentence']}"
+    verdict["note"] = _note(state)
     if stands:
         touching_factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
-        found["touching_factor"] = touching_factor
-        found["note"] = _left_open(scene.contact, touching_factor)
-    return Landing(contacts, found)
+        verdict["touching_factor"] = touching_factor
+        verdict["note"] = _left_open(scene.contact, touching_factor)
+    return Landing(contacts, verdict)
 
 
 def _factor_where_it_touches(
@@ -88,10 +88,10 @@ def _factor_where_it_touches(
     placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, geometry.gap)
     try:
         closed = touching(scene.grain, placement, geometry.near_bed.bed, geometry.tolerance)
-        found = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
+        factor = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
     except IncipientError:
         return None
-    return found.value if math.isfinite(found.value) else None
+    return factor.value if math.isfinite(factor.value) else None
 
 
 def _left_open(contact: Contact, factor: float | None) -> str:
