@@ -25,7 +25,7 @@ ENLARGED = 1.3
 MOST_STRAIGHTENED = 3
 ATTEMPTS, LESS = 4, 0.6  # at layers between which there is a mesh, each thinner
 MOST_TRIALS = 40  # at layers whose cells are not inside out
-# How thick all layers at a place of a wall may be, over the radius of the largest circle that touches it there and
+# Largest thickness of all layers at a point of a wall, over the radius of the largest circle that touches it there and
 # reaches beyond no other wall.
 ROOM = 0.6
 EVENNESS = 0.4  # by which thickness changes along a wall at most, over the length of edges
@@ -40,7 +40,7 @@ def meshed_region(region: Region, sizes: Sizes, order: int) -> Simplices:
     """The mesh of a region in the scene, with cells of an order, made in the current gmsh model.
 
     Raises:
-        MeshError: gmsh finds no mesh, there is no room for layers, or cells fold over.
+        MeshError: gmsh fails, layers do not fit, or cells fold over.
     """
     if sizes.layers is not None and order not in (1, 2):
         raise MeshError(
@@ -70,7 +70,7 @@ class _Pen:
         self.points: dict[tuple[int, ...], int] = {}
 
     def point(self, x: Point) -> int:
-        """The tag of a point, drawn if there is none there yet."""
+        """The tag of a point, which is drawn on first use."""
         place = self.frame.local(np.array(x))
         key = tuple(np.round(place / self.tolerance).astype(int).tolist())
         if key not in self.points:
@@ -165,7 +165,7 @@ def _distance_to(point: tuple[float, ...], frame: Frame) -> str:
 
 
 def _adapted_field(wanted: SizeField, frame: Frame) -> int:
-    """The sizes wanted at the vertices of an earlier mesh; where that mesh does not reach there is no bound.
+    """The target sizes at the vertices of an earlier mesh; unbounded outside of that mesh.
 
     Its triangles are enlarged, so that a curved boundary lies within them, and the sizes extrapolated.
     """
@@ -179,7 +179,7 @@ def _adapted_field(wanted: SizeField, frame: Frame) -> int:
 
 
 def _without_folds(mesh: Simplices, order: int) -> Simplices:
-    """The mesh with straight cells in the cusps of a bed, where a curved side leaves no room.
+    """The mesh with straight cells in the cusps of a bed, where curved sides would fold them.
 
     Raises MeshError if cells at the grain fold, or with a side on another boundary, where the true surface matters, or
     if others fold then.
@@ -366,7 +366,7 @@ def _fan(normal: Floats, turn: float) -> list[Floats]:
 
 
 def _layered(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Simplices:
-    """The mesh of a region in a frame: layers, as thick as there is room, and free triangles between them."""
+    """The mesh of a region in a frame: layers, as thick as possible, and free triangles between them."""
     assert sizes.layers is not None
     first = {name: frame.size(thickness) for name, thickness in sizes.layers.first.items()}
     layers, share = replace(sizes.layers, first=first), ROOM

@@ -86,9 +86,9 @@ class Simplices:
         feet: Integers | None = None,
         share: Floats | None = None,
     ) -> tuple[Simplices, Integers]:
-        """The second-order cells with middles (k,) of edges moved, and the nodes that are moved less: there is no room.
+        """The second-order cells with middles (k,) of edges moved, and the nodes moved less where cells would fold.
 
-        Nodes that are free make room. Where cells fold even so edges are straight; in layers they are bent less.
+        Free nodes move along. Where cells still fold edges are straight; in layers they are bent less.
 
         free: (n, gdim) which coordinates of nodes may change; None: none
         feet, share: (n,) the wall's point below each corner in layers (-1: none), and by how much of their bend the
@@ -130,7 +130,7 @@ class Simplices:
 
 
 def _making_room(points: Floats, cells: Integers, bends: Floats) -> Floats:
-    """By how much (n, gdim) nodes move with cells that would fold: as these cells' edges bend on average.
+    """Displacements (n, gdim) of nodes with cells that would fold: as these cells' edges bend on average.
 
     A facet that bends into a cell carries the opposite corner with it.
     """

@@ -19,15 +19,15 @@ from .surfaces import Body, Ground
 PER_SIZE = 40.0  # triangles along a grain from which distances are taken
 SPOT_GROWTH = 0.3  # of sizes about places where surfaces would cross
 BOX = 1.5  # the largest side of a box in units of the size within it
-LEAST = 0.25  # of the smallest size at a feature: narrow places that nobody knew of are not resolved further
+LEAST = 0.25  # of the smallest size at a feature: unknown narrow gaps are not resolved further
 GAPS = "narrow places"
 
 
 @dataclass(frozen=True, eq=False)
 class SizeMap:
-    """The sizes wanted in a region, in its frame.
+    """The target sizes in a region, in its frame.
 
-    spots (k, 3) are places where surfaces would cross if cells were larger than at_spots (k,)
+    spots (k, 3) are points where surfaces would cross if cells were larger than at_spots (k,)
     """
 
     region: SolidRegion

@@ -16,7 +16,7 @@ LAYERS_SHARE = (
 class Away:
     """Growth of cells along a feature with the distance from a point, up to a largest size; scene units.
 
-    From the distance `level` on the feature has no forms that this size follows: cells grow on.
+    Beyond the distance `level` the feature is planar, and cells grow further.
     """
 
     point: Place
@@ -61,7 +61,7 @@ class Near:
 
 @dataclass(frozen=True, eq=False)
 class SizeField:
-    """Sizes of cells wanted at the vertices of an earlier mesh, linear on its triangles, scene units.
+    """Target sizes of cells at the vertices of an earlier mesh, linear on its triangles, scene units.
 
     points (n, gdim), triangles (m, 3) of them, sizes (n,)
     """

@@ -43,7 +43,7 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
     """The mesh of a region in the scene, with tetrahedra of order 1 or 2, made in the current gmsh model.
 
     Raises:
-        MeshError: a surface is open or meets itself or another one, there is no room for layers, or gmsh finds no mesh.
+        MeshError: a surface is open or intersects itself or another one, layers do not fit, or gmsh fails.
     """
     if order not in (1, 2):
         raise MeshError(
@@ -86,7 +86,7 @@ def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
 def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
     """Bed and grains, by name, as triangles of the sizes wanted, and those sizes: finer where surfaces would cross.
 
-    Raises MeshError if a grain reaches into the bed, or surfaces cross however fine they are.
+    Raises MeshError if a grain penetrates the bed, or surfaces cross at any resolution.
     """
     bed_name, ground = size.region.names[5], size.ground
     crossing: list[str] = []
@@ -221,10 +221,10 @@ def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
 def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
     """Straight cells with layers along the walls that are named; the other sides are planes.
 
-    The cells at a wall draw back from it, and prisms of three tetrahedra each fill the room.
+    The cells at a wall retreat from it, and prisms of three tetrahedra each fill the space.
 
     Raises:
-        MeshError: there is no room for layers.
+        MeshError: layers do not fit.
     """
     walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
     triangles = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)

@@ -1,4 +1,4 @@
-"""Fields taken from one mesh to points anywhere, such as the nodes of a mesh that replaces it."""
+"""Transfer of fields from one mesh to arbitrary points, such as the nodes of a new mesh."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Transfer:
     def _exchange(
         self, requested: list[Integers], look_up: Callable[[Floats], Places]
     ) -> _Exchange:
-        """Have points looked up by the ranks requested; each is left to the rank where it is nearest."""
+        """Exchange points with the ranks that locate them; each goes to the rank where it is nearest."""
         requests = self._comm.alltoall([self._points[rows] for rows in requested])
         places = look_up(np.concatenate(requests))
         answers = self._comm.alltoall(np.split(places.distances, _splits(requests)))
@@ -97,7 +97,7 @@ class Transfer:
         return _Exchange(rows, places.at(np.concatenate(kept)), splits)
 
     def _nearest(self, requested: list[Integers], answers: list[Floats]) -> Integers:
-        """(n,) the first rank from which each point is nearest, -1 where it is so from none."""
+        """(n,) the first rank from which each point is nearest, -1 where there is none."""
         distances = np.full((len(requested), len(self._points)), np.inf)
         for rank, (rows, answer) in enumerate(zip(requested, answers, strict=True)):
             distances[rank, rows] = answer

@@ -38,7 +38,7 @@ def count(
 
     dual:   whether errors of a steady flow are also estimated, with elements of the next-higher order (see `has_dual`)
     solver: of the linear systems, a name of a `linear.Method`; in 2-D it is direct
-    wider:  of a run for the error bars that is made while the flow is kept; in 3-D
+    wider:  of a run for the error bars while the flow stays in memory; in 3-D
     """
     cells, unknowns = _counted(layout)
     if layout.gdim == 2:
@@ -53,17 +53,17 @@ def count(
 
 
 def has_dual(setup: Setup) -> bool:
-    """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
+    """Whether a scene's error bars need a dual solution. Not collective."""
     scene = setup.scene
     held = scene.body is not None and scene.time is None and not scene.is_averaged
     return scene.numerics.error_bars and held
 
 
 def memory(*unknowns: int) -> float:
-    """MiB for systems of so many unknowns that are there at once. Not collective.
+    """MiB for simultaneous systems of so many unknowns. Not collective.
 
     The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c was
-    fitted to measured peaks, the libraries' share was measured (docs/validation/performance.md).
+    fitted to measured peaks, the libraries' part was measured (docs/validation/performance.md).
     """
     entries = sum(n * math.log2(n) for n in unknowns)
     return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20
@@ -96,10 +96,10 @@ def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> i
 
 
 def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
-    """MiB that a flow of an order takes by a solver, and its error bars if `dual`. Not collective.
+    """MiB of a flow of an order with a solver, and of its error bars if `dual`. Not collective.
 
-    Sparse factors of a 3-D mesh of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
-    takes memory in proportion to n; both were fitted to measured peaks. `unknowns` counts those of any order.
+    Sparse factors of a 3-D mesh of n unknowns have about c n^(4/3) entries (George 1973); the memory of an iterative
+    method is proportional to n. Both were fitted to measured peaks. `unknowns` counts those of any order.
     """
     if solver == "direct":
         entries = sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))

@@ -1,4 +1,4 @@
-"""A scene with what follows from it before anything is meshed or computed, each part derived once."""
+"""A scene with its derived parts before meshing and computation, each derived once."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Setup:
 
     @cached_property
     def symmetric(self) -> bool:
-        """Whether half of the scene is computed: what lies at one side of the middle of a 3-D domain."""
+        """Whether only one half of a symmetric 3-D domain is computed."""
         asked = self.scene.domain.symmetric
         if self.scene.gdim == 2 or asked is False:
             return False
@@ -64,7 +64,7 @@ class Setup:
 
     @cached_property
     def order(self) -> VelocityOrder:
-        """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
+        """Order of the velocity: that of the scene, or for "auto" the measured optimum."""
         return velocity_order(self)
 
     @cached_property

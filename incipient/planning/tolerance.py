@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-# What steady iterations may leave where nothing is known of the error: Newton's method then has left far less.
+# Tolerance of steady iterations without an error estimate: the error after Newton's method is then far less.
 STEADY = 1e-6
 # The same where each Newton update is inexact, and the discretisation error of the loads is far larger.
 BY_TWO_LEVELS = 1e-5

@@ -111,7 +111,7 @@ class MovingGrain(RunPart):
             )
 
     def moving(self, motion: MeshMotion) -> tuple[RigidPart, ...]:
-        """The body, put into the fluid where the grain is; the mesh goes there from where it was made."""
+        """The body in the fluid at the grain's placement; the mesh moves there from where it was made."""
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
