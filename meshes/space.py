@@ -354,5 +354,5 @@ def _on_surfaces(
     free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
     free[feet >= 0] = False
     moved = np.concatenate(middles), np.concatenate(places)
-    made, straight = mesh.curved(*moved, free, *layered)
-    return made, np.intersect1d(straight, np.concatenate(smooth))
+    curved, straight = mesh.curved(*moved, free, *layered)
+    return curved, np.intersect1d(straight, np.concatenate(smooth))

@@ -52,11 +52,13 @@ class Constraints:
         self._carried = {
             name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried
         }
-        given = [c.boundary for c in prescribed]
+        prescribed_names = [c.boundary for c in prescribed]
         self.entries = tuple(
-            Entry(domain, space, c, tuple(given)) for c in conditions if isinstance(c, Entering)
+            Entry(domain, space, c, tuple(prescribed_names))
+            for c in conditions
+            if isinstance(c, Entering)
         )
-        self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
+        self.dirichlet = self._velocity_conditions(domain, [*prescribed_names, *carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
 
@@ -214,12 +216,12 @@ class Entry:
 
     def update(self, t: float) -> None:
         """Evaluate the velocity at a time, where the mesh is now."""
-        asked, now = np.asarray(self._velocity(self._places, t)), self._areas()
-        mine = asked[: self._count]
+        velocities, now = np.asarray(self._velocity(self._places, t)), self._areas()
+        mine = velocities[: self._count]
         sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
-        made, stretched, through = self._comm.allreduce(sums)
-        factor = float(made / stretched) if stretched else 1.0
-        self.values.x.array[self._nodes] = factor * asked
+        as_made, stretched, through = self._comm.allreduce(sums)
+        factor = float(as_made / stretched) if stretched else 1.0
+        self.values.x.array[self._nodes] = factor * velocities
         self.influx = factor * float(through)
 
     def zone(self, place: Any) -> Any:

@@ -46,9 +46,9 @@ class ShareOfError:
         return float(np.clip(self.share * error, self.least, self.most))
 
 
-def of_steps(asked: float | Literal["auto"]) -> float | ShareOfError:
+def of_steps(tolerance: float | Literal["auto"]) -> float | ShareOfError:
     """The tolerance of time steps, from `numerics.tolerance`. Not collective."""
-    return ShareOfError() if asked == "auto" else max(asked, LEAST)
+    return ShareOfError() if tolerance == "auto" else max(tolerance, LEAST)
 
 
 class Interface(Protocol):
@@ -329,8 +329,10 @@ class Transient:
 
     def _tolerance(self) -> float:
         """The tolerance of the algebraic solution in the step to come."""
-        asked = self.tolerance
-        return asked.after(self.last_error) if isinstance(asked, ShareOfError) else asked
+        tolerance = self.tolerance
+        return (
+            tolerance.after(self.last_error) if isinstance(tolerance, ShareOfError) else tolerance
+        )
 
     def _restore(self) -> None:
         self.fluid.time = self._past[0].time

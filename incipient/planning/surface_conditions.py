@@ -38,15 +38,15 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
 
     Boundaries that the surface leaves to other conditions are missing. Not collective.
     """
-    asked, sides, up, conditions = (
+    surface, sides, up, conditions = (
         setup.surface,
         setup.sides,
         setup.geometry.up,
         dict[str, list[Condition]](),
     )
-    if setup.scene.domain.kind != "channel" and asked.ends == "wall":
+    if setup.scene.domain.kind != "channel" and surface.ends == "wall":
         conditions["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
-    if asked.bottom == "slip":
+    if surface.bottom == "slip":
         conditions["below"] = [Slip(sides.bottom, axis=up)]
     if lid:
         return conditions
@@ -57,10 +57,10 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
 
 def free_surface(setup: Setup) -> FreeSurface:
     """The condition on top of a scene whose top is a free surface. Not collective."""
-    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    surface, domain, scene = setup.surface, setup.geometry.domain, setup.scene
     # The pressure without the hydrostatic part is zero where the still level meets the right end.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
-    pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
+    pressure = None if surface.pressure == "0" else Expression(surface.pressure, "surface.pressure")
     top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
     return FreeSurface(top, gravity, origin, pressure, sticking(setup), sponge(setup))
 
@@ -82,13 +82,13 @@ def ends(setup: Setup) -> list[Condition]:
 
 def sponge(setup: Setup) -> Sponge | None:
     """The zone before the right end of a channel in which waves die out; None: there is none. Not collective."""
-    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
-    if asked.sponge == 0.0:
+    surface, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    if surface.sponge == 0.0:
         return None
     # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average.
     rate = 3.0 * ABSORBED * math.sqrt(abs(scene.gravity_vector[scene.up]) * domain.height)
-    start = domain.right - asked.sponge
-    return Sponge(start, domain.right, rate / asked.sponge, setup.base_flow.velocity)
+    start = domain.right - surface.sponge
+    return Sponge(start, domain.right, rate / surface.sponge, setup.base_flow.velocity)
 
 
 def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:

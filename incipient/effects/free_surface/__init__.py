@@ -91,14 +91,14 @@ def _ends(setup: Setup) -> str:
     """The conditions at the ends of a channel with a free surface; empty for a box."""
     if setup.geometry.domain.kind == "box":
         return ""
-    asked, speed, wave = setup.surface, froude(setup), wave_of(setup)
+    surface, speed, wave = setup.surface, froude(setup), wave_of(setup)
     text = f"; Froude number {speed:.2g}" if speed else ""
     text += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
     text += (
         "that of the still fluid beyond the outflow"
-        if asked.outflow == "open"
+        if surface.outflow == "open"
         else "and a wall at the right end"
     )
     if wave is not None:
         text += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
-    return text + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
+    return text + (f"; waves die out over the last {surface.sponge:g}" if surface.sponge else "")

@@ -50,14 +50,14 @@ def preconditioner(matrix: Any, prefix: str, chosen: Mapping[str, Any], **more: 
 
     `more` is for multigrid of two levels: `interpolation` from the coarse unknowns.
     """
-    made = PETSc.PC().create(matrix.comm)
-    made.setOptionsPrefix(prefix)
-    made.setOperators(matrix)
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOptionsPrefix(prefix)
+    pc.setOperators(matrix)
     if "interpolation" in more:
-        made.setType("mg")
-        made.setMGLevels(2)
-        made.setMGInterpolation(1, more["interpolation"])
+        pc.setType("mg")
+        pc.setMGLevels(2)
+        pc.setMGInterpolation(1, more["interpolation"])
     with defaults(prefix, chosen):
-        made.setFromOptions()
-        made.setUp()
-    return made
+        pc.setFromOptions()
+        pc.setUp()
+    return pc
