@@ -48,7 +48,7 @@ def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap) -
 
 
 def upwinded_viscosity(viscosity: Any, carrier: Any, size: Any, share: float) -> Any:
-    """nu + share tau |c|^2: the viscosity and a share of what `terms.streamline_upwind` adds along the carrier c."""
+    """nu + share tau |c|^2: the viscosity and a fraction of that of `terms.streamline_upwind` along the carrier c."""
     return viscosity + share * streamline_time(carrier, viscosity, size) * ufl.dot(carrier, carrier)
 
 

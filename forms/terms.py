@@ -181,9 +181,9 @@ def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
     return -inwards * ufl.inner(v, w)
 
 
-def relaxation(v: Any, stream: Any, rate: Any, w: Any) -> Any:
+def relaxation(v: Any, base_flow: Any, rate: Any, w: Any) -> Any:
     """s (v - u) . w: the flow is relaxed to the base flow u at a rate s, zero outside of a sponge."""
-    return rate * ufl.inner(v - stream, w)
+    return rate * ufl.inner(v - base_flow, w)
 
 
 def surface_traction(v: Any, p: Any, n: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:

@@ -52,7 +52,7 @@ class Simplices:
         return cls(points, elements(dimension, order), sides, order)
 
     def of_order(self, order: int) -> Simplices:
-        """The straight cells of order one with the nodes of a higher order."""
+        """The straight first-order cells with the nodes of a higher order."""
         if order == 1:
             return self
         count, dimension = self.points.shape
@@ -86,9 +86,9 @@ class Simplices:
         feet: Integers | None = None,
         share: Floats | None = None,
     ) -> tuple[Simplices, Integers]:
-        """The cells of order two with middles (k,) of edges moved, and the nodes that are moved less: there is no room.
+        """The second-order cells with middles (k,) of edges moved, and the nodes moved less where cells would fold.
 
-        Nodes that are free make room. Where cells fold even so edges are straight; in layers they are bent less.
+        Free nodes move along. Where cells still fold edges are straight; in layers they are bent less.
 
         free: (n, gdim) which coordinates of nodes may change; None: none
         feet, share: (n,) the wall's point below each corner in layers (-1: none), and by how much of their bend the
@@ -130,7 +130,7 @@ class Simplices:
 
 
 def _making_room(points: Floats, cells: Integers, bends: Floats) -> Floats:
-    """By how much (n, gdim) nodes move with cells that would fold: as these cells' edges bend on average.
+    """Displacements (n, gdim) of nodes with cells that would fold: as these cells' edges bend on average.
 
     A facet that bends into a cell carries the opposite corner with it.
     """
@@ -149,7 +149,7 @@ def measures(points: Floats, cells: Integers) -> Floats:
 
 
 def jacobian_lower_bound(nodes: Floats) -> Floats:
-    """A lower bound (m,) of the determinants of cells of order two (m, nodes, gdim), in units of the straight ones'.
+    """A lower bound (m,) of the determinants of second-order cells (m, nodes, gdim), in units of the straight ones'.
 
     The determinant is a polynomial of order gdim: the least of its control points in Bernstein's form is below it.
     """

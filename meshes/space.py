@@ -43,7 +43,7 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
     """The mesh of a region in the scene, with tetrahedra of order 1 or 2, made in the current gmsh model.
 
     Raises:
-        MeshError: a surface is open or meets itself or another one, there is no room for layers, or gmsh finds no mesh.
+        MeshError: a surface is open or intersects itself or another one, layers do not fit, or gmsh fails.
     """
     if order not in (1, 2):
         raise MeshError(
@@ -86,7 +86,7 @@ def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
 def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
     """Bed and grains, by name, as triangles of the sizes wanted, and those sizes: finer where surfaces would cross.
 
-    Raises MeshError if a grain reaches into the bed, or surfaces cross however fine they are.
+    Raises MeshError if a grain penetrates the bed, or surfaces cross at any resolution.
     """
     bed_name, ground = size.region.names[5], size.ground
     crossing: list[str] = []
@@ -204,7 +204,6 @@ def _within(lines: Floats, plane: tuple[int, float]) -> np.ndarray:
 
 
 def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
-    """Straight tetrahedra within a closed shell."""
     model, tags = gmsh.model, dict[str, list[int]]()
     for number, name in enumerate(triangles, start=1):
         tags[name] = [model.addDiscreteEntity(2, number)]
@@ -222,10 +221,10 @@ def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
 def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
     """Straight cells with layers along the walls that are named; the other sides are planes.
 
-    The cells at a wall draw back from it, and prisms of three tetrahedra each fill the room.
+    The cells at a wall retreat from it, and prisms of three tetrahedra each fill the space.
 
     Raises:
-        MeshError: there is no room for layers.
+        MeshError: layers do not fit.
     """
     walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
     triangles = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)
@@ -285,7 +284,7 @@ def _room(
     first: Floats,
     layers: WallLayers,
 ) -> Floats:
-    """How thick (feet,) all layers together are: so that the cells beyond stay sound."""
+    """Total thickness (feet,) of the layers, limited so that the cells beyond stay valid."""
     edges = np.unique(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), axis=0)
     on_wall = mesh.points[feet]
     lengths = np.linalg.norm(on_wall[edges[:, 0]] - on_wall[edges[:, 1]], axis=1)
@@ -355,5 +354,5 @@ def _on_surfaces(
     free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
     free[feet >= 0] = False
     moved = np.concatenate(middles), np.concatenate(places)
-    made, straight = mesh.curved(*moved, free, *layered)
-    return made, np.intersect1d(straight, np.concatenate(smooth))
+    curved, straight = mesh.curved(*moved, free, *layered)
+    return curved, np.intersect1d(straight, np.concatenate(smooth))

@@ -109,7 +109,7 @@ class Body(ExactSurface):
 
 @dataclass(frozen=True, eq=False)
 class Ground(ExactSurface):
-    """A bed's surface within a region: as it is where it is resolved, level farther away.
+    """A bed's surface within a region: exact where it is resolved, planar farther away.
 
     finer: factor by which the first triangles of a bed of balls are smaller
     """
@@ -130,7 +130,7 @@ class Ground(ExactSurface):
 
     @cached_property
     def _reach(self) -> tuple[Floats, float]:
-        """The point about which the bed has a shape and how far, horizontally, in the scene."""
+        """Centre and horizontal extent of the resolved bed, in the scene."""
         low, high = self.region.rectangle
         if self.region.resolved is None:
             return 0.5 * (low + high), 0.51 * float(np.linalg.norm(high - low))
@@ -139,7 +139,7 @@ class Ground(ExactSurface):
 
     @cached_property
     def _mean(self) -> float:
-        """The level that the bed goes over to, in the scene."""
+        """The level of the planar far bed, in the scene."""
         resolved = self.region.resolved
         if resolved is not None and resolved.level is not None:
             return resolved.level
@@ -195,7 +195,7 @@ class Ground(ExactSurface):
         return centres, int(around.max(initial=1))
 
     def _distances(self, x: Floats) -> Floats:
-        """The distances (k, n) of points (n, 3) from the plane below a bed and from those balls that matter there."""
+        """The distances (k, n) of points (n, 3) from the plane below a bed and from the nearby balls."""
         assert self._balls is not None
         balls = self._balls
         if balls.posts is not None:
@@ -228,7 +228,7 @@ class Ground(ExactSurface):
         return Draft(Surface(points, surface.triangles), held)
 
     def _abscissae(self, axis: int) -> Floats:
-        """Where the first triangles' grid is cut, in the frame: evenly where the bed has a shape, wider beyond."""
+        """Grid lines of the initial triangles in the frame: uniform where the bed has a shape, wider beyond."""
         low, high = (float(side[axis]) for side in self.region.rectangle)
         middle, reach = self._reach
         step = self.region.bed.feature / (

@@ -38,7 +38,7 @@ class EnclosedPressure:
         return load_of(places - about[:2], np.linspace(low, high, len(contacts) + 1))
 
     def unknown(self, about: Floats) -> tuple[Floats, Floats]:
-        """What force and torque (3,) change where the pressure between contacts is that on either side of them."""
+        """Change of force and torque (3,) if the pressure between contacts equals that on either side of them."""
         low, high = self._ends()
         contacts = self._closing.contacts
         force, torque = load_of(

@@ -39,7 +39,7 @@ class RigidPartOnBed(RigidPart):
         self._step = None  # a resumed run has none, either
 
     def take_over(self, was: RigidPart) -> None:
-        """Go on from where the body was on another mesh."""
+        """Continue from the body on another mesh."""
         assert isinstance(was, RigidPartOnBed)
         super().take_over(was)
         self.contacts = was.contacts

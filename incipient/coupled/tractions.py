@@ -73,7 +73,7 @@ class TractionProbe:
     Args:
         fluid: the solved flow.
         boundary: name of the boundary, such as "body". Where it meets another one (a wall and the inflow),
-            the residual force holds the share of the end nodes in that one's traction too.
+            the residual force includes the end nodes' fraction of the traction of the other boundary.
         about: point that torques refer to, (gdim,).
         enclosed: of a body part of which no flow reaches: the pressure there, which is in the resultants.
     """
@@ -96,7 +96,7 @@ class TractionProbe:
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
-        """Let torques refer to another point (gdim,), such as the centre of a body that has moved."""
+        """Take torques about another point (gdim,), such as the centre of a body that has moved."""
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
@@ -125,7 +125,7 @@ class TractionProbe:
         return self._with_enclosed(self._integrated(self._surface_form))
 
     def viscous_resultant(self) -> Resultant:
-        """What of `surface_resultant` is not pressure: viscous stress, or the friction of a law of the wall."""
+        """Part of `surface_resultant` due to viscous stress, or to the friction of a law of the wall."""
         _, p = ufl.split(self.fluid.state)
         w, n = ufl.TestFunction(self.fluid.space.velocity), -ufl.FacetNormal(self.fluid.domain.mesh)
         pressure = -p * surface_vector(n, self.fluid.reference_map)
@@ -162,7 +162,7 @@ class TractionProbe:
         values.reshape(-1, self.fluid.space.gdim)[self._blocks] = self._nodal_forces()
         right.setArray(values)
         across = self._across_symmetry()
-        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are empty, too
+        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are also empty
         right.setValues(across, np.zeros(len(across)))
         right.assemble()
         solve_symmetric(mass, right, traction)
@@ -172,8 +172,8 @@ class TractionProbe:
         """Points (n, gdim) of the boundary and the traction there (n, gdim), those of all ranks on each of them."""
         gdim = self.fluid.space.gdim
         traction = self.field()
-        found = traction.x.array.reshape(-1, gdim)[self._blocks]
-        gathered = self.fluid.domain.comm.allgather((self._places(), found))
+        nodal = traction.x.array.reshape(-1, gdim)[self._blocks]
+        gathered = self.fluid.domain.comm.allgather((self._places(), nodal))
         points, tractions = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
         return points, tractions
 
@@ -199,10 +199,10 @@ class TractionProbe:
         )
 
     def _made_near(self, blocks: np.ndarray) -> Any:
-        """What stands for the residual at the nodes, compiled; None: that of all cells does.
+        """The compiled form of the residual at the nodes; None: the residual of all cells is used.
 
-        In time it is read at every step, from the cells at the nodes only. Along a boundary with a law of the wall the
-        velocity is free, and the flow's residual as a whole vanishes: what the law adds is what the wall bears.
+        An unsteady flow integrates it at every step, over the cells at the nodes only. Along a boundary with a law of
+        the wall the velocity is free and the flow's residual vanishes: the term of the law alone is the wall's force.
         """
         fluid, (w, q) = self.fluid, ufl.TestFunctions(self.fluid.space.mixed)
         if self.boundary in fluid.constraints.rubbing:

@@ -1,4 +1,4 @@
-"""The face of a physical effect: all that planning, runs and results ask of one."""
+"""Interface of a physical effect, as planning, runs and results use it."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class Solved:
 class SlowestFlow:
     """The slowest flow in which an effect can be simulated in a scene.
 
-    factor: of the scene's flow; why: what makes it the slowest, after its name; remedy: where a slower one is needed
+    factor: of the scene's flow; why: the reason, after its name; remedy: where a slower one is needed
     start: factor of the flow that a search begins with where it holds the grain; 0: with the slowest one
-    expected: what a search takes, said before it
+    expected: expense of a search, reported before it
     """
 
     factor: float
@@ -48,9 +48,9 @@ class SlowestFlow:
 
 
 class Effect:
-    """One physical effect. The methods here are those of an effect that needs none of them.
+    """One physical effect. The default methods do nothing.
 
-    Everything else walks `known.EFFECTS` and asks. What one effect alone needs is imported where it is present.
+    Callers iterate over `known.EFFECTS`. The modules of an effect are imported only where the effect is present.
 
     Attributes:
         quantities: numbers that a run's outcome has where the effect is present; history, result, text, page and tables
@@ -67,12 +67,12 @@ class Effect:
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The model of the flow with the effect's terms, for a plan that has the effect. Not collective.
 
-        `unsteady` tells a flow in time from the steady one that it may start from.
+        `unsteady` distinguishes an unsteady flow from the steady one that it may start from.
         """
         return model
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """What in the scene makes the result less sure where the effect is present, in words. Not collective.
+        """Features of the scene that make the result less certain where the effect is present. Not collective.
 
         Raises:
             SceneError: the effect cannot be simulated in the scene.
@@ -80,11 +80,11 @@ class Effect:
         return iter(())
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
-        """Unknowns that a steady flow, too, is solved together with, before its fluid is made. Collective."""
+        """Unknowns that are also solved with a steady flow, made before its fluid. Collective."""
         return None
 
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> RunPart | None:
-        """Unknowns that a flow in time moves its mesh with, at the start or as a checkpoint has them. Collective."""
+        """Unknowns that move the mesh of an unsteady flow, at the start or from a checkpoint. Collective."""
         return None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
@@ -92,5 +92,5 @@ class Effect:
         return 0.0
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """What the effect, which the plan has decided to leave out, would have changed. Collective."""
+        """Estimated changes by the effect, which the plan leaves out. Collective."""
         return iter(())

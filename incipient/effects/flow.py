@@ -1,4 +1,4 @@
-"""Effects of the fluid: its flow, inertia, rate of change, third dimension, and the mesh that follows what moves."""
+"""Effects of the fluid: its flow, inertia, rate of change, third dimension, and the moving mesh."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class FlowEffect(Effect):
         )
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The force by which the fluctuations of a turbulent base flow keep its mean profile."""
+        """The force of the fluctuations of a turbulent base flow on its mean profile."""
         if setup.scene.flow.kind != "log-law":
             return model
         from ..planning.mean_force import sustaining_force
@@ -92,7 +92,7 @@ class InertiaEffect(Effect):
         return setup.inertia
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """Convection, stabilised where cells need it; the steady start of a flow in time is upwinded for its solver."""
+        """Convection, stabilised where cells need it; the steady start of unsteady flow is upwinded for its solver."""
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
@@ -120,7 +120,7 @@ class UnsteadinessEffect(Effect):
     name = EffectName.UNSTEADINESS
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Present with [time], unless the scene asks for a quasi-steady flow."""
+        """Present with [time], unless the scene requires a quasi-steady flow."""
         scene = setup.scene
         time = scene.time
         if time is None:
@@ -141,7 +141,7 @@ class UnsteadinessEffect(Effect):
         return Decision(self.name, True, reason, scene.effects.unsteadiness is True, change)
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The rate of change at fixed places of the mesh, and the form of convection in time."""
+        """The rate of change at fixed points of the mesh, and the form of unsteady convection."""
         if not unsteady:
             return model
         base_flow = setup.base_flow
@@ -153,7 +153,7 @@ class UnsteadinessEffect(Effect):
         return replace(model, driven=driven(base_flow, setup.geometry.grain))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """A risk of vortices that are shed; the rate of quasi-steady flow weighted with the dual solutions."""
+        """A risk of vortex shedding; the rate of quasi-steady flow weighted with the dual solutions."""
         run = solved.run
         if run.scene.time is None:
             _, _, risk = decision.reason.partition("; ")
@@ -194,7 +194,7 @@ def shedding(setup: Setup, numbers: Numbers) -> str:
 def expected_of_changes(setup: Setup) -> float | None:
     """Relative change of the drag on a held grain as the base flow changes, at most one; None: it is steady.
 
-    It is what a base flow that changes does to a sphere held in it, over the drag of Stokes: the history force,
+    It is the force of an unsteady base flow on a fixed sphere, over the drag of Stokes: the history force,
     a/sqrt(nu T), and the pressure that accelerates base flow and displaced fluid with the added mass, a^2/(3 nu T).
     Here a is the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids 26, 883; the history
     force is that in a flow that oscillates: one that grows steadily for a time T has 2/sqrt(pi) times as much).
@@ -208,7 +208,7 @@ def expected_of_changes(setup: Setup) -> float | None:
 
 
 class MovingMeshEffect(Effect):
-    """The motion of the mesh; what moves it are parts of other effects."""
+    """The motion of the mesh, by parts of other effects."""
 
     name = EffectName.MOVING_MESH
 
@@ -235,7 +235,7 @@ def _reason_of_mesh(setup: Setup) -> str:
 
 
 class ThirdDimensionEffect(Effect):
-    """3-D flow instead of 2-D, in half of the domain where the flow is its own mirror image."""
+    """3-D flow instead of 2-D, in half of the domain where the flow is mirror-symmetric."""
 
     name = EffectName.THIRD_DIMENSION
 

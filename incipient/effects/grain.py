@@ -64,7 +64,7 @@ class GravityEffect(Effect):
 
 
 class ContactEffect(Effect):
-    """Contact forces between a grain at rest and its bed, by which both judges decide."""
+    """Contact forces between a grain at rest and its bed, on which both criteria are based."""
 
     name = EffectName.CONTACT
     quantities = VERDICT

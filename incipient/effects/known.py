@@ -1,4 +1,4 @@
-"""The list of all effects, which everything else walks."""
+"""The list of all effects."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .grain import ContactEffect, GravityEffect, TractionEffect
 from .moving_grain import FreeBodyEffect
 from .turbulence import TurbulenceEffect
 
-# In the order in which plans and results show them; parts of a run are solved in this order, too.
+# In the order in which plans and results show them; parts of a run are also solved in this order.
 EFFECTS: tuple[Effect, ...] = (
     InertiaEffect(),
     UnsteadinessEffect(),
@@ -40,12 +40,12 @@ EFFECTS: tuple[Effect, ...] = (
 
 
 def decisions(setup: Setup, numbers: Numbers) -> tuple[Decision, ...]:
-    """What is decided on every effect. Not collective."""
+    """The decisions on all effects. Not collective."""
     return tuple(effect.decide(setup, numbers) for effect in EFFECTS)
 
 
 def quantities(plan: Plan | None = None) -> tuple[OutputQuantity, ...]:
-    """What runs may have to report, of those effects that a plan has, or of all. Not collective."""
+    """Output quantities of the effects in a plan, or of all effects. Not collective."""
     present = (effect for effect in EFFECTS if plan is None or plan.has(effect.name))
     return tuple(one for effect in present for one in effect.quantities)
 

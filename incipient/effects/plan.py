@@ -34,7 +34,7 @@ def make_plan(scene: Scene) -> Plan:
 
 
 def plan_of(setup: Setup) -> Plan:
-    """The plan of a scene whose parts are at hand, as of `make_plan`. Not collective."""
+    """The plan of a scene whose parts have been made, as by `make_plan`. Not collective."""
     scene = setup.scene
     numbers = setup.numbers
     effects = known.decisions(setup, numbers)
@@ -62,7 +62,7 @@ def plan_of(setup: Setup) -> Plan:
 
 
 def _sought(setup: Setup) -> str:
-    """What the run chooses mesh and order, in time the steps as well, for."""
+    """The purpose for which the run chooses mesh and order and, if unsteady, the time steps."""
     scene, numerics = setup.scene, setup.scene.numerics
     if numerics.accuracy is None:
         return ""
@@ -84,7 +84,7 @@ def _sought(setup: Setup) -> str:
 
 
 def _geometry_order(setup: Setup) -> int:
-    """Straight cells where every boundary is straight, else curved ones to match the velocity."""
+    """Straight cells where every boundary is straight, otherwise curved ones to match the velocity."""
     scene, geometry = setup.scene, setup.geometry
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order

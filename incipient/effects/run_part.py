@@ -1,4 +1,4 @@
-"""The part of a run that an effect adds to the flow, as everything that handles runs sees it."""
+"""Interface of the part of a run that an effect adds to the flow."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 
 
 class Solving(Protocol):
-    """What effects ask of the run that they are in."""
+    """Interface of a run, as its effects use it."""
 
     scene: Scene
     plan: Plan
@@ -43,7 +43,7 @@ class Solving(Protocol):
 
     @property
     def time_stepper(self) -> Transient | None:
-        """The steps in time; None for a steady flow, and before the first step."""
+        """The time stepper; None for a steady flow, and before the first step."""
 
     def count(self, **numbers: int) -> None:
         """Add to the numbers of iterations by name. Not collective."""
@@ -55,7 +55,7 @@ class Solving(Protocol):
 class RunPart:
     """Unknowns of an effect that are solved with the flow, within each step. Every method is collective.
 
-    The methods here are those of a part that adds nothing. A part is made for a mesh, changes the model of the flow
+    The default methods add nothing. A part is made for a mesh, changes the model of the flow
     (`within`), enters the fluid that is made with that model (`joined`), moves the mesh by what `moving` returns, and
     wraps the solution of a step (`around`). On a new mesh another part of the kind takes over (`on`, `carry_over`).
 
@@ -79,7 +79,7 @@ class RunPart:
         return ()
 
     def around(self, interface: Interface | None) -> Interface | None:
-        """What is solved together with the flow in a step, given what moves in it."""
+        """The interface solved together with the flow in a step, given that of the moving parts."""
         return interface
 
     def on(self, domain: Domain) -> Self:
@@ -90,7 +90,7 @@ class RunPart:
         """Take the state over from the part on the mesh before; both meshes are where they are now."""
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Find the steady flow together with the part's unknowns; False: the flow does not depend on them.
+        """Solve the steady flow together with the part's unknowns; False: the flow does not depend on them.
 
         The flow may be faster than the scene's by a factor, and may be computed from the present state (`onwards`).
         """
@@ -101,7 +101,7 @@ class RunPart:
         return ()
 
     def accept_step(self, step: TimeStep) -> None:
-        """Take note of an accepted step."""
+        """Record an accepted step."""
 
     # -- output -----------------------------------------------------------------------------------
 
@@ -114,7 +114,7 @@ class RunPart:
         return {}
 
     def functions(self) -> dict[str, Any]:
-        """Functions on the mesh by the names that files have."""
+        """Functions on the mesh by their names in files."""
         return {}
 
     def unknowns(self) -> dict[str, int]:

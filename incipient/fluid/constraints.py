@@ -29,7 +29,7 @@ from .space import TaylorHood, boundary_blocks
 class Constraints:
     """The Dirichlet conditions of a flow, kept up to date with time.
 
-    Where two boundaries meet, the condition named later holds: name walls after moving lids and the
+    Where two boundaries meet, the condition named later applies: with walls after moving lids the
     corners are watertight. With `level` the pressure is zero at one node where no boundary gives it a level.
     """
 
@@ -52,11 +52,13 @@ class Constraints:
         self._carried = {
             name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried
         }
-        given = [c.boundary for c in prescribed]
+        prescribed_names = [c.boundary for c in prescribed]
         self.entries = tuple(
-            Entry(domain, space, c, tuple(given)) for c in conditions if isinstance(c, Entering)
+            Entry(domain, space, c, tuple(prescribed_names))
+            for c in conditions
+            if isinstance(c, Entering)
         )
-        self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
+        self.dirichlet = self._velocity_conditions(domain, [*prescribed_names, *carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
 
@@ -66,18 +68,18 @@ class Constraints:
         return not self.open and self.surface is None
 
     @property
-    def stream(self) -> Any:
-        """The velocity whose momentum fluid brings that returns through an open end; None: its own."""
+    def backflow(self) -> Any:
+        """The velocity prescribed for backflow through open ends; None: backflow keeps its own velocity."""
         return self._values if self._returns else None
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Names of the boundaries along which the flow is resisted by a law of the wall."""
+        """Names of the boundaries with a law of the wall."""
         return tuple(one.boundary for one in self.friction)
 
     @property
     def crossings(self) -> tuple[str, ...]:
-        """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
+        """Names of open ends, and of those at which only the velocity along the axis is prescribed."""
         return (*self.open, *(entry.boundary for entry in self.entries))
 
     @property
@@ -86,7 +88,7 @@ class Constraints:
         return sum(entry.influx for entry in self.entries)
 
     def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
-        """Local pressure nodes on the boundaries through which fluid leaves freely, and on a surface. Collective."""
+        """Local pressure nodes on outflow boundaries and on a surface. Collective."""
         names = self.open if surface is None else (*self.open, surface.boundary)
         nodes = [
             boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names
@@ -112,7 +114,7 @@ class Constraints:
         ]
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Give a carried boundary its velocity, a function of its nodes' places (n, gdim)."""
+        """Give a carried boundary its velocity, a function of its nodes' positions (n, gdim)."""
         gdim, blocks = self.space.gdim, self._carried[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
@@ -144,7 +146,6 @@ class Constraints:
         return conditions
 
     def _pressure_pin(self) -> Any:
-        """One pressure unknown set to zero."""
         index_map = self.space.pressure.dofmap.index_map
         numbers = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
         own = np.flatnonzero(numbers == _first_node(self.space.pressure)).astype(np.int32)
@@ -154,7 +155,7 @@ class Constraints:
 
 
 def _first_node(space: Any) -> int:
-    """Global number of the node that comes first by its coordinates, the same place on any number of ranks."""
+    """Global number of the node with the first coordinates, the same point on any number of ranks."""
     index_map = space.dofmap.index_map
     points = space.tabulate_dof_coordinates()
     comm = space.mesh.comm
@@ -173,13 +174,13 @@ def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
 class Entry:
     """The velocity along the normal of an end, whose profile is stretched with the depth. Every method is collective.
 
-    A node has the velocity of the place at which the mesh was made, times a factor that is the same for all of them:
-    by it the discharge is that through the end as it was made, whatever the depth is now.
+    A node has the velocity of its position when the mesh was made, times one factor for all nodes. With this factor the
+    discharge is that through the end as made, for any present depth.
 
     Args:
         domain: whose mesh is as it was made.
         condition: of the end.
-        walls: names of boundaries at which the fluid sticks; it does so in the corners, too.
+        walls: names of boundaries at which the fluid sticks, also in the corners.
 
     Attributes:
         boundary, axis, given, wave: those of the condition.
@@ -215,12 +216,12 @@ class Entry:
 
     def update(self, t: float) -> None:
         """Evaluate the velocity at a time, where the mesh is now."""
-        asked, now = np.asarray(self._velocity(self._places, t)), self._areas()
-        mine = asked[: self._count]
+        velocities, now = np.asarray(self._velocity(self._places, t)), self._areas()
+        mine = velocities[: self._count]
         sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
-        made, stretched, through = self._comm.allreduce(sums)
-        factor = float(made / stretched) if stretched else 1.0
-        self.values.x.array[self._nodes] = factor * asked
+        as_made, stretched, through = self._comm.allreduce(sums)
+        factor = float(as_made / stretched) if stretched else 1.0
+        self.values.x.array[self._nodes] = factor * velocities
         self.influx = factor * float(through)
 
     def zone(self, place: Any) -> Any:
@@ -236,6 +237,6 @@ class Entry:
         """(own nodes of the boundary,) the integral of each one's function over it, counted inwards."""
         vector = petsc.assemble_vector(self._form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        found = np.array(vector.array_r[self._own])
+        areas = np.array(vector.array_r[self._own])
         vector.destroy()
-        return found
+        return areas

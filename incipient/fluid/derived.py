@@ -30,15 +30,15 @@ def vorticity(fluid: Fluid) -> Any:
 
 
 def measured_cell_reynolds(fluid: Fluid) -> float:
-    """The largest |v| h/(k nu) of all cells of a flow at hand; h is the root of the doubled area. Collective."""
+    """The largest |v| h/(k nu) of all cells of a computed flow; h is the root of the doubled area. Collective."""
     mesh, order = fluid.domain.mesh, fluid.space.order
     space = compat.space(mesh, ("DG", order))
     size = cell_size(mesh) / order
     v, _ = ufl.split(fluid.state)
-    found = dolfinx.fem.Function(space)
+    reynolds = dolfinx.fem.Function(space)
     number = ufl.sqrt(ufl.inner(v, v)) * size / fluid.viscosity
-    compat.interpolate(found, number)
-    mine = float(np.max(found.x.array, initial=0.0))
+    compat.interpolate(reynolds, number)
+    mine = float(np.max(reynolds.x.array, initial=0.0))
     return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
 

@@ -43,8 +43,8 @@ class Fluid(Holder, FlowEquations):
         model: the terms present.
         conditions: boundary conditions; where boundaries meet the later one holds.
         reynolds: one over the viscosity of the molecules, in scene units.
-        coarse: the same flow solved in elements of lower order: linear systems are then solved without a matrix, with
-            its solver's help (`solvers.TwoLevel`).
+        coarse: the same flow solved in elements of lower order: linear systems are then solved matrix-free, with
+            the help of its solver (`solvers.TwoLevel`).
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Fluid(Holder, FlowEquations):
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
-        self.negligible = 0.0  # speed in the mean of a correction that counts as none
+        self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
 
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
@@ -106,7 +106,7 @@ class Fluid(Holder, FlowEquations):
         return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
 
     def _equations(self) -> Equations:
-        """What the Jacobian is made of."""
+        """The data from which solvers assemble the Jacobian."""
         held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
@@ -136,8 +136,8 @@ class Fluid(Holder, FlowEquations):
         """Solve for the state with the parameters as they are, starting from the present state.
 
         `watch`, or else what `Fluid.watch` has been set to, is called with the number, from zero, and the size of each
-        correction. Factors of earlier solves serve as long as they will in a time step, or with `keep_factors`; with
-        `remember` so does the contraction seen in them, see `newton.solve`.
+        Newton update. Earlier factorisations are reused as long as possible in a time step, or with `keep_factors`;
+        with `remember` so is their contraction, see `newton.solve`.
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
@@ -157,7 +157,7 @@ class Fluid(Holder, FlowEquations):
         return report
 
     def correct(self) -> float:
-        """One Newton correction from the present state with fresh factors; its size relative to the state."""
+        """One Newton update from the present state with a fresh factorisation; its size relative to the state."""
         self.constraints.update(self.time)
         self._lift = True
         return self.correction(fresh=True)
@@ -179,7 +179,7 @@ class Fluid(Holder, FlowEquations):
     def _completed(
         self, boundary: np.ndarray, action: Any, forcing: Any, rtol: float, transposed: bool = False
     ) -> None:
-        """Complete boundary values, in the direction, so that its action and the forcing vanish within the flow."""
+        """Complete boundary values in the direction so that its action and the forcing vanish off the boundary."""
         self._direction.x.array[:] = boundary
         self._vector.setArray(self.assembled(action) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
@@ -194,7 +194,7 @@ class Fluid(Holder, FlowEquations):
         return compat.form(ufl.derivative(tested, self.state, ufl.TestFunction(self.space.mixed)))
 
     def renew_factors(self) -> None:
-        """Request new factors at the next step. Not collective, but to be called on every rank."""
+        """Request a new factorisation at the next step. Not collective, but to be called on every rank."""
         self._aged = True
 
     def correction(self, fresh: bool, rtol: float | None = None) -> float:
@@ -203,7 +203,7 @@ class Fluid(Holder, FlowEquations):
         Its size is relative to the flow: in steady flow the larger of velocity's and pressure's, of the latter's
         relative to itself and the square of the speed. Without a new Jacobian the state takes its boundary values
         before the residual is assembled: the columns for them would cost more than that residual, and change nothing
-        where the state has them already.
+        where the state already has them.
         """
         renewed = self._jacobian is not None and (fresh or rtol is not None)
         if not renewed:
@@ -244,10 +244,10 @@ class Fluid(Holder, FlowEquations):
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
     ) -> tuple[np.ndarray, np.ndarray]:
-        """How the flow answers to a change of boundary velocities, to a residual of `rtol`. Collective.
+        """The flow's response to a change of boundary velocities, to a residual of `rtol`. Collective.
 
         `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
-        change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
+        change of the residual (owned unknowns,) that has other causes. Returns the change of the
         state completed so that the residual within the flow stays as it is, and the change of the residual on
         carried boundaries (owned unknowns,), of the tractions: exact to `rtol` where the Jacobian was assembled at
         the present state. Off these boundaries the latter has no meaning.
@@ -279,7 +279,7 @@ class Fluid(Holder, FlowEquations):
         return self._vector.array_r.copy()
 
     def _assemble_local(self, form: Any) -> None:
-        """A linear form into the vector; what ranks owe each other is not added yet."""
+        """Assemble a linear form into the vector, without contributions of other ranks."""
         with self._vector.localForm() as local:
             local.set(0.0)
         petsc.assemble_vector(self._vector, form)
@@ -308,7 +308,7 @@ class Fluid(Holder, FlowEquations):
 def build_fluid(
     domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
 ) -> Fluid:
-    """The fluid of a model, and that of order two where its systems are solved by two levels. Collective.
+    """The fluid of a model, and the second-order one where its systems are solved by two levels. Collective.
 
     The latter is `Fluid.coarse`, is freed with it, and counts for the same statistics.
     """
@@ -326,7 +326,7 @@ def build_fluid(
 
 @contextmanager
 def lowered(fluid: Fluid) -> Iterator[Fluid]:
-    """The flow of order two of a fluid, or a temporary one, with the fluid's state. Collective."""
+    """The second-order flow of a fluid, or a temporary one, with the fluid's state. Collective."""
     if fluid.coarse is not None:
         fluid.coarse.interpolate(fluid)
         yield fluid.coarse
@@ -338,10 +338,10 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
 
 
 def enriched(fluid: Fluid) -> Fluid:
-    """A copy of a solved flow in elements of the next-higher order; the caller destroys it before that. Collective.
+    """A copy of a solved flow in next-higher-order elements; the caller destroys the copy first. Collective.
 
-    Where the flow's solver iterates, it helps that of the copy. The copy's Jacobian then is upwinded as the flow is,
-    its residual not at all: what is left of it is what the flow's elements cannot see, and what upwinding changed.
+    An iterative solver of the flow serves the solver of the copy. The copy's Jacobian is then upwinded as the flow is,
+    its residual is not: it consists of the discretisation error of the flow's elements and the effect of upwinding.
     """
     order, model = fluid.model.order, fluid.model
     if isinstance(fluid.solver, Direct):

@@ -1,4 +1,4 @@
-"""Which terms the flow has, and how they are discretised."""
+"""The terms of the flow and their discretisation."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..geometry.placement import Placement
 
 @dataclass(frozen=True)
 class Driven:
-    """A base flow that a factor of the time multiplies, by a force per unit mass: its rate of change.
+    """A base flow times a factor of time, driven by a force per unit mass: its rate of change.
 
-    velocity:  function of the place (UFL) giving the base flow at factor one
-    factor:    function of the time
+    velocity:  function of position (UFL) giving the base flow at factor one
+    factor:    function of time
     displaced: function of a grain's placement giving the load (2, 3), force and torque about its centroid, on the
-               fluid that it displaces while the factor rises by one in unit time; None without a grain
+               fluid that it displaces at unit rate of the factor; None without a grain
     """
 
     velocity: Callable[[Any], Any]
@@ -28,22 +28,22 @@ class Driven:
 
 @dataclass(frozen=True)
 class FlowModel:
-    """Which terms the flow has, and how they are discretised.
+    """The terms of the flow and their discretisation.
 
     order:         order of the velocity; the pressure has one less
-    inertia:       False leaves convection out (Stokes)
+    inertia:       False omits convection (Stokes)
     unsteady:      whether there is a time derivative
     convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
-    body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
-                   is not among them, since a potential force only shifts the pressure
-    driven:        a base flow that changes in time, and the force by which it does; None: there is none
+    body_force:    function of position and time (UFL) giving a force per unit mass, or None; without gravity,
+                   since a potential force only shifts the pressure
+    driven:        an unsteady base flow, and its driving force; None: there is none
     reference_map: map of a reference domain that stays; None: the reference is renewed at each step
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
                    straight; its reference is renewed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    upwind:        whether it is by upwinding along streamlines (`forms.terms.streamline_upwind`), as `Block` needs
-    exact:         whether the residual is that without upwinding, which then is in the Jacobian alone
-    upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
+    upwind:        whether the stabilisation is streamline upwinding (`forms.terms.streamline_upwind`), as `Block` needs
+    exact:         whether upwinding is in the Jacobian alone, not in the residual
+    upwind_order:  order of the elements in the upwinding; 0: that of the flow
     solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`flow.build_fluid`)
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     shear_velocity: friction velocity by k (UFL), for walls with a law of friction; None without a model of k

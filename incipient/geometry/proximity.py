@@ -109,7 +109,7 @@ class Proximity(ABC):
     def with_gap(
         self, placement: Placement, gap: float, places: Floats, before: float = 0.0
     ) -> Placement:
-        """The placement next to one at which the contacts at places (k, gdim) have a gap, where they had `before`."""
+        """The placement next to one at which contacts at positions (k, gdim) have a gap, where they had `before`."""
         within = WANDERS * max(gap, before)
         near = self.gaps(placement, within)
         apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)

@@ -1,9 +1,9 @@
 """Settling: a grain lowered and tilted until it rests in static equilibrium under gravity.
 
-The grain descends quasi-statically. Every step moves it a little in the direction in which gravity, less what
-the contacts can hold, pulls it, without entering the bed at the contacts it has and those it is close to;
-then it is lowered vertically onto the bed. A step that does not bring its centre down is shortened. Near an
-equilibrium Newton's method closes the contacts and removes the rest of the unbalanced torque.
+The grain descends quasi-statically. Every step moves it a short way along the part of gravity that the contacts
+cannot balance, without penetration at present and near contacts; then the grain is lowered vertically onto the bed. A
+step that does not lower the centre is shortened. Near an equilibrium Newton's method closes the contacts and removes
+the remaining unbalanced torque.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ SOFTEST = 1e-4  # second derivative of the height, per grain size, that still co
 
 
 class SettlingOutcome(Enum):
-    """How settling ends."""
+    """Outcome of settling."""
 
     RESTS = "rests in equilibrium"
     BALANCES = "balances: the least disturbance makes it fall"
@@ -49,7 +49,7 @@ class SettlingOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The rest of a grain, or why it found none."""
+    """The rest of a grain, or why the grain has none."""
 
     placement: Placement  # the last one; the grain touches the bed there
     contacts: Contacts | None  # where it touches the bed, None unless it rests or balances
@@ -61,7 +61,7 @@ class Settled:
 
     @property
     def stable(self) -> bool:
-        """Whether the grain rests and returns after, or does not mind, a small disturbance."""
+        """Whether the equilibrium is stable, or neutral, under small disturbances."""
         return self.outcome is SettlingOutcome.RESTS
 
 
@@ -76,12 +76,12 @@ def settle(
 ) -> Settled:
     """Lower the grain from `start` onto the bed and let it roll and tip until it rests.
 
-    `gravity` (gdim,) points downwards on the whole, by default straight down; only its direction counts.
+    `gravity` (gdim,) points downwards on the whole, by default vertically; only its direction matters.
     Contacts hold by Coulomb friction with the given coefficient, so that the grain stays where contacts first
-    support it; 0 lets it slide to a minimum of its potential energy, infinity keeps contacts from slipping.
+    support it; with 0 it slides to a minimum of its potential energy, with infinity contacts do not slip.
     A grain whose centre gets farther than `reach` grain sizes from the start, or off the bed, rolls off.
 
-    Raises SceneError if grain and bed are not of one dimension, or gravity or friction make no sense.
+    Raises SceneError if grain and bed differ in dimension, or gravity or friction is invalid.
     """
     down = _downward(gravity, grain.gdim)
     return settle_under(
@@ -99,9 +99,9 @@ def settle_under(
     reach: float = 10.0,
     max_steps: int = 2000,
 ) -> Settled:
-    """The rest of the grain from `start` under a dead load, which does not turn with it; otherwise as `settle`.
+    """The rest of the grain from `start` under a dead load of fixed direction; otherwise as `settle`.
 
-    `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio counts.
+    `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio matters.
     """
     if not friction >= 0.0:
         why = f"friction {friction} is not a coefficient"
@@ -114,7 +114,6 @@ def settle_under(
 
 
 def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Floats:
-    """The unit vector of gravity."""
     if gravity is None:
         return np.array([0.0] * (dimension - 1) + [-1.0])
     vector = np.array(gravity, dtype=float)
@@ -127,7 +126,7 @@ def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Float
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """An equilibrium, the contacts that carry the weight, and the free motion in which it falls (stable: None)."""
+    """An equilibrium, the contacts that carry the weight, and the free motion of its instability (stable: None)."""
 
     placement: Placement
     carrying: ClosestPoints
@@ -150,11 +149,9 @@ class _Descent:
 
     @property
     def size(self) -> float:
-        """The grain's largest diameter."""
         return self._proximity.size
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
-        """Step by step down to a rest."""
         placement = self._proximity.lowered(start)
         length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):
@@ -192,12 +189,12 @@ class _Descent:
         return self._unsettled(placement, SettlingOutcome.UNSETTLED, max_steps)
 
     def _work(self, before: Placement, after: Placement) -> float:
-        """Work of the load from one placement to another close by: of the weight, how far down the centre goes."""
+        """Work of the load between near placements: for the weight, the descent of the centre."""
         shift = np.asarray(after.centre) - np.asarray(before.centre)
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
-        """Whether the grain is off the bed or far from the start, or a torque spins it where it is."""
+        """Whether the grain is off the bed or far from the start, or a torque spins it in place."""
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
@@ -210,7 +207,6 @@ class _Descent:
     def _touching(
         self, placement: Placement, near: ClosestPoints, tolerance: float
     ) -> ClosestPoints:
-        """The places that count as contacts."""
         close = near.only(near.gaps <= tolerance * self.size)
         return self._proximity.locally_least(placement, close, slack=tolerance * self.size)
 
@@ -218,7 +214,7 @@ class _Descent:
         return np.asarray(near.points - np.asarray(placement.centre))
 
     def _hold(self, placement: Placement, near: ClosestPoints) -> Hold:
-        """How contacts carry the load, and the part of it that they leave unbalanced."""
+        """The contact forces, and the unbalanced part of the load."""
         arms = self._arms(placement, near)
         return hold(self.load, near.normals, arms, self.friction, self.size)
 
@@ -237,7 +233,7 @@ class _Descent:
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
 
     def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
-        """The placement after a motion, those contacts closed again that it keeps or makes."""
+        """The placement after a motion, with its old and new contacts closed."""
         after = near.gaps / self.size + self._proximity.rates(placement, near) @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
         # Lowering the grain closes a single one.
@@ -249,7 +245,6 @@ class _Descent:
         return placement.moved(self.size * motion[:d], motion[d:])
 
     def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
-        """The contacts that take part in holding the weight."""
         held = self._hold(placement, touching)
         return touching.only(np.unique(held.owner[held.factors > USED]))
 
@@ -271,8 +266,8 @@ class _Descent:
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
         """The equilibrium next to a placement, by Newton's method or by rolling onto it.
 
-        Contacts are first tried with all places that nearly touch (the far end of a side about to lie flat),
-        then with those only that are local minima of the distance.
+        First all points that nearly touch are contacts (such as the far end of a side about to lie flat), then only
+        local minima of the distance.
         """
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
         least = self._proximity.locally_least(placement, close)
@@ -285,7 +280,7 @@ class _Descent:
         return self._verified(self._rolled(placement), placement)
 
     def _verified(self, result: Placement, before: Placement) -> _Rest | None:
-        """The equilibrium, if it is one that is not above the placement before."""
+        """The equilibrium, unless it is above the placement before."""
         result = self._proximity.lowered(result)
         if self._work(result, before) > TOUCHING * self.size:
             return None
@@ -300,8 +295,8 @@ class _Descent:
     def _rolled(self, placement: Placement) -> Placement:
         """The grain turned until it touches where a single contact would balance the load.
 
-        Without curvature the place of a contact is a root of the angle, so that Newton's method for the angle fails,
-        but the angle is a smooth function of the place.
+        Without curvature the position of a contact is a root of the angle, so that Newton's method for the angle fails,
+        but the angle is a smooth function of the position.
         """
         last = np.inf
         for _ in range(ROLLS):
@@ -319,16 +314,16 @@ class _Descent:
         return placement
 
     def _shift(self, placement: Placement, contacts: ClosestPoints) -> Floats:
-        """How far (k, gdim) contacts are from the line of action of the load."""
+        """Distances (k, gdim) of contacts from the line of action of the load."""
         force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
         forces = np.tile(force, (len(arms), 1))
         torque = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
         return cross(forces, torque) if len(force) == 3 else -torque * quarter_turned(forces)
 
     def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
-        """A single contact moved along the bed onto the line of action of the load, if the grain is as near there.
+        """A single contact moved along the bed onto the line of action of the load, if the gap there is as small.
 
-        Where grain and bed hardly curve apart, the place of their contact is known far worse than its gap.
+        Where relative curvature is small, the position of a contact is far less accurate than its gap.
         """
         moved = carrying
         for _ in range(ROLLS if len(carrying) == 1 else 0):  # on a slope the shift is not exact
@@ -341,7 +336,7 @@ class _Descent:
         return moved
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
-        """Close the gaps of the carrying contacts and remove what they leave of the weight."""
+        """Close the gaps of the carrying contacts and remove the unbalanced weight."""
         last = np.inf
         for _ in range(NEWTON_STEPS):
             error = self._error(placement, carrying)
@@ -357,11 +352,11 @@ class _Descent:
         return None
 
     def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
-        """Newton's step; of all that do the same, with friction, that which slips least."""
+        """The Newton update; with friction, of all equivalent ones that of least slip."""
         left, values, right = np.linalg.svd(
             self._derivative(placement, carrying), full_matrices=True
         )
-        # Away from equilibrium what is free has small values, too, in proportion to the error.
+        # Away from equilibrium free directions also have small values, in proportion to the error.
         small = float(np.clip(np.abs(error).max(), 1e-6, 1e-2))
         rank = int((values > small * max(values[0], 1e-300)).sum())
         motion = -right[:rank].T @ ((left[:, :rank].T @ error) / values[:rank])
@@ -372,7 +367,7 @@ class _Descent:
         return np.asarray(motion)
 
     def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        """Gaps [grain sizes] of the carrying contacts, and the part of the weight outside what they can exert."""
+        """Gaps [grain sizes] of the carrying contacts, and the part of the weight that they cannot balance."""
         moved = self._proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
         factors = np.linalg.lstsq(rows.T, self.load, rcond=1e-9)[0]
@@ -408,7 +403,7 @@ class _Descent:
         return direction if falls else None
 
     def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
-        """The lowest of some placements to which an unstable equilibrium can fall in one go."""
+        """The lowest of some placements to which an unstable equilibrium can fall in one step."""
         motions = [s * push * way_down for push in PUSHES for s in (1.0, -1.0)]
         ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
         lowered = map(self._proximity.lowered, ends)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 
-FEW = 50  # points of which all pairs are looked at
+FEW = 50  # points of which all pairs are compared
 # Rules exact for quadratic functions, by dimension of the simplex's space: barycentric nodes, weights
 QUADRATIC = {
     2: (0.5 + np.array([[-0.5, 0.5], [0.5, -0.5]]) / np.sqrt(3.0), [0.5, 0.5]),

@@ -77,7 +77,7 @@ def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: flo
 
 
 def balance(rows: Floats, load: Floats) -> tuple[Floats, Floats]:
-    """What of a load (n,) forces along rows (m, n) leave unbalanced at best, (n,), and their factors (m,).
+    """The smallest unbalanced part (n,) of a load (n,) under forces along rows (m, n), and their factors (m,).
 
     The unbalanced part is also the direction in which the load moves the grain: it enters no contact.
     """

@@ -32,7 +32,7 @@ def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> 
 
 
 def velocity_at_first(body: Body, placement: Placement, symmetric: bool = False) -> Velocity:
-    """Velocity of the surface of a moving grain at time zero, at places (gdim, n)."""
+    """Velocity of the surface of a moving grain at time zero, at positions (gdim, n)."""
     state = initial_state(body, placement, symmetric)
     return lambda x, t: rigid_velocity(state, x[: body.gdim].T).T
 

@@ -25,7 +25,7 @@ def thinner(setup: Setup) -> float:
 
 
 def is_resolved(setup: Setup) -> bool:
-    """Whether a cell at the grain, of second order, is within the boundary layer of a flow in time. Not collective.
+    """Whether a cell at the grain, of second order, is within the boundary layer of an unsteady flow. Not collective.
 
     The layer has the thickness sqrt(nu t): t is the time since the start or, where they are shorter, the times in which
     the flow changes or passes the grain. Of higher orders as many nodes are within it.

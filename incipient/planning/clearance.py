@@ -1,4 +1,4 @@
-"""How far a moving grain is from what surrounds it: the domain's sides and the bed."""
+"""Clearance of a moving grain from the domain's sides and the bed."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Side:
 
 
 def near_inflow(geometry: Geometry, still: bool) -> str:
-    """A warning for a grain so near to the inflow that its velocity is given next to it, or an empty string.
+    """A warning for a grain near the inflow, where the velocity is prescribed, or an empty string.
 
     still: whether the fluid is at rest but for the grain. Not collective.
     """
@@ -64,12 +64,12 @@ def near_inflow(geometry: Geometry, still: bool) -> str:
 def surroundings_of(
     geometry: Geometry, names: SideNames, ceiling: float, surface_above: bool
 ) -> Surroundings:
-    """What the grain may run into; below a free surface the top is not where that of the domain is. Not collective."""
+    """The boundaries that the grain may meet; a free surface replaces the top of the domain. Not collective."""
     domain, up = geometry.domain, geometry.up
     sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
     if not surface_above:
         sides.insert(0, Side(names.top, up, ceiling, -1))
-    # In half a scene the grain is as far from the side that is not there.
+    # In half a scene the grain is equally far from the side beyond the plane of symmetry.
     ends = zip(domain.across[::-1], (-1, 1), strict=True) if geometry.gdim == 3 else ()
     sides += [Side(name, 1, *end) for name, end in zip(names.across[::-1], ends, strict=False)]
     if geometry.bed is None:
@@ -90,15 +90,15 @@ class Surroundings:
     def clearance(self, placement: Placement, within: float = np.inf) -> Clearance:
         """The smallest distance [length] of the placed grain from sides and bed; negative beyond them.
 
-        The bed is looked at more closely only if it may be nearer than `within`.
+        The distance of the bed is computed only if it may be below `within`.
         """
-        found = [self._from_side(placement, side) for side in self.sides]
+        clearances = [self._from_side(placement, side) for side in self.sides]
         down = -np.eye(placement.gdim)[-1]
         lowest = float(self._extreme(placement, down)[-1])
         if self.bed is not None and (within == np.inf or lowest - self.bed.crest < within):
             gap, on_grain, on_bed = self._near_bed.clearance(placement)
-            found.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
-        return min(found, key=lambda one: one.distance)
+            clearances.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
+        return min(clearances, key=lambda one: one.distance)
 
     def _from_side(self, placement: Placement, side: Side) -> Clearance:
         towards = -side.inwards * np.eye(placement.gdim)[side.axis]
@@ -123,7 +123,7 @@ class Surroundings:
         assert isinstance(self.grain, Grain)
         return self.grain.chain.points(SAMPLES)
 
-    @cached_property  # prepared once: that takes longer than a question
+    @cached_property  # preparation takes longer than a query
     def _near_bed(self) -> Proximity:
         assert self.bed is not None
         return proximity(self.grain, self.bed)

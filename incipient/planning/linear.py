@@ -15,7 +15,7 @@ RESOLVED = 25.0
 
 @dataclass(frozen=True)
 class Method:
-    """How the linear systems are solved."""
+    """The choice of the linear solver."""
 
     name: str  # one of `fluid.solvers.SOLVERS`, or "two-level"
     reason: str  # in words

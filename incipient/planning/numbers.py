@@ -1,4 +1,4 @@
-"""The dimensionless numbers of a scene, by which effects are decided."""
+"""The dimensionless numbers of a scene, on which decisions on effects are based."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .base_flow import BaseFlow
 if TYPE_CHECKING:
     from .flow_setup import Setup
 
-SAMPLES = 33  # of times and of heights at which a given flow is looked at
+SAMPLES = 33  # of times and of heights at which a given flow is sampled
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """A scene's dimensionless numbers; None where the scene has nothing of the kind."""
+    """A scene's dimensionless numbers; None where a number does not apply."""
 
     # Speed of the flow past the grain times its largest diameter over the viscosity
     grain_reynolds: float | None
     flow_reynolds: float  # reference velocity times height of the domain over the viscosity
     # Speed at the height of the bed's relief above the datum times that height over the viscosity
     bed_reynolds: float | None
-    reach: float  # how far the grain's disturbance goes before a wall stops it, in grain sizes
+    reach: float  # extent of the grain's disturbance up to a wall, in grain sizes
     strouhal: float | None  # grain size over speed times the time in which the flow changes
     density_ratio: float | None  # density of a free or weighing grain over the fluid's
-    # Density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
+    # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
     stokes: float | None
     froude: float | None  # reference velocity over sqrt(g height)
     # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
@@ -63,7 +63,7 @@ class Numbers:
 
 
 def grain_size(scene: Scene) -> str:
-    """The diameters of a scanned grain, or of one whose units are known, in words; else nothing."""
+    """The diameters of a scanned grain, or of one with known units, in words; otherwise empty."""
     grain, body, scales = scene.grain, scene.body, scene.scales
     if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):
         return ""
@@ -113,7 +113,7 @@ def numbers_of(setup: Setup) -> Numbers:
 
 
 def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
-    """Times at which a flow that changes is looked at, those of a gust among them."""
+    """Times at which an unsteady flow is sampled, including those of a gust."""
     if time is None:
         return np.zeros(1)
     knots = np.empty(0) if base_flow.gust is None else base_flow.gust.knots()
@@ -154,7 +154,7 @@ def _own_speed(setup: Setup) -> float:
 
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    """Reynolds number of the bed's forms, by the base flow up to their height above its datum; None for a plane."""
+    """Reynolds number of the bedforms, from the base flow up to their height above its datum; None for a plane."""
     if base_flow.bed is None:
         return None
     domain = base_flow.domain
@@ -169,7 +169,7 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
 
 
 def wall_distance(setup: Setup) -> float:
-    """The distance from the grain to the next wall above or below, in grain sizes; else the height of the domain."""
+    """Distance [grain sizes] from the grain to the next wall above or below; without one the height of the domain."""
     geometry, base_flow = setup.geometry, setup.base_flow
     placement, domain, top = geometry.placement, geometry.domain, geometry.top
     assert placement is not None

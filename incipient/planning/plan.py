@@ -14,7 +14,7 @@ from .stabilisation import NO_CONVECTION, Stabilisation
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the computation will need, counted on the mesh that will be used, the first one if there are several."""
+    """Expense of the computation, counted on the mesh that will be used, the first one if there are several."""
 
     cells: int
     unknowns: int

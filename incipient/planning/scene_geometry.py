@@ -47,7 +47,7 @@ class Geometry:
     )  # the grain where it touches the bed or is held; None without a grain
     rests: bool  # whether it rests on the bed
     moves: bool  # whether it moves while the flow is computed
-    touches: bool  # whether it goes on moving where it touches the bed
+    touches: bool  # whether it continues to move where it touches the bed
     gap: float  # that stands for contact while the flow is computed
     tolerance: float  # distance that counts as touching [length]
     top: str  # what the upper side is
@@ -98,7 +98,7 @@ class Geometry:
 
     @cached_property
     def closing(self) -> Closing:
-        """How the space below the resting grain is closed.
+        """The closing of the space below the resting grain.
 
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """

@@ -34,10 +34,10 @@ def test_cells_hold_their_points() -> None:
     mesh = square_in_box(0.3, 0.2).mesh
     points = np.array([[0.1, 0.1], [1.9, 0.9], [0.8, 0.55], [3.0, 0.5]])
     places = Locator(mesh).inside(points)
-    assert places.found.tolist() == [True, True, False, False]
+    assert places.located.tolist() == [True, True, False, False]
     assert places.distances.tolist() == [0.0, 0.0, np.inf, np.inf]
     assert places.reference[:2].min() > 0.0
-    assert places_again(mesh, places.at(places.found)) == pytest.approx(points[:2], abs=1e-12)
+    assert places_again(mesh, places.at(places.located)) == pytest.approx(points[:2], abs=1e-12)
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -51,8 +51,8 @@ def test_points_between_a_curved_side_and_its_chord(order: int) -> None:
     right = np.column_stack([1 + 0.2 * s**2 - 1e-6, 1.3 * s])
     away = np.array([[2e-6, 0.0]])
     locator = Locator(mesh)
-    assert locator.inside(np.vstack([left, right])).found.all()
-    assert not locator.inside(np.vstack([left - away, right + away])).found.any()
+    assert locator.inside(np.vstack([left, right])).located.all()
+    assert not locator.inside(np.vstack([left - away, right + away])).located.any()
 
 
 @pytest.mark.parametrize(("gdim", "order"), [(2, 1), (2, 2), (2, 3), (3, 1), (3, 2)])
@@ -86,8 +86,8 @@ def test_the_mesh_where_it_is_now() -> None:
     before = Locator(mesh)
     mesh.geometry.x[:, 0] += 2.0
     point = np.array([[2.5, 0.5]])
-    assert not before.inside(point).found[0]
-    assert Locator(mesh).inside(point).found[0]
+    assert not before.inside(point).located[0]
+    assert Locator(mesh).inside(point).located[0]
 
 
 @pytest.mark.parametrize("gdim", [2, 3])
@@ -95,7 +95,7 @@ def test_distance_outside_a_corner(gdim: int) -> None:
     """The nearest point of the box is its corner."""
     nearest = Locator(unit_box(gdim, 4).mesh).nearest(np.full((1, gdim), 1.1))
     assert nearest.distances == pytest.approx(0.1 * np.sqrt(gdim), rel=1e-12)
-    assert nearest.found.all()
+    assert nearest.located.all()
 
 
 @pytest.mark.parametrize("gdim", [2, 3])
@@ -125,7 +125,7 @@ def test_something_is_found_however_far() -> None:
     """Straight cells go on for ever; the map of a curved one may have no inverse there, then a near point counts."""
     for mesh in (unit_box(2, 3).mesh, bent_box(2, 3, 2)):
         nearest = Locator(mesh).nearest(np.array([[30.0, -40.0], [0.0, 1000.0]]))
-        assert nearest.found.all()
+        assert nearest.located.all()
         assert np.isfinite(nearest.reference).all()
         assert nearest.distances == pytest.approx([49.4, 999.0], rel=0.01)
 
@@ -178,7 +178,7 @@ def test_points_on_the_boundary_and_on_edges_are_inside() -> None:
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_all_corners_of_cells_are_inside(gdim: int) -> None:
     mesh = unit_box(gdim, 3).mesh
-    assert Locator(mesh).inside(mesh.geometry.x).found.all()
+    assert Locator(mesh).inside(mesh.geometry.x).located.all()
 
 
 def along(y: float) -> Any:

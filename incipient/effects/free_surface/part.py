@@ -99,9 +99,9 @@ class MovingSurface(RunPart):
             function.x.array[:] = elevation
             values = sample(function, np.concatenate(everywhere))[:, 0]
             mine = np.split(values, np.cumsum([len(one) for one in everywhere])[:-1])[comm.rank]
-            found = np.zeros_like(self.fluid.surface.elevation.x.array)
-            found[part.mesh.nodes] = mine
-            part.past.append(part.mesh.with_volume(found, old.part.mesh.mean(elevation)))
+            nodal = np.zeros_like(self.fluid.surface.elevation.x.array)
+            nodal[part.mesh.nodes] = mine
+            part.past.append(part.mesh.with_volume(nodal, old.part.mesh.mean(elevation)))
         part.restore()
         mesh.geometry.x[:] = now
 
@@ -192,9 +192,11 @@ class MovingSurface(RunPart):
         """Elevations, discharge and energies after a step."""
         assert coupling is not None
         with self._stage("free surface"):
-            told = self._stations.values(self.part.elevation)
-            found = {f"elevation_{number}": value for number, value in enumerate(told, 1)}
-            return found | {
+            elevations = self._stations.values(self.part.elevation)
+            by_station = {
+                f"elevation_{number}": value for number, value in enumerate(elevations, 1)
+            }
+            return by_station | {
                 **self._discharge(),
                 "volume_above_level": self.part.volume(),
                 "through_surface": self.part.crossed(),
@@ -210,8 +212,8 @@ class MovingSurface(RunPart):
             one[0] if len(one) == 1 else one
             for one in stations_of(self._scene.surface, self._scene.domain)
         ]
-        found = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
-        return {"surface": found | self._discharge(), "elevations": self.elevations}
+        surface = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
+        return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
         """Volume flux at the inflow of a channel, of the whole where half is meshed."""
@@ -265,7 +267,7 @@ class _Stations:
         if setup.symmetric:  # the half that is computed has the larger y
             points[:, 1] = scene.domain.middle + np.abs(points[:, 1] - scene.domain.middle)
         places = Locator(rising.domain.mesh).inside(spatial(points))
-        ranks = np.array(comm.allgather(np.where(places.found, comm.rank, comm.size)))
+        ranks = np.array(comm.allgather(np.where(places.located, comm.rank, comm.size)))
         self._mine = np.flatnonzero(ranks.min(axis=0, initial=comm.size) == comm.rank)
         self._comm, self._count = comm, len(points)
         mine = places.at(self._mine)
@@ -273,8 +275,7 @@ class _Stations:
         self._weights = compat.tabulate(space, mine.reference)
 
     def values(self, elevation: Floats) -> list[float]:
-        """The elevations, on every rank."""
-        found = np.zeros(self._count)
-        found[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
-        total: list[float] = self._comm.allreduce(found).tolist()
+        local = np.zeros(self._count)
+        local[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
+        total: list[float] = self._comm.allreduce(local).tolist()
         return total

@@ -58,7 +58,7 @@ class MovingGrain(RunPart):
 
     effect = EffectName.FREE_BODY
     part: RigidPart
-    does = ""  # what it does on its bed, where it goes on there
+    does = ""  # its motion on its bed, where it continues there
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class MovingGrain(RunPart):
             )
 
     def moving(self, motion: MeshMotion) -> tuple[RigidPart, ...]:
-        """The body, put into the fluid where the grain is; the mesh goes there from where it was made."""
+        """The body in the fluid at the grain's placement; the mesh moves there from where it was made."""
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
@@ -155,7 +155,7 @@ class MovingGrain(RunPart):
 
     @property
     def ends(self) -> str:
-        """What the grain has done that ends the run, as `time.until` names it, or "contact"; or nothing."""
+        """The event that ends the run, as in `time.until`, or "contact"; empty: none."""
         return "contact" if self.part.met else ""
 
     # -- output -----------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ class MovingGrain(RunPart):
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        """What a grain that moves on its bed adds."""
+        """Columns that a grain moving on its bed adds."""
         return {}
 
     def energies(self) -> dict[str, float]:
@@ -192,7 +192,7 @@ class MovingGrain(RunPart):
         return {EffectName.FREE_BODY: int(self.body.mask.sum())}
 
     def reported(self) -> dict[str, Any]:
-        """How the motion ended, where the grain is, how it went. A verdict at contact is made by `landing`."""
+        """End of the motion, position and trajectory. `landing` makes a verdict at contact."""
         state, near = self.state, self.clearance()
         iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
         trajectory = {
@@ -225,7 +225,7 @@ class MovingGrain(RunPart):
         return self.surroundings.clearance(self.state.placement)
 
     def _in_the_way(self) -> Surroundings:
-        """What the grain may not touch."""
+        """The boundaries that the grain may not touch."""
         return self.surroundings
 
     def _room(self, state: BodyState) -> float:

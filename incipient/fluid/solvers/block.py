@@ -1,4 +1,4 @@
-"""Iterative solution of the flow's linear systems, velocity and pressure preconditioned apart: for three dimensions."""
+"""Iterative solution of the flow's linear systems in 3-D, with separate preconditioners of velocity and pressure."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from .options import defaults
 from .triangle import Triangle
 
 PREFIX = "fluid_"
-# Steady, and in time, where a shorter step does more than further iterations.
+# In steady and in unsteady flow, where a shorter step helps more than further iterations.
 MOST_ITERATIONS, MOST_IN_TIME = 250, 200
 RESTART = 100
-# A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
+# A preconditioner is rebuilt when it needs this many times the iterations that it needed when new.
 AGED = 1.5
-# An old one is given up after this many times the iterations that it needed when it was new.
+# An old one is abandoned after this many times the iterations that it needed when it was new.
 USELESS = 4.0
-# Residual, relative to the right-hand side, of a correction that is one of several, steady and in time: a step of the
-# chord method. In time it is that of the preconditioned system, which is nearer to the error.
+# Residual, relative to the right-hand side, of one of several updates in steady and unsteady flow: a step of the
+# chord method. In unsteady flow it is that of the preconditioned system, which is nearer to the error.
 ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
 
 
 class Block(LinearSolver):
     """Solves A x = b by GMRES with a block triangle as preconditioner (`triangle`).
 
-    Its blocks are those of A when last prepared, and serve until they need half as many iterations again as when they
-    were new. A^T has a triangle of its own, unless A is symmetric. Where conditions hold the equations are those of the
-    identity, solved beforehand. In closed domains the constant pressures are taken out of right-hand side and solution.
-    A steady flow that GMRES does not solve is solved by LU factors from then on, if the memory suffices. In time the
-    residual is that of the preconditioned system: of corrections as rough as serve there it tells more. PETSc options
-    with the prefix ``fluid_`` are for GMRES, those with ``fluid_velocity_`` and ``fluid_pressure_`` for the blocks. See
+    Its blocks are those of A when last prepared, and are reused until the number of iterations has grown by half. A^T
+    has its own triangle, unless A is symmetric. The rows of Dirichlet conditions are those of the identity, solved
+    beforehand. In closed domains the constant pressures are removed from right-hand side and solution. A steady flow
+    that GMRES does not solve is solved by LU factorisation from then on, if the memory suffices. In unsteady flow the
+    residual is that of the preconditioned system, which is nearer to the error of inexact updates. PETSc options with
+    the prefix ``fluid_`` are for GMRES, those with ``fluid_velocity_`` and ``fluid_pressure_`` for the blocks. See
     `LinearSolver`.
     """
 
@@ -71,7 +71,7 @@ class Block(LinearSolver):
         return solver, triangle
 
     def prepare(self) -> None:
-        """Take the blocks of the preconditioner from the matrix as it is now. Collective."""
+        """Rebuild the blocks of the preconditioner from the present matrix. Collective."""
         if self._direct is not None:
             self._direct.prepare()
             return
@@ -81,7 +81,7 @@ class Block(LinearSolver):
         self._state, self._usual = self.matrix.stateGet(), np.inf
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b with the matrix as it is, as well as one of several corrections can use. Collective."""
+        """Solve A x = b with the matrix as it is, to the accuracy of one of several updates. Collective."""
         self._solve(b, x, self._rough, transposed=False)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
@@ -98,7 +98,7 @@ class Block(LinearSolver):
             raise
 
     def _by_blocks(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
-        """Solve by GMRES; where it does not converge make the direct solver that is to do it. Collective."""
+        """Solve by GMRES; if it does not converge, make the direct solver. Collective."""
         if self._state < 0:
             self.prepare()
         iterations = self._iterate(b, x, rtol, transposed)
@@ -122,7 +122,7 @@ class Block(LinearSolver):
 
     @property
     def _new(self) -> bool:
-        """Whether the preconditioner is of the matrix as it is now."""
+        """Whether the preconditioner is that of the present matrix."""
         return bool(self.matrix.stateGet() == self._state)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:

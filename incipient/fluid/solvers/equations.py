@@ -1,4 +1,4 @@
-"""What the flow's Jacobian is made of, and what every solver of linear systems offers."""
+"""The data of the flow's Jacobian, and the interface of the solvers of linear systems."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Equations:
     viscosity:     kinematic; None: no stresses, as in the projection onto velocities free of divergence
     reference_map: of the flow
     rate:          coefficient a0 of the velocity in its rate of change, a constant of dolfinx; None: steady
-    carrier:       velocity that convects, less that of the mesh; None: nothing convects
+    carrier:       convecting velocity relative to the mesh; None: no convection
     upwind_size:   size of cells over the order of the elements that upwinding is that of
     surface:       what a free surface adds; None: there is none
     """
@@ -46,10 +46,10 @@ class Equations:
     def held(self) -> np.ndarray:
         """(local unknowns of the mixed space,) whether a condition holds there."""
         index_map = self.space.mixed.dofmap.index_map
-        found = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
+        is_held = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
         for condition in self.dirichlet:
-            found[condition.dof_indices()[0]] = True
-        return found
+            is_held[condition.dof_indices()[0]] = True
+        return is_held
 
     def owned_held(self) -> np.ndarray:
         """(owned unknowns of the mixed space,) whether a condition holds there."""
@@ -66,9 +66,9 @@ class Equations:
 
     def constant_pressures(self) -> np.ndarray:
         """(owned unknowns,) the constant pressures, of length one over all ranks. Collective."""
-        found = np.zeros(self.space.mixed.dofmap.index_map.size_local)
-        found[self.owned_pressures()] = 1.0
-        return found / np.sqrt(self.space.mixed.mesh.comm.allreduce(float(found.sum())))
+        constant = np.zeros(self.space.mixed.dofmap.index_map.size_local)
+        constant[self.owned_pressures()] = 1.0
+        return constant / np.sqrt(self.space.mixed.mesh.comm.allreduce(float(constant.sum())))
 
     @property
     def closed(self) -> bool:
@@ -78,7 +78,7 @@ class Equations:
 
 @dataclass
 class LinearStatistics:
-    """Counts of what a linear solver has done so far."""
+    """Statistics of a linear solver."""
 
     factorisations: int = 0
     solves: int = 0
@@ -94,8 +94,8 @@ class LinearStatistics:
 class LinearSolver(ABC):
     """Solves A x = b with the flow's Jacobian A. Methods are collective.
 
-    matrix:     A, of PETSc, whose entries may be assembled anew at any time; None: A is known by its action alone
-    statistics: what it has done so far
+    matrix:     A, of PETSc, whose entries may be reassembled at any time; None: A is known by its action alone
+    statistics: counts so far
     regular:    whether A must be regular: `conditions.Constraints` then gives the pressure of a closed flow a level.
                 Otherwise the solver itself deals with the constant pressures, the null space of A.
     """
@@ -124,13 +124,13 @@ class LinearSolver(ABC):
 
     @abstractmethod
     def prepare(self) -> None:
-        """Make ready for the matrix as it is now, such as by factorising it. Raises ConvergenceError if it fails."""
+        """Prepare for the present matrix, for example factorise it. Raises ConvergenceError if that fails."""
 
     @abstractmethod
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve with the matrix as it was when last prepared, whatever it has become since: a step of the chord method.
+        """Solve with the matrix as last prepared, even if it has changed: a step of the chord method.
 
-        How good it is, the caller tells by how the steps contract.
+        The contraction of the steps tells the caller how good it is.
         """
 
     @abstractmethod

@@ -27,7 +27,7 @@ AGGREGATED = {"pc_type": "gamg", "pc_gamg_threshold": 0.01} | RELAXATION
 
 @contextmanager
 def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
-    """Within the block the options chosen hold for a prefix, but for those that the user has given."""
+    """Set default options of a prefix within the context; options of the user take precedence."""
     options = PETSc.Options(prefix)
     added = {name: value for name, value in chosen.items() if not options.hasName(name)}
     for name, value in added.items():
@@ -40,24 +40,24 @@ def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
 
 
 def algebraic(prefix: str = "") -> dict[str, Any]:
-    """Options of algebraic multigrid: BoomerAMG, or PETSc's own where hypre is missing, as in the wheels on PyPI."""
+    """Options of algebraic multigrid: BoomerAMG, or PETSc's GAMG without hypre, as in the wheels on PyPI."""
     chosen = BOOMERAMG if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
 def preconditioner(matrix: Any, prefix: str, chosen: Mapping[str, Any], **more: Any) -> Any:
-    """PETSc's preconditioner of a matrix as it is, set up with options that the user may replace. Collective.
+    """PETSc's preconditioner of the present matrix, set up with options that the user may replace. Collective.
 
     `more` is for multigrid of two levels: `interpolation` from the coarse unknowns.
     """
-    made = PETSc.PC().create(matrix.comm)
-    made.setOptionsPrefix(prefix)
-    made.setOperators(matrix)
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOptionsPrefix(prefix)
+    pc.setOperators(matrix)
     if "interpolation" in more:
-        made.setType("mg")
-        made.setMGLevels(2)
-        made.setMGInterpolation(1, more["interpolation"])
+        pc.setType("mg")
+        pc.setMGLevels(2)
+        pc.setMGInterpolation(1, more["interpolation"])
     with defaults(prefix, chosen):
-        made.setFromOptions()
-        made.setUp()
-    return made
+        pc.setFromOptions()
+        pc.setUp()
+    return pc

@@ -53,7 +53,7 @@ class PressureMass:
             self._solver.setFromOptions()
 
     def assemble(self, blocks: Blocks | None = None) -> None:
-        """Take the viscosity of the state as it is."""
+        """Reassemble with the viscosity of the present state."""
         self._mass.zeroEntries()
         petsc.assemble_matrix(self._mass, self._form)
         self._mass.assemble()
@@ -77,10 +77,10 @@ class PressureMass:
 
 
 class CahouetChabard:
-    """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for flow in time.
+    """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for unsteady flow.
 
     Where fluid leaves freely the pressure vanishes weakly: the diagonal of A is doubled there, which unlike a condition
-    leaves the preconditioner regular. A free surface adds what a pressure on it moves. Without viscosity there is no M.
+    leaves the preconditioner regular. A free surface adds a term. Without viscosity there is no M.
     Source: Cahouet & Chabard (1988), Int. J. Numer. Methods Fluids 8, 869.
     """
 
@@ -111,8 +111,8 @@ class CahouetChabard:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Approximately S^-1 times the right-hand side. Collective."""
-        found = self._coefficient * self._poisson.solve(right)
-        return found if self._mass is None else found + self._mass.solve(right)
+        pressure = self._coefficient * self._poisson.solve(right)
+        return pressure if self._mass is None else pressure + self._mass.solve(right)
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
@@ -148,11 +148,11 @@ class LeastSquaresCommutator:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Approximately S^-1 times the right-hand side. Collective."""
-        blocks, found = self._blocks, np.empty_like(right)
+        blocks, pressure = self._blocks, np.empty_like(right)
         forces = blocks.push(self._poisson.solve(right[self._order]))
         carried = blocks.carry(self._scale * forces)
-        found[self._order] = self._poisson.solve(blocks.gather(self._scale * carried))
-        return found
+        pressure[self._order] = self._poisson.solve(blocks.gather(self._scale * carried))
+        return pressure
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
@@ -177,8 +177,8 @@ def _bounds(space: Any, order: int) -> tuple[float, float]:
     values = compat.tabulate(space, points)
     mass = (values.T * weights) @ values
     scale = np.sqrt(mass.diagonal())
-    found = np.linalg.eigvalsh(mass / np.outer(scale, scale))
-    return float(found[0]), float(found[-1])
+    eigenvalues = np.linalg.eigvalsh(mass / np.outer(scale, scale))
+    return float(eigenvalues[0]), float(eigenvalues[-1])
 
 
 class _Poisson:
@@ -204,7 +204,6 @@ class _Poisson:
         return np.asarray(self._left.array_r)
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         for held in self._held:
             held.destroy()
         self._held = []

@@ -1,4 +1,4 @@
-"""The preconditioner of the flow's Jacobian by its blocks."""
+"""Block-triangular preconditioner of the flow's Jacobian."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .options import RELAXATION, algebraic, preconditioner
 from .pressure import schur_complement
 
 VELOCITY = "fluid_velocity_"
-# Of the matrix that the velocity has in a projection, a mass matrix, relaxation is enough.
+# The velocity's matrix in a projection is a mass matrix: relaxation is enough.
 OF_MASS = {"pc_type": "sor"}
 OF_COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
 
@@ -110,21 +110,21 @@ class Blocks:
         self._forget()
         *each, velocities, pressures = self._sets
         pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
-        found = [self._matrix.createSubMatrix(*pair) for pair in pairs]
+        submatrices = [self._matrix.createSubMatrix(*pair) for pair in pairs]
         if self._transposed:
-            found = [block.transpose() for block in found]
-            found[-2:] = found[:-3:-1]
-        *self.components, self.gradient, self.divergence = found
-        self._vectors = [block.createVecs() for block in found]
+            submatrices = [block.transpose() for block in submatrices]
+            submatrices[-2:] = submatrices[:-3:-1]
+        *self.components, self.gradient, self.divergence = submatrices
+        self._vectors = [block.createVecs() for block in submatrices]
 
     def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
-        """(n,) what the functions of PETSc's vectors, one for each component, make of the velocities (n,)."""
-        found = np.empty_like(values)
+        """(n,) results of functions of PETSc's vectors, one per component, for the velocities (n,)."""
+        results = np.empty_like(values)
         for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
             right.setArray(values[at])
             solve(right, left)
-            found[at] = left.array_r
-        return found
+            results[at] = left.array_r
+        return results
 
     def carry(self, values: np.ndarray) -> np.ndarray:
         """(n,) the diagonal blocks of F times velocities (n,)."""
@@ -132,11 +132,11 @@ class Blocks:
 
     def diagonal(self) -> np.ndarray:
         """(n,) the diagonal of F."""
-        found = np.empty(len(self.velocities))
+        entries = np.empty(len(self.velocities))
         for at, block, (_, left) in zip(self._places, self.components, self._vectors, strict=False):
             block.getDiagonal(left)
-            found[at] = left.array_r
-        return found
+            entries[at] = left.array_r
+        return entries
 
     def push(self, pressures: np.ndarray) -> np.ndarray:
         """(n,) G times pressures, ascending; to be copied."""
@@ -174,15 +174,15 @@ def _interpolations(equations: Equations, velocities: np.ndarray) -> list[Any]:
     whole = compat.interpolation_matrix(coarse, fine)
     corners, nodes = compat.cell_dofs(coarse), compat.cell_dofs(fine)
     owned, owned_below = whole.getLocalSize()
-    found = []
+    interpolations = []
     for mine, held in zip(rows, equations.held()[rows], strict=True):
         free = np.flatnonzero(~held[:owned])
         free = free[np.argsort(mine[free])]
         free_below = np.zeros(corners.max(initial=-1) + 1, dtype=bool)
         free_below[corners] = ~held[nodes[:, : corners.shape[1]]]
-        found.append(_among(whole, free, np.flatnonzero(free_below[:owned_below])))
+        interpolations.append(_among(whole, free, np.flatnonzero(free_below[:owned_below])))
     whole.destroy()
-    return found
+    return interpolations
 
 
 def _among(matrix: Any, rows: np.ndarray, columns: np.ndarray) -> Any:
@@ -202,7 +202,7 @@ def _among(matrix: Any, rows: np.ndarray, columns: np.ndarray) -> Any:
     )
     below.transpose()
     taken = above.matMult(matrix)
-    found = taken.matMult(below)
+    submatrix = taken.matMult(below)
     for held in (above, below, taken):
         held.destroy()
-    return found
+    return submatrix

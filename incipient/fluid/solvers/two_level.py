@@ -1,4 +1,4 @@
-"""Corrections in elements of a higher order than those of a solved flow: smoothing there, the rest by its solver."""
+"""p-multigrid for higher-order elements: smoothing in these, the coarse system by the solver of the lower order."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from .equations import Equations, LinearSolver, LinearStatistics, component_rows
 from .options import preconditioner
 from .pressure import PressureMass
 
-# One cycle: so many steps of smoothing, in creeping flow and where something convects, then the coarse system solved to
-# this residual.
+# One cycle: numbers of smoothing steps, in creeping flow and with convection, then the coarse system solved to this
+# residual.
 SMOOTHING, CONVECTED_SMOOTHING, COARSE = 4, 6, 0.2
 MOST_CYCLES, MOST_DIRECTIONS = 40, 60
 # Residual, relative to the right-hand side, of a correction that tells of an error, in creeping flow and where
@@ -29,8 +29,8 @@ MOST_CYCLES, MOST_DIRECTIONS = 40, 60
 # (docs/contribute/defaults.md). A free sphere at Re 100 has, improved, a drag of 0.4283 by 0.05, and of 0.4288 by 0.02
 # and 0.001.
 ROUGH, CONVECTED_ROUGH = 0.05, 0.02
-# Share of upwinding's viscosity in the smoother's Schur complement. A sphere in shear with G d^2/nu = 400 (70,000
-# unknowns) takes 95 iterations; without that, and with the mass matrix beside the relaxation, more than 200.
+# Fraction of upwinding's viscosity in the smoother's Schur complement. A sphere in shear with G d^2/nu = 400 (70,000
+# unknowns) takes 95 iterations; without that, and with the mass matrix next to the relaxation, more than 200.
 UPWINDED = 0.15
 RELAXED = "fluid_finer_velocity_"
 SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
@@ -39,13 +39,12 @@ SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 class TwoLevel(LinearSolver):
     """Solves A x = b for a flow in elements of a higher order than k, which is solved in order k on the same mesh.
 
-    Without a matrix: A is known by its action alone. Steps of a minimal residual, whose direction is in turn that of a
-    smoother (the pressure's mass matrix over the viscosity, symmetric relaxation of each velocity component, where
-    something convects with that pressure; their errors are of short waves, where diffusion rules) and, as the last one
-    of a cycle, the solution in elements of order k of what is left of the residual for these. Residuals are measured in
-    the dual of the energy norm, by the diagonals of the smoother's operators: the largest cells, far away from all that
-    is looked at, else outweigh all others.
-    Source of the minimal residual: Eisenstat, Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
+    GCR, matrix-free. The search directions of a cycle are those of a smoother, and then a solution in elements of order
+    k. The smoother is the pressure's mass matrix over the viscosity and symmetric relaxation of each velocity
+    component, with convection after that pressure's force; it removes short waves, where diffusion dominates. Residuals
+    are measured in the dual of the energy norm, by the diagonals of the smoother's operators: otherwise the largest
+    cells, far away from the bodies, outweigh all others.
+    Source: Eisenstat, Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
 
     Args:
         times: the product of A, or its transpose, with a vector (owned unknowns,).
@@ -80,7 +79,7 @@ class TwoLevel(LinearSolver):
         self._scale: np.ndarray | None = None  # of residuals, made when first prepared
 
     def prepare(self) -> None:
-        """Take the smoother's operators from the state as it is now. Collective."""
+        """Reassemble the smoother's operators at the present state. Collective."""
         self._velocity.assemble()
         self._pressure.assemble()
         self._mass.assemble()
@@ -99,16 +98,16 @@ class TwoLevel(LinearSolver):
         if self._scale is None:
             self.prepare()
         right = b.array_r.copy()
-        found = self._free(self._reduced(self._free(right), rtol, transposed))
-        # Where conditions hold the equations are those of the identity.
-        x.setArray(np.where(self._held, right, found))
+        solution = self._free(self._reduced(self._free(right), rtol, transposed))
+        # The rows of Dirichlet conditions are those of the identity.
+        x.setArray(np.where(self._held, right, solution))
         self.statistics.solves += 1
 
     def _reduced(self, residual: np.ndarray, rtol: float, transposed: bool) -> np.ndarray:
-        """The solution whose residual is `rtol` times that given, which is overwritten."""
-        found, size = np.zeros_like(residual), self._size(residual)
+        """The solution to a residual of `rtol` times the given one, which is overwritten."""
+        solution, size = np.zeros_like(residual), self._size(residual)
         if size == 0.0:
-            return found
+            return solution
         directions: list[tuple[np.ndarray, np.ndarray]] = []
         smoothing = CONVECTED_SMOOTHING if self._convected else SMOOTHING
         for step in range(MOST_CYCLES * (smoothing + 1)):
@@ -126,11 +125,11 @@ class TwoLevel(LinearSolver):
             z, q = z / norm, q / norm
             directions = [*directions[1 - MOST_DIRECTIONS :], (z, q)]
             length = self._inner(residual, q)
-            found += length * z
+            solution += length * z
             residual -= length * q
             self.statistics.krylov_iterations += 1
             if is_last and step > smoothing and self._size(residual) <= rtol * size:
-                return found
+                return solution
         raise UnsolvedError(
             f"the correction in elements of a higher order did not converge in {step + 1} iterations: "
             "use a smaller numerics.mesh_size, or numerics.error_bars = false"
@@ -277,23 +276,23 @@ class OrderTransfer:
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
         """The function in the space of higher order."""
-        found = np.zeros(len(self._held[1]))
+        fine_values = np.zeros(len(self._held[1]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
             one.setArray(values[coarse])
             matrix.mult(one, other)
-            found[fine] = other.array_r
-        return np.where(self._held[1], 0.0, found)
+            fine_values[fine] = other.array_r
+        return np.where(self._held[1], 0.0, fine_values)
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
         """Restrict a residual of higher order to the lower order."""
-        values, found = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
+        values, coarse_values = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
             other.setArray(values[fine])
             matrix.multTranspose(other, one)
-            found[coarse] = one.array_r
-        return np.where(self._held[0], 0.0, found)
+            coarse_values[coarse] = one.array_r
+        return np.where(self._held[0], 0.0, coarse_values)
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
@@ -305,7 +304,7 @@ class OrderTransfer:
 
 
 def _smoothing_mass(equations: Equations) -> PressureMass:
-    """The pressure's mass matrix over the viscosity, where the flow is upwinded with a share of what that adds."""
+    """The pressure's mass matrix over the viscosity, which includes a fraction of the upwinding's viscosity."""
     carrier = equations.carrier
     if carrier is None:
         return PressureMass(equations)
@@ -318,7 +317,7 @@ def _smoothing_mass(equations: Equations) -> PressureMass:
 class Action:
     """Applies the Jacobian of the present state, or its transpose; where conditions hold that of the identity.
 
-    In elements of order three and more on tetrahedra one application costs about three times that of a matrix, which
+    In elements of third or higher order on tetrahedra one application costs about three times that of a matrix, which
     takes twenty to make and 1.5 kB an unknown to keep. Methods are collective.
 
     Args:
@@ -387,7 +386,7 @@ class PressureForce:
         self._fresh: set[bool] = set()
 
     def renew(self) -> None:
-        """Take the state as it is for what is applied from now on. Not collective."""
+        """Reassemble at the present state before the next application. Not collective."""
         self._fresh = set()
 
     def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
@@ -404,9 +403,9 @@ class PressureForce:
             self._fresh.add(transposed)
         right.setArray(values[self._pressures])
         matrix.mult(right, left)
-        found = np.zeros_like(values)
-        found[self._velocities] = left.array_r
-        return found
+        forces = np.zeros_like(values)
+        forces[self._velocities] = left.array_r
+        return forces
 
     def destroy(self) -> None:
         """Free PETSc's memory."""

@@ -1,7 +1,7 @@
 """Closest points of a grain and a bed in 2-D: all local minima of the distance along the outline, and lowering.
 
-The outline is sampled once. The distance changes along it by no more than the way, so that few samples have to be
-looked at; between neighbours of a sampled minimum the derivative of the distance has a root.
+The outline is sampled once. The distance changes along it by at most the way, so that few samples have to be
+examined; between neighbours of a sampled minimum the derivative of the distance has a root.
 """
 
 from collections.abc import Iterator
@@ -330,7 +330,6 @@ def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, Floats]]:
 
 
 def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bool:
-    """Whether a point contact lies on a patch."""
     ends, outward = patch
     return bool(
         np.abs(normal - outward).max() <= SAME_DIRECTION

@@ -206,7 +206,7 @@ def plain(x: Floats) -> Point:
 def increasing_roots(
     values: Callable[[Floats], Floats], low: Floats, high: Floats, rounds: int = 60
 ) -> Floats:
-    """Where functions (n,) of parameters (n,) change from negative to positive between `low` and `high`.
+    """Parameters at which functions (n,) change from negative to positive between `low` and `high`.
 
     An end where they do not. Chandrupatla's method (1997): inverse quadratic interpolation, bisection where that is
     not safe.

@@ -40,7 +40,7 @@ PANELS = 96  # of Gauss's rule on a curve that is no line
 SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
 # Points of the splines that are meshed; those of a quarter are closer to it than 1e-7 of the grain's size
 QUARTER, EVEN = 768, 192
-# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by no more than an angle.
+# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by at most an angle.
 BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
@@ -59,7 +59,7 @@ class Chain:
 
     @cached_property
     def starts(self) -> Floats:
-        """Where the curves begin, (n, 2)."""
+        """Start points (n, 2) of the curves."""
         return np.array([curve.start for curve in self.curves])
 
     @cached_property
@@ -563,7 +563,7 @@ def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
 
 @dataclass(frozen=True, init=False)
 class Discs(Balls, Grain):
-    """Discs that hang together without enclosing a hole; they are shifted to the centroid of their union.
+    """Connected discs that enclose no hole; they are shifted to the centroid of their union.
 
     Raises SceneError if the numbers are no discs, if a disc lies within others or touches none.
     """

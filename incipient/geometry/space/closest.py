@@ -36,7 +36,7 @@ Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points,
 
 @dataclass(frozen=True, eq=False)
 class SpatialProximity(Proximity):
-    """A grain and a bed in 3-D, prepared for questions about many placements.
+    """A grain and a bed in 3-D, prepared for queries at many placements.
 
     Parts of a core are numbered: its triangles, its corners, its edges.
     """
@@ -65,7 +65,6 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _neighbours(self) -> np.ndarray:
-        """The samples next to each sample, (n, most)."""
         a, b = self._samples.edges.T
         return grouped(np.append(a, b), np.append(b, a), len(self._samples.points))
 
@@ -84,7 +83,7 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _places(self) -> list[tuple[np.ndarray, Floats]]:
-        """Corners of each core, on smooth beds also places along edges: parts (m,) and points (m, 3) in the body frame.
+        """Corners of each core, on smooth beds also points along edges: parts (m,) and points (m, 3) in the body frame.
 
         An edge may lie across crests of a smooth bed, half a feature from each other at least.
         """
@@ -193,7 +192,7 @@ class SpatialProximity(Proximity):
     def _starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
     ) -> Starts:
-        """Where to search a core: corners (and edges) close to a plane or a smooth bed, and triangles."""
+        """The features of a core to search: corners (and edges) near a plane or a smooth bed, and triangles."""
         core, curved = self.grain.cores[k], isinstance(pieces, SmoothTerrain)
         parts, points = self._places[k]
         points, bound = placement.to_scene(points), within + core.radius
@@ -265,9 +264,9 @@ class SpatialProximity(Proximity):
         corners: bool = False,
         slack: float = 0.0,
     ) -> ClosestPoints:
-        """The `minima` that are local minima over the whole surface, each once; on request all corners, too.
+        """The `minima` that are local minima over the whole surface, each once; on request also all corners.
 
-        Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
+        Points whose neighbourhood is lower by at most `slack` (a length) count as minima.
         """
         slack = max(slack, SAME * self.size)
         keep = np.ones(len(minima), dtype=bool)
@@ -342,7 +341,6 @@ class SpatialProximity(Proximity):
 
 
 def _shortened(steps: Floats, longest: float) -> Floats:
-    """Steps (n, 3) of at most a length."""
     length = np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
     return np.asarray(steps * np.minimum(1.0, longest / length))
 
@@ -448,7 +446,7 @@ def _patch(triangles: Floats, radius: float) -> Contacts:
 
 
 def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
-    """Which points to keep where several of one normal lie on a straight line of contact: its two ends."""
+    """The points to keep of those with one normal on a straight line of contact: its two ends."""
     keep = np.ones(len(minima), dtype=bool)
     _, label = np.unique(np.round(minima.normals, 6), axis=0, return_inverse=True)
     for item in np.unique(label):

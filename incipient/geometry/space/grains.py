@@ -67,7 +67,7 @@ class Solid(Shape):
 
     @property
     def sharp(self) -> bool:
-        """Whether it has edges that a mesh has to follow."""
+        """Whether the grain has edges that a mesh must resolve."""
         return False
 
     @abstractmethod
@@ -76,7 +76,7 @@ class Solid(Shape):
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """What balls are rolled around to make the grain; none if it is smooth without being round."""
+        """The core of a rounded grain, which a ball is rolled around; none if it is smooth but not round."""
         return ()
 
     def project(self, x: ArrayLike) -> Floats:
@@ -93,7 +93,7 @@ class Solid(Shape):
 
 
 def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:
-    """The image of the unit sphere under a map of directions (n, 3) to points, as finely as asked."""
+    """The image of the unit sphere under a map of directions (n, 3) to points, at a given resolution."""
     frequency, most = max(4, int(np.ceil(0.7 * size / spacing))), int(np.sqrt(0.1 * MOST_POINTS))
     while True:
         ball = surfaces.sphere(min(frequency, most))
@@ -108,7 +108,7 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
 class Superquadric(Solid):
     """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c) and exponents (m, n) from 2 to 100.
 
-    m rules the section along the third axis, n the section across it; (2, 2) is an ellipsoid.
+    m is the exponent of the section along the third axis, n of that across it; (2, 2) is an ellipsoid.
     """
 
     semi_axes: tuple[float, float, float]
@@ -240,7 +240,7 @@ class Box(Solid):
 
     @property
     def sharp(self) -> bool:
-        """Whether its edges are not rounded."""
+        """Whether its edges are sharp."""
         return self.edge_radius == 0.0
 
     @property
@@ -342,8 +342,8 @@ class Triangulated(Solid):
     def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
         """A grain from an STL, PLY or OBJ file, its coordinates times `scale`.
 
-        Points and triangles that are there twice are taken as one, and triangles turned to one sense. Raises SceneError
-        if the file is missing, cannot be read, or its surface is not closed or runs through itself.
+        Duplicate points and triangles are merged, and triangles oriented consistently. Raises SceneError
+        if the file is missing, cannot be read, or its surface is not closed or intersects itself.
         """
         points, triangles = triangles_in(path)
         surface = repaired(Surface(scale * points, triangles))
@@ -443,7 +443,7 @@ class Cylinder(Solid):
         return (SphereSwept(ends, np.array([[0, 1, 1]]), 0.5 * self.diameter),)
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 3) from the tube, taken to be endless."""
+        """The signed distance at points (n, 3) from the tube, assumed endless."""
         return np.asarray(np.linalg.norm(rows(x) * ACROSS, axis=1) - 0.5 * self.diameter)
 
     def normal(self, x: ArrayLike) -> Floats:
@@ -463,7 +463,7 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True, init=False)
 class Spheres(Balls, Solid):
-    """Spheres that hang together; they are shifted to the centroid of their union.
+    """Connected spheres; they are shifted to the centroid of their union.
 
     Raises SceneError if the numbers are no spheres, or if a sphere touches no other or lies within another.
     """
@@ -500,7 +500,7 @@ class Spheres(Balls, Solid):
         )
 
     def surface(self, spacing: float) -> Surface:
-        """The spheres' triangles as far as they show; triangles that cross a crease are left whole."""
+        """The exposed triangles of the spheres; triangles across a crease are left whole."""
         frequency = max(4, int(np.ceil(1.3 * max(self.radii) / spacing)))
         frequency = min(frequency, int(np.sqrt(0.1 * MOST_POINTS / len(self.radii))))
         ball, pieces = surfaces.sphere(frequency), []

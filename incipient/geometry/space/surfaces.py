@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
-BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
-LEVELS = 20_000  # points at which a level is asked for at once
+BLOCK = 1_000_000  # pairs of points and triangles per block
+LEVELS = 20_000  # points per evaluation of a level
 ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
 CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
 DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
@@ -233,7 +233,7 @@ def crossed(surface: Surface) -> np.ndarray:
     ends = surface.points[edges]
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    # Triangles of like size are looked for together: a large one would make the search for small ones wide.
+    # Triangles of like size are sought together: a large one would make the search for small ones wide.
     kind = np.round(np.log2(np.maximum(longest, 1e-300))).astype(int)
     result = [np.empty(0, dtype=int)]
     for item in np.unique(kind):
@@ -380,7 +380,7 @@ class Cloud:
 
 
 def in_blocks(level: Callable[[Floats], Floats], x: Floats) -> Floats:
-    """The level (n,) at points (n, 3), asked for a few at a time so that pairs with many pieces fit into memory."""
+    """The level (n,) at points (n, 3), requested a few at a time so that pairs with many pieces fit into memory."""
     parts = np.array_split(x, 1 + len(x) // LEVELS)
     return np.concatenate([level(part) for part in parts])
 
