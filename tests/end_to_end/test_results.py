@@ -350,7 +350,6 @@ def test_nothing_is_imported_that_the_scene_does_not_call_for(tmp_path):
         "contact",
         "coupled.tractions",
         "evaluation.contact_verdict",
-        "fluid.derived",
         "output.xdmf",
         "pictures",
     )
