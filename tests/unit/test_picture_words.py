@@ -69,7 +69,7 @@ def test_the_subject_of_a_verdict_is_not_cut() -> None:
 
 
 def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
-    """Of a plane a disc of radius 1 is drawn: pi sin(17 degrees)/7.5 = 0.12 of the picture, a fifth behind the grain."""
+    """Of a plane a disc of radius 1 is drawn: pi sin(17 degrees)/7.5 = 0.12 of it, a fifth behind the grain."""
     surface = Sphere(1.0).surface(0.1)
     points = surface.points + np.array([0.0, 0.0, 0.5])
     sight = Sight.of(np.array([0.2, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), np.empty((0, 3)))
