@@ -26,6 +26,7 @@ PARTS = {
         "unit/test_threshold.py",
     ),
     "contact": (
+        "unit/test_rest_in_space.py",
         "stability/test_contact_references.py",
         "end_to_end/test_contact_pictures.py",
         "stability/test_random_contacts.py",
@@ -59,6 +60,10 @@ PARTS = {
         "end_to_end/test_released_sphere.py",
     ),
     "running": (
+        "end_to_end/test_pictures.py",
+        "unit/test_refinement.py",
+        "unit/test_sampling.py",
+        "unit/test_survey.py",
         "end_to_end/test_packages.py",
         "unit/test_form_cache.py",
         "unit/test_outline.py",
@@ -90,6 +95,8 @@ PARTS = {
         "end_to_end/test_moving_sand.py",
     ),
     "space": (
+        "unit/test_triangulations.py",
+        "unit/test_wall_layers.py",
         "convergence/test_cylinder_in_space.py",
         "convergence/test_space.py",
         "end_to_end/test_bead.py",
@@ -121,6 +128,7 @@ PARTS = {
         "stability/test_surface.py",
     ),
     "turbulence": (
+        "end_to_end/test_resolved_along_walls.py",
         "end_to_end/test_hump.py",
         "end_to_end/test_resolved_channels.py",
         "end_to_end/test_rough_beds.py",

@@ -225,6 +225,7 @@ def test_flow_in_time(tmp_path: Path) -> None:
     assert f"of the step {found.trials[-1].of_step:.1e}, of the mesh" in found.lines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [0.01, pytest.param(1e-4, marks=pytest.mark.slow)])
 def test_a_disc_that_is_turned_in_fluid_at_rest(accuracy: float) -> None:
     """Against the exact couple: the moving grain's load is as accurate as asked for, and steps are refined for it."""
@@ -300,6 +301,7 @@ def test_a_budget_stops_flow_in_time(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "result.json").read_text())["status"] == "complete"
 
 
+@pytest.mark.slow
 def test_two_ranks_choose_alike(tmp_path: Path, mpirun: Any) -> None:
     path = tmp_path / "grain.toml"
     path.write_text(commented(grain_on_bed()))

@@ -61,6 +61,7 @@ def test_results_go_to_a_directory_named_like_the_scene(tmp_path, monkeypatch):
     }
 
 
+@pytest.mark.slow
 def test_the_levels_of_the_log(command):
     def said(level):
         done = command("run", CAVITY, *COARSE, "--log-level", level)
@@ -245,6 +246,7 @@ def test_streams_that_are_closed_or_full(
         assert begin or not printed
 
 
+@pytest.mark.slow
 def test_names_need_not_be_utf_8(tmp_path: Path) -> None:
     directory = tmp_path / os.fsdecode(b"caf\xe9")
     directory.mkdir()
@@ -268,6 +270,7 @@ def test_titles_that_are_not_utf_8_are_refused(capsys) -> None:
     assert capsys.readouterr().err.startswith("incipient: --set title=caf?: is not UTF-8 text; ")
 
 
+@pytest.mark.slow
 def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
     pocket = settings(bed_kind="half-discs", bed_radius=0.5, bed_spacing=1.2, bed_offset=1.0)
     done = command("threshold", GRAIN_ON_BED, *pocket, *COARSE, *SMALL)

@@ -205,6 +205,7 @@ def test_a_threshold_at_a_high_reynolds_number() -> None:
     assert below > 1.0 > above
 
 
+@pytest.mark.slow
 def test_the_smallest_disc_of_the_stability_curve_at_its_largest_reynolds_number() -> None:
     """The flows up to 8.12 times the scene's give 8.3; that flow is found from one of its own order, not of two."""
     found = threshold_of(
@@ -245,6 +246,7 @@ def test_none_is_said_as_far_as_was_looked() -> None:
     assert f"none up to {threshold.held_to:.3g} times the flow" in threshold.text()
 
 
+@pytest.mark.slow
 def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
     """A finer mesh, a gap nearly closed and a larger domain change the threshold as much as the terms say."""
     kept: list[Threshold] = []

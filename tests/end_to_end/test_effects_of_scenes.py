@@ -156,6 +156,7 @@ def test_an_absent_effect_costs_no_instruction(used, tmp_path):
     assert instructions("there", effects=Effects(inertia=True)) > 1.1 * there
 
 
+@pytest.mark.slow
 def test_the_count_sees_an_effect_that_is_there(used):
     without, inert = used("there"), used("there", effects=Effects(inertia=True))
     assert inert["calls"] > 1.02 * without["calls"]

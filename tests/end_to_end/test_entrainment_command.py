@@ -46,6 +46,7 @@ def scene(tmp_path: Path) -> Path:
     return tmp_path / "scene.toml"
 
 
+@pytest.mark.slow
 def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) -> None:
     options = ("--gusts", "gusts", "--data", "flume.csv", "--strengths", "0.5", "1", "2")
     done = command("entrainment", scene, "--out", "out", *options)

@@ -168,6 +168,7 @@ def box_run(tmp_path):
     return write_run(tmp_path, mesh, rotation(mesh[0]), scene, result)
 
 
+@pytest.mark.slow
 def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run, capsys):
     """By the command, which says what it has written."""
     assert main(["show", str(box_run)]) == 0

@@ -43,6 +43,7 @@ def over_bump(mesh_size: float) -> Result:
     )
 
 
+@pytest.mark.slow
 def test_cells_along_a_bump_follow_its_friction():
     """Before, cells 0.1 long were called resolved, with the friction behind the crest 40% too small."""
     walls = over_bump(1.0).turbulence
@@ -52,6 +53,7 @@ def test_cells_along_a_bump_follow_its_friction():
     assert along[nearest] == pytest.approx(BEHIND_CREST, rel=0.15)
 
 
+@pytest.mark.slow
 def test_cells_too_long_for_the_friction_along_a_bump_are_not_called_resolved():
     """On twice the cells those across the wall are thin enough but for 7%, those along it are not."""
     walls = over_bump(2.0).turbulence

@@ -129,6 +129,7 @@ def test_a_channel_between_walls_is_two_open_ones():
     assert incipient.run(both).turbulence.at_outflow == pytest.approx(one.at_outflow, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reynolds", [9900.0, pytest.param(19650.0, marks=pytest.mark.slow)])
 def test_error_bars_contain_the_error(reynolds):
     """u* of Re_tau 547 and 1000 on three meshes, against one twice as fine as the finest, where they are within 1%."""
@@ -143,6 +144,7 @@ def test_error_bars_contain_the_error(reynolds):
     assert (bars < 0.01 * best).all()
 
 
+@pytest.mark.slow
 def test_an_accuracy_is_reached():
     """u* at Re_tau 547 within 0.3%, by its bar and by a mesh twice as fine as the default one."""
     best = incipient.run(channel(9900.0, mesh_size=0.5)).turbulence.shear_velocities

@@ -315,6 +315,7 @@ def test_sand_is_told_that_is_as_large_as_forms():
     assert not any("forms" in one for one in make_plan(finer).warnings)
 
 
+@pytest.mark.slow
 def test_a_slice_that_a_measured_profile_enters_is_the_plane_s():
     """Two rows over sand: u* in space, at the outflow and in the mean, within 0.5% of the plane's in as many rows."""
     rows = {

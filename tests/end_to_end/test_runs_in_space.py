@@ -60,6 +60,7 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
     assert "torque about the centre of mass (0, " in result.text()
 
 
+@pytest.mark.slow
 def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     scene = sphere_on_plane(
         fluid=SLOW,

@@ -418,6 +418,7 @@ def test_a_scheduler_that_goes_away_and_comes_back_loses_no_case(
     assert rows(file, "status, tries") == [("done", 1)] * 40
 
 
+@pytest.mark.slow
 def test_workers_of_a_cluster_do_not_go_on_with_a_sweep_that_is_interrupted(
     tmp_path: Path, started: Any
 ) -> None:

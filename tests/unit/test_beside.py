@@ -147,6 +147,7 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
     assert len(larger) == 2 and larger[1].domain.bottom < larger[0].domain.bottom < 0.0
 
 
+@pytest.mark.slow
 def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
     """Where no mesh serves for all the run of each scene gives its loads; none is run a second time."""
     scene = on_plane(

@@ -119,6 +119,7 @@ def effectivities(term: Term, one: Loads, other: Loads) -> list[float]:
 TIMES = [None, Time(end=4.0, step=0.5, start="steady"), Time(end=4.0, step=0.2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("time", "inertia"),
     [

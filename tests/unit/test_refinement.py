@@ -131,6 +131,7 @@ def test_the_budget_is_kept_and_said() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_sweep_goes_on_to_the_same_cases(tmp_path: Path, capfd: Any) -> None:
     """In two parts, by processes, what is judged here at once."""
     scene, file = tmp_path / "block.toml", tmp_path / "sweep.sqlite"

@@ -391,6 +391,7 @@ if comm.rank == 0:
 """
 
 
+@pytest.mark.slow
 def test_ranks_agree_with_one(mpirun: Any) -> None:
     """Wherever the points are asked for and the cells are: of three ranks two ask."""
     found = []

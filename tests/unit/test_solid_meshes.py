@@ -327,6 +327,7 @@ def test_domains_of_dolfinx(order: int) -> None:
     assert found["symmetry"] == pytest.approx(9.0 - 0.25 * np.pi, rel={1: 0.01, 2: 1e-4}[order])
 
 
+@pytest.mark.slow
 def test_domains_on_two_ranks(mpirun: Any) -> None:
     # A line is written at once with its end: what two ranks print would else mix.
     script = "import sys; sys.path.insert(0, sys.argv[1])\nfrom test_solid_meshes import measured\n"

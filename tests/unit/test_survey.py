@@ -271,6 +271,7 @@ class TestFullRuns:
         rows[identity_of(first.wide, "run")] = {"status": "failed"}
         assert coefficients_of([first, second], rows)[0].errors is None
 
+    @pytest.mark.slow
     def test_a_later_call_computes_what_is_new(self, monkeypatch, tmp_path):
         """Eight runs, of which one is repeated with a wider gap in vain; then one more, the others as they were."""
         pytest.importorskip("sklearn")

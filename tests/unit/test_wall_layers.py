@@ -166,6 +166,7 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     assert told["layers along walls"] == pytest.approx(found - before, rel=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solid", "size"), [(Sphere(1.0), 0.3), (Ellipsoid((0.6, 0.5, 0.35)), 0.22)]
 )
@@ -205,6 +206,7 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     assert found == pytest.approx(exact, abs=5.7e-3)
 
 
+@pytest.mark.slow
 def test_no_cell_in_the_layers_of_a_pocket_folds_over():
     """Thin layers at spheres between spheres, of which cells reached 1700 times their volume through themselves."""
     centre = 4.0 + np.sqrt(1.0 / 12.0)
