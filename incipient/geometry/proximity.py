@@ -113,7 +113,12 @@ class Proximity(ABC):
         within = WANDERS * max(gap, before)
         near = self.gaps(placement, within)
         apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)
-        return self.closed(placement, near.only(apart.min(axis=1, initial=np.inf) <= within), gap)
+        # Of several small gaps about a place only the nearest is its contact.
+        chosen = np.zeros(len(near), dtype=bool)
+        if len(near):
+            nearest = apart.argmin(axis=0)
+            chosen[nearest[apart.min(axis=0) <= within]] = True
+        return self.closed(placement, near.only(chosen), gap)
 
     def rates(self, placement: Placement, contacts: ClosestPoints) -> Floats:
         """Rows (k, n) by which motions in grain sizes and radians change gaps, in grain sizes."""

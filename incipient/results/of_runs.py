@@ -115,6 +115,7 @@ LOADS = (
         for name in ("reference_velocity", "reference_length")
     ),
     OutputQuantity("grain.size", "size of the grain", heading="other numbers"),
+    OutputQuantity("grain.centre", "centre of the grain", "length", column="centre"),
 )
 
 FLOW = (

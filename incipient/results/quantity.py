@@ -77,8 +77,8 @@ class OutputQuantity:
             return {self.column: value} | _with_ends(self.column, self.bar(stored))
         errors = at(stored, self.error) if self.error else None
         columns: dict[str, Any] = {}
-        for place, axis in enumerate(AXES):
-            name, part = f"{self.column}_{axis}", value[place]
+        for place, (axis, part) in enumerate(zip(AXES, value, strict=False)):
+            name = f"{self.column}_{axis}"
             if part:
                 ends = None if errors is None else (part - errors[place], part + errors[place])
                 columns |= {name: part} | _with_ends(name, ends)
