@@ -82,6 +82,7 @@ class _Pen:
         return int(gmsh.model.geo.addPoint(*self.frame.local(np.asarray(x)).tolist(), 0.0))
 
     def curve(self, curve: Curve) -> int:
+        """The tag of a curve in gmsh's model."""
         geo = gmsh.model.geo
         start, end = self.point(curve.start), self.point(curve.end)
         if isinstance(curve, Line):

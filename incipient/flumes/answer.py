@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from scipy.optimize import brentq
 
 from ..errors import SceneError
@@ -75,7 +76,7 @@ class FlumeAnswer:
 
     @property
     def regime(self) -> str:
-        """Of a bed of these grains, in words (Nikuradse 1933)."""
+        """Hydraulic regime of a bed of these grains, in words (Nikuradse 1933)."""
         k = ROUGHNESS * self.shear_reynolds
         word = "smooth" if k < SMOOTH else "rough" if k > ROUGH else "between smooth and rough"
         return f"hydraulically {word}"
@@ -143,7 +144,7 @@ class FlumeAnswer:
         return "\n".join(f"{name:16}{words}" for name, words in rows)
 
     def _rows_of_bed(self) -> list[tuple[str, str]]:
-        """Of the computed natural bed."""
+        """Rows of the text on the computed natural bed."""
         bed = self.natural_bed
         if bed is None:
             why = f"u* d/nu = {self.shear_reynolds:.3g} is beyond the computed range, 0 to 300"
@@ -218,64 +219,57 @@ def flume(
         SceneError: a number is not positive, or the flow is given twice or not at all.
     """
     require_liquid(temperature)
-    numbers = {
-        "diameter": diameter,
-        "density": density,
-        "shear_velocity": shear_velocity,
-        "depth": depth,
-        "velocity": velocity,
-        "slope": slope,
-        "viscosity": viscosity,
-        "fluid_density": fluid_density,
-        "gravity": gravity,
-    }
-    for name, value in numbers.items():
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise SceneError(f"{name}: is {value:g}; give a positive number")
+    flow = {"shear_velocity": shear_velocity, "velocity": velocity, "slope": slope}
+    others = {"viscosity": viscosity, "fluid_density": fluid_density, "gravity": gravity}
+    _require_positive({"diameter": diameter, "density": density, "depth": depth, **flow, **others})
+    _require_one_flow(flow, depth)
     viscosity = viscosity or viscosity_of_water(temperature)
     fluid_density = fluid_density or density_of_water(temperature)
     if density <= fluid_density:
         raise SceneError(
             f"density: is {density:g}; give that of the grains, above {fluid_density:.5g}"
         )
-    known = [name for name in ("shear_velocity", "velocity", "slope") if numbers[name] is not None]
+    grain_and_fluid = diameter, density, fluid_density, viscosity, gravity
+    answer = FlumeAnswer(*grain_and_fluid, shear_velocity or 1.0, depth, velocity, "")
+    if depth is None:
+        return answer
+    if slope is not None:
+        shear, source = math.sqrt(gravity * depth * slope), " from depth and slope"
+        answer = replace(answer, shear_velocity=shear, source=source)
+    elif velocity is not None:
+        shear, source = _shear_velocity(answer, velocity), " from depth and mean velocity"
+        answer = replace(answer, shear_velocity=shear, source=source)
+    return replace(answer, mean_velocity=_mean(answer, answer.shear_velocity))
+
+
+def _require_positive(numbers: dict[str, float | None]) -> None:
+    for name, value in numbers.items():
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise SceneError(f"{name}: is {value:g}; give a positive number")
+
+
+def _require_one_flow(flow: dict[str, float | None], depth: float | None) -> None:
+    """Refuse a flow that is given in two ways or in none; raises SceneError."""
+    known = [name for name, value in flow.items() if value is not None]
     if len(known) != 1 or (known != ["shear_velocity"] and depth is None):
-        inputs = " and ".join(
-            name for name in ("shear_velocity", "depth", "velocity", "slope") if numbers[name]
-        )
+        inputs = " and ".join(["depth"] * (depth is not None) + known)
         raise SceneError(
             f"flow: is given by {inputs or 'nothing'}; give shear_velocity, depth and velocity, or depth and slope"
         )
-    answer = FlumeAnswer(
-        diameter,
-        density,
-        fluid_density,
-        viscosity,
-        gravity,
-        shear_velocity or 1.0,
-        depth,
-        velocity,
-        "",
-    )
-    if slope is not None:
-        assert depth is not None
-        answer = replace(
-            answer,
-            shear_velocity=math.sqrt(gravity * depth * slope),
-            source=" from depth and slope",
+
+
+def _shear_velocity(answer: FlumeAnswer, velocity: float) -> float:
+    """The u* [m/s] of a mean velocity; raises SceneError."""
+    slowest, fastest = (_mean(answer, shear) for shear in (SLOWEST, FASTEST))
+    if not slowest < velocity < fastest:
+        raise SceneError(
+            f"velocity: is {velocity:g}; give {slowest:.2g} to {fastest:.2g} m/s at this depth"
         )
-    elif velocity is not None:
-        shear = brentq(lambda u: _mean(answer, u) - velocity, SLOWEST, FASTEST, rtol=1e-6)
-        answer = replace(answer, shear_velocity=shear, source=" from depth and mean velocity")
-    if depth is not None:
-        answer = replace(answer, mean_velocity=_mean(answer, answer.shear_velocity))
-    return answer
+    return float(brentq(lambda shear: _mean(answer, shear) - velocity, SLOWEST, FASTEST, rtol=1e-6))
 
 
 def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
     """Mean velocity [m/s] over the depth of a wide flow over a bed of these grains."""
-    import numpy as np
-
     assert answer.depth is not None
     roughness = ROUGHNESS * answer.diameter
     profile = MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth)

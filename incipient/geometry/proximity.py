@@ -57,7 +57,7 @@ class Proximity(ABC):
     def locally_least(
         self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
     ) -> ClosestPoints:
-        """Those of `minima` that are local minima over the whole surface, but for a slack; on request all corners."""
+        """The `minima` that are local over the whole surface, but for a slack; on request all corners as well."""
 
     @abstractmethod
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:

@@ -152,6 +152,7 @@ class _Descent:
         return self._proximity.size
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
+        """Lower the grain from `start` and let it roll and tip, `reach` grain sizes at most. Not collective."""
         placement = self._proximity.lowered(start)
         length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):

@@ -34,6 +34,7 @@ def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
     """The validator of a number or of nested lists of numbers, of one of these shapes."""
 
     def nested_tuples(value: Any) -> Any:
+        """The numbers as tuples; raises for others, and for other shapes."""
         try:
             array = np.array(value)
         except ValueError:  # rows of different lengths

@@ -169,6 +169,8 @@ def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, capsys):
         ({"shear_velocity": 0.1, "gravity": math.nan}, "gravity"),
         ({"shear_velocity": 0.1, "density": 990.0}, "density"),
         ({"shear_velocity": 0.1, "temperature": -3.0}, "temperature"),
+        ({"depth": 0.3, "velocity": 1e5}, "velocity"),
+        ({"depth": 0.3, "velocity": 1e-12}, "velocity"),
     ],
 )
 def test_wrong_numbers_are_refused_by_name(options, key):

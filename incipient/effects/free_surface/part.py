@@ -275,6 +275,7 @@ class _Stations:
         self._weights = compat.tabulate(space, mine.reference)
 
     def values(self, elevation: Floats) -> list[float]:
+        """Elevations at the points, of those at all nodes. Collective."""
         local = np.zeros(self._count)
         local[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
         total: list[float] = self._comm.allreduce(local).tolist()
