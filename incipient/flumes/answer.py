@@ -30,7 +30,19 @@ ANSWERS = (
     (0.05, "To an observer the bed probably stays at rest"),
     (0.0, "To an observer the bed stays at rest"),
 )
-SLOWEST, FASTEST = 1e-6, 1e2  # u* that are tried for a mean velocity [m/s]
+SLOWEST, FASTEST = 1e-6, 1e2  # u* [m/s]
+# Numbers that are accepted, in SI units: all flumes and rivers, far from overflow.
+RANGES = {
+    "diameter": (1e-6, 10.0),
+    "density": (1.0, 3e4),
+    "depth": (1e-5, 1e4),
+    "shear_velocity": (SLOWEST, FASTEST),
+    "velocity": (1e-9, 1e4),
+    "slope": (1e-8, 1.0),
+    "viscosity": (1e-8, 1.0),
+    "fluid_density": (0.1, 2e4),
+    "gravity": (1e-3, 1e3),
+}
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 
 
@@ -216,12 +228,12 @@ def flume(
         gravity: [m/s^2].
 
     Raises:
-        SceneError: a number is not positive, or the flow is given twice or not at all.
+        SceneError: a number is outside `RANGES`, or the flow is given twice or not at all.
     """
     require_liquid(temperature)
     flow = {"shear_velocity": shear_velocity, "velocity": velocity, "slope": slope}
     others = {"viscosity": viscosity, "fluid_density": fluid_density, "gravity": gravity}
-    _require_positive({"diameter": diameter, "density": density, "depth": depth, **flow, **others})
+    _require_usual({"diameter": diameter, "density": density, "depth": depth, **flow, **others})
     _require_one_flow(flow, depth)
     viscosity = viscosity or viscosity_of_water(temperature)
     fluid_density = fluid_density or density_of_water(temperature)
@@ -242,10 +254,12 @@ def flume(
     return replace(answer, mean_velocity=_mean(answer, answer.shear_velocity))
 
 
-def _require_positive(numbers: dict[str, float | None]) -> None:
+def _require_usual(numbers: dict[str, float | None]) -> None:
+    """Refuse numbers outside `RANGES`; raises SceneError."""
     for name, value in numbers.items():
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise SceneError(f"{name}: is {value:g}; give a positive number")
+        low, high = RANGES[name]
+        if value is not None and not low <= value <= high:
+            raise SceneError(f"{name}: is {value:g}; give {low:g} to {high:g} in SI units")
 
 
 def _require_one_flow(flow: dict[str, float | None], depth: float | None) -> None:
