@@ -1,4 +1,4 @@
-"""The state of a run, from its plan to its last step."""
+"""State of a run, from its plan to its last step."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Known:
-    """Known estimates: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
+    """Known estimates: error-bar terms by name, coarse loads by the JSON of their scene."""
 
     terms: dict[str, Term] = field(default_factory=dict)
     loads: dict[str, Loads] = field(default_factory=dict)
@@ -45,8 +45,7 @@ class Known:
 class Accounts:
     """Data shared by the runs of one search: costs and known estimates.
 
-    known: results of earlier estimates
-    spent: why no further estimate may begin, or ""
+    spent: why no further estimate may begin, or "".
     """
 
     ledger: Ledger = field(default_factory=Ledger)
@@ -55,20 +54,13 @@ class Accounts:
     spent: Callable[[], str] = lambda: ""
 
     def count(self, **numbers: int) -> None:
-        """Add to the numbers of iterations by name. Not collective."""
+        """Add to iteration counts by name. Not collective."""
         for name, number in numbers.items():
             self.iterations[name] = self.iterations.get(name, 0) + number
 
 
 class Run:
-    """A scene, its plan, mesh, flow and progress. Only its own methods change it.
-
-    Args:
-        fluid: on the first mesh; remeshing replaces it.
-        probe: of the traction on the grain; None without a grain.
-        voice: reports the stages.
-        parts: solved together with the flow.
-    """
+    """A scene, its plan, mesh, flow and progress, changed by its own methods alone."""
 
     def __init__(
         self,
@@ -95,17 +87,17 @@ class Run:
 
     @property
     def fluid(self) -> Fluid:
-        """The flow, on the newest mesh."""
+        """The flow on the newest mesh."""
         return self._fluid
 
     @property
     def parts(self) -> tuple[RunPart, ...]:
-        """Parts solved together with the flow, on the newest mesh; moving boundaries first."""
+        """Parts solved with the flow on the newest mesh, moving boundaries first."""
         return self._parts
 
     @property
     def states(self) -> list[Any]:
-        """The state functions of a steady flow and its parts."""
+        """State functions of a steady flow and its parts."""
         return [self.fluid.state, *(state for part in self.parts for state in part.states())]
 
     @property
@@ -115,49 +107,49 @@ class Run:
 
     @property
     def probe(self) -> TractionProbe | None:
-        """The traction probe of the grain; None without a grain."""
+        """Traction probe of the grain, or None."""
         return self._probe if self.grain is None else self.grain.probe
 
     @property
     def march(self) -> March | None:
-        """The integration in time; None for a steady flow, and before the first step."""
+        """Time integration; None for steady flow and before the first step."""
         return self._march
 
     @property
     def time_stepper(self) -> Transient | None:
-        """The time stepper; None for a steady flow, and before the first step."""
+        """Time stepper; None for steady flow and before the first step."""
         return None if self._march is None else self._march.transient
 
     @property
     def grain(self) -> MovingGrain | None:
-        """The moving grain; None without one, and before the first step."""
+        """Moving grain; None without one and before the first step."""
         return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
 
     @property
     def surface(self) -> MovingSurface | None:
-        """The free surface; None without one, and before the first step."""
+        """Free surface; None without one and before the first step."""
         return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
 
     @property
     def turbulence(self) -> TurbulentFlow | None:
-        """The turbulence of the flow; None without."""
+        """Turbulence of the flow, or None."""
         return cast("TurbulentFlow | None", self.part(EffectName.TURBULENCE))
 
     @property
     def elevations(self) -> Elevations | None:
-        """Elevations of the free surface so far; None without one, and before the first step."""
+        """Elevations of the free surface so far, or None."""
         return None if self.surface is None else self.surface.elevations
 
     def part(self, effect: EffectName) -> Any:
-        """The part of an effect on the newest mesh, or None."""
+        """Part of an effect on the newest mesh, or None."""
         return next((part for part in self.parts if part.effect == effect), None)
 
     def wall_report(self) -> WallReport | None:
-        """Flow along walls with a wall-function layer, None without. Collective."""
+        """Flow along walls with wall functions, or None. Collective."""
         return None if self.turbulence is None else self.turbulence.wall_report()
 
     def separated(self) -> tuple[tuple[float, float], ...] | None:
-        """Intervals of x of reverse laminar flow along the bed; None: not determined. Collective."""
+        """Intervals of x with reverse laminar flow along the bed; None: undetermined. Collective."""
         if not self.scene.has_separation:
             return None
         from ..fluid.along_walls import along_resolved_wall
@@ -176,7 +168,7 @@ class Run:
 
     @property
     def first_motion(self) -> float | None:
-        """First time at which a fixed grain in unsteady flow would move."""
+        """Time at which a fixed grain in unsteady flow would first move."""
         return self._first_motion
 
     def march_with(self, march: March, parts: Sequence[RunPart]) -> None:
@@ -184,7 +176,7 @@ class Run:
         self._march, self._parts = march, tuple(parts)
 
     def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-        """Continue with a fluid and parts on a new mesh; the previous fluid is freed. Collective."""
+        """Continue with fluid and parts on a new mesh, freeing the previous fluid. Collective."""
         before, self._fluid, self._parts = self._fluid, fluid, tuple(parts)
         fluid.solver.statistics.add(before.solver.statistics)
         before.destroy()
@@ -194,7 +186,7 @@ class Run:
         self._steadiness = steadiness
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
-        """Continue with another fluid on the mesh; the previous one is freed. Collective."""
+        """Continue with another fluid on the mesh, freeing the previous one. Collective."""
         fluid.watch = self.corrections.record
         fluid.solver.statistics.add(self._fluid.solver.statistics)
         self._fluid.destroy()
@@ -206,10 +198,10 @@ class Run:
             self._first_motion = time
 
     def count(self, **numbers: int) -> None:
-        """Add to the numbers of iterations by name. Not collective."""
+        """Add to iteration counts by name. Not collective."""
         self.accounts.count(**numbers)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """A context manager that reports and times a stage. Not collective."""
+        """Context manager that reports and times a stage. Not collective."""
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)
