@@ -50,8 +50,7 @@ class ContactState(Enum):
 
 
 class Mode(Enum):
-    """Exclusive modes of incipient motion, from the states of all contacts and the angular
-    acceleration alpha.
+    """Exclusive modes of incipient motion, from the states of all contacts and the angular acceleration alpha.
 
     - Without alpha: SLIDING if any contact slides, otherwise LIFTING.
     - No contact rolls: PIVOTING_AND_SLIDING if any slides, otherwise LIFTING_AND_ROTATING.
@@ -106,8 +105,7 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class IncipientMotion:
-    """Possible distinct accelerations of a grain, rest first, then by energy (m a.a +
-    alpha.J.alpha) / 2.
+    """Possible distinct accelerations of a grain, rest first, then by energy (m a.a + alpha.J.alpha) / 2.
 
     `jams`: contact forces can balance one another, so that rest may depend on how the grain was
     wedged in.
@@ -179,8 +177,7 @@ class ReleaseProblem:
         return np.asarray(np.linalg.norm((self.inverse @ self.wrench[:, :, None])[:, :, 0], axis=1))
 
     def motions(self, most: int) -> tuple[Integers, Floats, Floats]:
-        """Motions in order of energy: number (n,), accelerations (n, most, m), local forces (n,
-        most, 3k).
+        """Motions in order of energy: number (n,), accelerations (n, most, m), local forces (n, most, 3k).
 
         Complete in 2-D, without rest; in 3-D those that converged.
         """
@@ -195,8 +192,7 @@ class ReleaseProblem:
         return count, motions[:, :, :-1], forces
 
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
-        """Accelerations (n, 6) of grains and (n, k, 3) of contacts, their states (n, k), and modes
-        (n,).
+        """Accelerations (n, 6) of grains and (n, k, 3) of contacts, their states (n, k), and modes (n,).
 
         Negligible accelerations are set to zero.
         """
@@ -253,10 +249,11 @@ def incipient_motion(
 ) -> IncipientMotion:
     """Accelerations of a grain at rest under a load, at unilateral contacts with friction.
 
-    At each contact N >= 0, A_N >= 0, N A_N = 0, and |T| <= friction N, with equality and T against
-    A_T if that is not zero. `inertia` (3, 3) is about the centre of mass. Planar cases, whose
-    normal is a principal axis, are enumerated completely; 3-D solutions are sought from several
-    starts. Infinite friction is computed as 1e6.
+    With the force N, T and the acceleration A_N, A_T along inward normal and surface, N >= 0, A_N
+    >= 0, N A_N = 0, and |T| <= friction N, with equality and T against A_T if that is not zero.
+    `inertia` (3, 3) is about the centre of mass. Planar cases, whose normal is a principal axis of
+    inertia, are enumerated completely; 3-D solutions are sought from several starts. Infinite
+    friction is computed as 1e6.
 
     Raises SceneError for negative friction and invalid mass or inertia, ConvergenceError if no
     solution converges.
@@ -380,8 +377,7 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
 def inner_forces(
     case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats, forces: Floats
 ) -> tuple[Floats, bool]:
-    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether `forces` are the only
-    ones.
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether `forces` are the only ones.
 
     Lifting contacts have none, sliding ones full friction; otherwise the shortest, or those deepest
     inside the cones.
@@ -408,8 +404,7 @@ def inner_forces(
 def states_and_modes(
     at: Floats, inward: Floats, turning: Floats, zero: Floats, slow: Floats
 ) -> tuple[Integers, Integers]:
-    """Indices (n, k) in `ContactState` and (n,) in `MODES` from local motions (n, k, 3) and
-    rotations (n, 3).
+    """Indices (n, k) in `ContactState` and (n,) in `MODES` from local motions (n, k, 3) and rotations (n, 3).
 
     zero, slow (n, 1): thresholds of motion, and of rotation about other axes.
     """
@@ -451,8 +446,7 @@ class Case(NamedTuple):
 def motion_rows(
     columns: Floats, inverse: Floats, friction: Floats, wrench: Floats, most: int
 ) -> tuple[Integers, Floats, Floats]:
-    """Motions of n cases as `ReleaseProblem.motions`, with the energy as last entry of (n, most, m
-    + 1).
+    """Motions of n cases as `ReleaseProblem.motions`, with the energy as last entry of (n, most, m + 1).
 
     columns (n, m, 3k): wrenches of unit local forces; inverse (n, m, m) of mass and inertia; wrench
     (n, m).

@@ -31,14 +31,13 @@ LABELS = ("rest", "moves", *(mode.label for mode in MODES if mode is not Mode.RE
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """n cases of up to k contacts; third components are zero in 2-D. A single value serves all
-    cases.
+    """n cases of up to k contacts; third components are zero in 2-D. A single value serves all cases.
 
-    - points, normals: (n, k, 3), unit normals out of the grain; missing contacts at the end are NaN
-    - force, couple: (n, 3), force of the flow, and its torque about the centre of mass
-    - weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
-    - law: contact law, or coefficients of friction, one or (n,)
-    - mass: (n,), inertia: (n, 3, 3) about the centre; NaN if unknown
+    points, normals: (n, k, 3), unit normals out of the grain; missing contacts at the end are NaN
+    force, couple: (n, 3), force of the flow, and its torque about the centre of mass
+    weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
+    law: contact law, or coefficients of friction, one or (n,)
+    mass: (n,), inertia: (n, 3, 3) about the centre; NaN if unknown
     """
 
     points: Floats

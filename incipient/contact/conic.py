@@ -128,8 +128,7 @@ def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
 
 
 def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
-    """Largest relative margin inside the cones of forces (h,), filled in, that balance a wrench;
-    NaN if unsolved.
+    """Largest relative margin inside the cones of forces (h,), filled in, that balance a wrench; NaN if unsolved.
 
     The shortest forces if inside, otherwise max m such that q f + wrench = 0 and f - m e is in the
     cones with axes e.
@@ -208,8 +207,7 @@ def _orthonormalise(rows: Floats, flow: Floats, weight: Floats) -> tuple[int, fl
 
 
 def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tuple[int, float]:
-    """Minimise cost x[0] subject to a x = b with x in the cones; returns status and dual value,
-    fills in x[1:].
+    """Minimise cost x[0] subject to a x = b with x in the cones; returns status and dual value, fills in x[1:].
 
     `answer` is kept if there is no minimum. UNANSWERED: the dual program did not converge.
     """
@@ -338,9 +336,7 @@ def _direction(
 
 
 def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:
-    """Scaling T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False if x or z is on
-    the boundary.
-    """
+    """Scaling T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False if x or z is on the boundary."""
     for i in range(linear):
         if x[i] <= 0.0 or z[i] <= 0.0:
             return False

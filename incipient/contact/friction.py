@@ -88,9 +88,7 @@ class FrictionCone:
 
     @cached_property
     def scaling(self) -> Floats:
-        """Cosine, sine, sine of the friction angle, (..., 3), which turn the unit cone into the
-        friction cone.
-        """
+        """Cosine, sine, sine of the friction angle, (..., 3), which turn the unit cone into the friction cone."""
         scaling = np.empty((*self.coefficient.shape, 3))
         scaling[..., 0] = 1.0 / np.hypot(1.0, self.coefficient)
         scaling[..., 1:] = np.sin(np.arctan(self.coefficient))[..., None]

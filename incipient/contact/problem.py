@@ -102,9 +102,7 @@ class ContactProblem:
     def of_rows(
         cls, arms: Floats, normals: Floats, loads: tuple[Floats, Floats, Floats], law: FrictionCone
     ) -> ContactProblem:
-        """Build non-planar cases from arms and unit normals (n, k, 3) and force, torque and weight,
-        (n, 3) each.
-        """
+        """Build non-planar cases from arms and unit normals (n, k, 3) and force, torque and weight, (n, 3) each."""
         count, k, _ = arms.shape
         reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
         reach[reach == 0.0] = 1.0
@@ -121,8 +119,7 @@ class ContactProblem:
         return cls(*scaled, law, None, np.arange(k), np.ones(k))
 
     def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
-        """Nearest coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar
-        cases.
+        """Nearest coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar cases.
 
         With `inertia` (n, 3, 3), planar cases need the normal as a principal axis.
         """

@@ -1,5 +1,4 @@
-"""Effect of errors of load and friction on the verdict: bounds over a box of loads, and sampled
-probabilities.
+"""Effect of errors of load and friction on the verdict: bounds over a box of loads, and sampled probabilities.
 
 The loads that contacts hold form a convex cone, so that one conic program tells whether some load
 weight + s (flow + directions u), |u_i| <= 1, is held, and the corners of the box tell whether all
@@ -84,9 +83,7 @@ class SafetyRange:
 
 
 def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> SafetyRange:
-    """Factors at which some load of a box and every load are held. Raises SceneError as
-    `safety_factor` does.
-    """
+    """Factors at which some load of a box and every load are held. Raises SceneError as `safety_factor` does."""
     cone = FrictionCone.of(law)
     firm, loose = (
         _problem(load, contacts, cone.changed(change), box)
@@ -325,8 +322,7 @@ def probabilities(
     seed: int = 0,
     mass_and_inertia: MassAndInertia | None = None,
 ) -> Probabilities:
-    """Evaluate `samples` cases with normal, independent errors of load and friction (at least
-    zero).
+    """Evaluate `samples` cases with normal, independent errors of load and friction (at least zero).
 
     Without `mass_and_inertia` the exact criterion distinguishes rest and motion only. Raises
     SceneError as `classify` does, and for less than one sample.
@@ -376,8 +372,7 @@ def draw(
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
-    """Fraction of the variance of an output (n,) explained by each input (n,); empty for a constant
-    output.
+    """Fraction of the variance of an output (n,) explained by each input (n,); empty for a constant output.
 
     Sobol's first index of independent inputs, from means over equal classes of the input, corrected
     for their number (epsilon squared).

@@ -1,5 +1,4 @@
-"""Rocking of a grain in its pocket: its rest position, continued from the weight alone to larger
-flow loads.
+"""Rocking of a grain in its pocket: its rest position, continued from the weight alone to larger flow loads.
 
 Contacts with a reserve hold up to their capacity, otherwise the grain settles again
 (`geometry.settle`) in short steps until no rest is nearby; force and torque about the centre of

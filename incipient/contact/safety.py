@@ -68,8 +68,7 @@ class SafetyFactor:
 
 
 def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
-    """Maximise s >= 0 such that forces in the friction cones balance weight + s (flow force, flow
-    torque).
+    """Maximise s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
 
     Raises SceneError for negative or undefined friction (infinite is allowed), ConvergenceError if
     the program is not solved.

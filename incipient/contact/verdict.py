@@ -254,8 +254,7 @@ class Verdict:
 def judge(
     load: Load, contacts: Contacts, law: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Verdict:
-    """Evaluate both criteria on one case; without mass and inertia the exact criterion names no
-    mode.
+    """Evaluate both criteria on one case; without mass and inertia the exact criterion names no mode.
 
     Raises SceneError as `classify` and `incipient_motion` do.
     """

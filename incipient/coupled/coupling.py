@@ -41,8 +41,7 @@ class InterfaceReport(NewtonReport):
 
 
 class Coupling:
-    """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is
-    collective.
+    """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is collective.
 
     Args:
         fluid: with `FlowModel.moving_mesh`.

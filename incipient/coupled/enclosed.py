@@ -50,8 +50,7 @@ class EnclosedPressure:
 
 
 def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:
-    """Force and torque (3,) about the origin of pressures (k,) between counter-clockwise outline
-    points (k + 1, 2).
+    """Force and torque (3,) about the origin of pressures (k,) between counter-clockwise outline points (k + 1, 2).
 
     A uniform pressure acts on a piece as on its chord, with the torque p/2 times the difference of
     the squared distances of its ends. Not collective.

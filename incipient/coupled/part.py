@@ -37,8 +37,7 @@ class Part(Protocol):
         ...
 
     def residual(self, length: float, order: int) -> float:
-        """Relative residual of the equation of motion under the flow's load; also computes the
-        update.
+        """Relative residual of the equation of motion under the flow's load; also computes the update.
 
         Raises ConvergenceError where a shorter step may help.
         """

@@ -56,8 +56,7 @@ class Remeshing:
 def carry_over(
     before: Coupling, coupling: Coupling, states: Sequence[Past]
 ) -> tuple[list[Past], Remeshing]:
-    """Transfer states of the fluid, the present one first, to the new fluid, its coupling and body.
-    Collective.
+    """Transfer states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
 
     Sets the new fluid's present state and returns all states on the new mesh. Raises MeshError if
     the new mesh is folded or too coarse; the old fluid is unchanged.

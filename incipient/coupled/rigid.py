@@ -141,8 +141,7 @@ class RigidPart:
             self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
 
     def residual(self, length: float, order: int) -> float:
-        """Relative residual of the equation of motion; also computes the end under the present
-        load.
+        """Relative residual of the equation of motion; also computes the end under the present load.
 
         Raises ConvergenceError: the resistance may be singular on a folded mesh or in too long a
         step.
@@ -254,8 +253,7 @@ class RigidPart:
     # -- the derivative ---------------------------------------------------------------------------
 
     def _responded(self, before: End, end: End) -> Response:
-        """Present response with Broyden's update, or a new one after a change of factorisation or
-        step length.
+        """Present response with Broyden's update, or a new one after a change of factorisation or step length.
 
         Broyden's update accounts for an old factorisation and for the dependence of the load on
         position, which A_u neglects.
@@ -322,8 +320,7 @@ class RigidPart:
     def _of_displacements(
         self, end: BodyState, length: float, free: NDArray[np.intp]
     ) -> dict[int, Floats]:
-        """Derivatives of the fluid's residual with respect to the body's velocities, at fixed fluid
-        velocities.
+        """Derivatives of the fluid's residual with respect to the body's velocities, at fixed fluid velocities.
 
         They arise from the mesh position and along a law of the wall.
         """

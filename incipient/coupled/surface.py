@@ -43,8 +43,7 @@ STEEP = (
 
 
 class SurfacePart:
-    """Free surface of a fluid as a part of a coupling (see `part.Part`). Every method is
-    collective.
+    """Free surface of a fluid as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
         fluid: with a `FreeSurface` condition and `FlowModel.moving_mesh`.

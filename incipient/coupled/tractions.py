@@ -1,5 +1,4 @@
-"""Force, torque and traction of the fluid on a boundary, without hydrostatic pressure (buoyancy is
-separate).
+"""Force, torque and traction of the fluid on a boundary, without hydrostatic pressure (buoyancy is separate).
 
 The momentum residual tested with a rigid motion of the surface is minus the power of the traction,
 and converges at twice the rate of integrating sigma n (n into the fluid), the cross-check.
@@ -143,8 +142,7 @@ class TractionProbe:
         return Resultant(exposed.force + force, exposed.torque + torque, exposed.about)
 
     def field(self) -> Any:
-        """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces;
-        zero elsewhere.
+        """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces; zero elsewhere.
 
         In a plane of symmetry it has no normal component.
         """

@@ -60,9 +60,7 @@ class Effect:
         raise NotImplementedError
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """Add the effect's terms to the flow model, of the `unsteady` flow or its steady start. Not
-        collective.
-        """
+        """Add the effect's terms to the flow model, of the `unsteady` flow or its steady start. Not collective."""
         return model
 
     def warnings(self, setup: Setup) -> Iterator[str]:

@@ -192,8 +192,7 @@ def shedding(setup: Setup, numbers: Numbers) -> str:
 
 
 def expected_of_changes(setup: Setup) -> float | None:
-    """Relative change of the drag on a fixed grain in an unsteady base flow, at most one; None if
-    steady.
+    """Relative change of the drag on a fixed grain in an unsteady base flow, at most one; None if steady.
 
     Force on a fixed sphere over Stokes drag: history force a/sqrt(nu T), and pressure gradient with
     added mass, a^2/(3 nu T), for radius a and time scale T (Maxey & Riley 1983, Phys. Fluids 26,

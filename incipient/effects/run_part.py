@@ -87,8 +87,7 @@ class RunPart:
         """Take over the state from the part on the previous mesh."""
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Solve the steady flow with the part's unknowns; False if the flow does not depend on
-        them.
+        """Solve the steady flow with the part's unknowns; False if the flow does not depend on them.
 
         `factor`: speed relative to the scene's; `onwards`: from the present state.
         """

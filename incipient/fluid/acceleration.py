@@ -31,8 +31,7 @@ def load_of_disturbance(
     outlet: str,
     centre: Sequence[float],
 ) -> Floats:
-    """Force and torque (2, 3) of an accelerating base flow's disturbance on the boundary "body".
-    Collective.
+    """Force and torque (2, 3) of an accelerating base flow's disturbance on the boundary "body". Collective.
 
     Args:
         velocity: (gdim, n) at positions (3, n), gained by the base flow in unit time.

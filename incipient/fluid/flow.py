@@ -159,8 +159,7 @@ class Fluid(Holder, FlowEquations):
         return dolfinx.fem.Function(self.space.mixed)
 
     def dual(self, boundary: np.ndarray, rtol: float = EXACT) -> np.ndarray:
-        """Dual solution z (local unknowns,) of the last assembled Jacobian A with boundary values.
-        Collective.
+        """Dual solution z (local unknowns,) of the last assembled Jacobian A with boundary values. Collective.
 
         z equals `boundary` on prescribed boundaries, and z . A change = 0 for changes within the
         flow, to a residual of `rtol` relative to the boundary values alone.
@@ -171,9 +170,7 @@ class Fluid(Holder, FlowEquations):
     def _completed(
         self, boundary: np.ndarray, action: Any, forcing: Any, rtol: float, transposed: bool = False
     ) -> None:
-        """Complete boundary values so that the direction's action plus the forcing vanishes off the
-        boundary.
-        """
+        """Complete boundary values so that the direction's action plus the forcing vanishes off the boundary."""
         self._direction.x.array[:] = boundary
         self._vector.setArray(self.assembled(action) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)

@@ -263,9 +263,7 @@ class FlowEquations:
         return self.acceleration * driven.displaced(placement)
 
     def drive(self, *times: float) -> None:
-        """Set the rate of the base flow's factor from present and past times, by the flow's
-        backward difference.
-        """
+        """Set the rate of the base flow's factor from present and past times, by the flow's backward difference."""
         if (driven := self.model.driven) is not None:
             pairs = zip(self.rate, times, strict=True)
             self._acceleration.value = sum(float(a.value) * driven.factor(t) for a, t in pairs)

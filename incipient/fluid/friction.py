@@ -98,8 +98,7 @@ class WallLoad:
         return v if motion is None else v - motion.velocity
 
     def through(self, v: Any, q: Any, own: bool = True) -> Any:
-        """(v . n) q over impermeable walls of any shape, the walls' part of continuity, in UFL. Not
-        collective.
+        """(v . n) q over impermeable walls of any shape, the walls' part of continuity, in UFL. Not collective.
 
         v is relative to the walls, or absolute with `own` false.
         """

@@ -23,8 +23,7 @@ class System(Protocol):
     """Discretised problem for Newton's method; all methods are collective."""
 
     def correction(self, fresh: bool, rtol: float | None) -> float:
-        """Subtract a Newton update, `fresh` with a new factorisation or preconditioner; returns its
-        relative size.
+        """Subtract a Newton update, `fresh` with a new factorisation or preconditioner; returns its relative size.
 
         `rtol`: residual of the system with a new Jacobian; None: with the Jacobian of the
         factorisation.
@@ -88,8 +87,7 @@ def solve(
     contraction: Contraction | None = None,
     inexact: bool = False,
 ) -> NewtonReport:
-    """Iterate until the remaining error, about d r/(1 - r) with r = d/d_previous, is below
-    `tolerance`. Collective.
+    """Iterate until the remaining error, about d r/(1 - r) with r = d/d_previous, is below `tolerance`. Collective.
 
     A Jacobian and its factorisation are renewed at the start if `fresh` and when an update exceeds
     `WORST_CONTRACTION` times the previous one. With the `contraction` of earlier solves a single

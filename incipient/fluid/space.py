@@ -49,8 +49,7 @@ class TaylorHood:
         return int(self.velocity.dofmap.index_map.size_global)
 
     def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
-        """Measure of all cells, or of local `cells` (ascending), exact for convection on straight
-        ones. Collective.
+        """Measure of all cells, or of local `cells` (ascending), exact for convection on straight ones. Collective.
 
         The degree grows by two per order of curvature; for integrands `polynomial` on straight
         cells, on curved cells only.

@@ -108,8 +108,7 @@ def approach(
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
-    """Approach the fluid's Reynolds number in adaptive steps from a solution at the fraction
-    `reached`. Collective.
+    """Approach the fluid's Reynolds number in adaptive steps from a solution at the fraction `reached`. Collective.
 
     Steps are halved without convergence down to `smallest_step`. Raises ConvergenceError; the fluid
     then holds the last converged state, or the start.

@@ -18,8 +18,7 @@ from .space import TaylorHood, cell_size
 
 
 class SurfaceLoad:
-    """Load of a free surface, with inflow and sponge, in functions that a step sets. The
-    constructor is collective.
+    """Load of a free surface, with inflow and sponge, in functions that a step sets. The constructor is collective.
 
     `rate`: coefficient a0 of the present elevation in its backward difference, UFL. `known`,
     `elevation`, `unfelt`: see `forms.surface.SurfaceTerms`.

@@ -198,8 +198,7 @@ class Transient:
         last_error: float | None,
         new_mesh: float = -np.inf,
     ) -> None:
-        """Restore the history after `number` steps, with `past` states newest first. Not
-        collective.
+        """Restore the history after `number` steps, with `past` states newest first. Not collective.
 
         The next `march` starts with `next_length`. `new_mesh`: time of the last remeshing.
         """

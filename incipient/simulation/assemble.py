@@ -1,6 +1,4 @@
-"""Result of a computed flow: loads, verdict, error bars, cost. Functions are collective unless
-stated otherwise.
-"""
+"""Result of a computed flow: loads, verdict, error bars, cost. Functions are collective unless stated otherwise."""
 
 from __future__ import annotations
 

@@ -34,8 +34,7 @@ def solved(
     checkpoint: Checkpoint | None = None,
     accounts: Accounts | None = None,
 ) -> Iterator[Run]:
-    """Solve the run of a scene from the start or a checkpoint; freed at the end. Collective over
-    `comm`.
+    """Solve the run of a scene from the start or a checkpoint; freed at the end. Collective over `comm`.
 
     Raises IncipientError on all ranks, after recording earlier results.
     """
@@ -55,8 +54,7 @@ def simulate(
     voice: Silent | None = None,
     follows: bool = True,
 ) -> Result:
-    """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises
-    IncipientError.
+    """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError.
 
     `follows`: rocking is followed to the next equilibrium.
     """

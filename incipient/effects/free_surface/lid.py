@@ -11,9 +11,7 @@ from ..run_part import Solving
 
 
 def rise_under_lid(run: Solving) -> float:
-    """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the
-    mean. Collective.
-    """
+    """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the mean. Collective."""
     scene, fluid, comm = run.scene, run.fluid, run.comm
     space, gravity = fluid.space.pressure, scene.gravity_vector
     nodes = boundary_blocks(space, fluid.domain.facets_of(Setup(scene).sides.top))

@@ -100,9 +100,7 @@ class MovingSurface(RunPart):
         mesh.geometry.x[:] = now
 
     def check(self, step: TimeStep, placement: Placement | None) -> None:
-        """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's
-        placement.
-        """
+        """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's placement."""
         why = self.part.ends()
         if not why and placement is not None and self._room_above(placement) <= 0.0:
             why = "the grain touches the free surface: end before it does, or use a heavier grain or deeper water"

@@ -162,9 +162,7 @@ class BedContact:
         return last > RISEN * self._near.grain.size and height < last >= before
 
     def _falls_elsewhere(self, placement: Placement) -> bool:
-        """Whether the grain, released without flow and friction, settles in another position than
-        at the start.
-        """
+        """Whether the grain, released without flow and friction, settles in another position than at the start."""
         near, size = self._near, self._near.grain.size
         first = Placement(tuple(self._start), placement.angle, placement.quaternion)
         try:

@@ -25,8 +25,7 @@ ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
 
 
 class Block(LinearSolver):
-    """GMRES with a block-triangular preconditioner (`triangle`), reused until iterations have grown
-    by half.
+    """GMRES with a block-triangular preconditioner (`triangle`), reused until iterations have grown by half.
 
     Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains
     projected out. A steady flow that GMRES fails on is solved by LU factorisation from then on,

@@ -88,8 +88,7 @@ class LinearStatistics:
 
 
 class LinearSolver(ABC):
-    """Solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are
-    collective.
+    """Solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
 
     `matrix` is None where A is known by its action alone; `regular`: A must be regular, with a
     pinned pressure in closed flow.

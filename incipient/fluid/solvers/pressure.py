@@ -1,5 +1,4 @@
-"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the Jacobian [[F, G], [B,
-0]].
+"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the Jacobian [[F, G], [B, 0]].
 
 Vectors are (owned pressures,).
 """
@@ -34,9 +33,7 @@ CHEBYSHEV = {
 
 
 class PressureMass:
-    """S^-1 = M^-1, mass matrix over viscosity, by four Chebyshev steps, for Stokes flow. Methods
-    are collective.
-    """
+    """S^-1 = M^-1, mass matrix over viscosity, by four Chebyshev steps, for Stokes flow. Methods are collective."""
 
     def __init__(self, equations: Equations, viscosity: Any = None):
         space = equations.space

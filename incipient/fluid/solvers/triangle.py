@@ -19,8 +19,7 @@ OF_COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
 
 
 class Triangle:
-    """Upper block triangle of [[F, G], [B, 0]], or its transpose: a `PCPYTHON` context. Methods are
-    collective.
+    """Upper block triangle of [[F, G], [B, 0]], or its transpose: a `PCPYTHON` context. Methods are collective.
 
     z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`)
     and, for each component's block of F, one V-cycle to linear elements and on by algebraic
@@ -78,8 +77,7 @@ class Triangle:
 
 
 class Blocks:
-    """Blocks of the Jacobian: F's diagonal blocks, G `gradient` and B `divergence`. Methods are
-    collective.
+    """Blocks of the Jacobian: F's diagonal blocks, G `gradient` and B `divergence`. Methods are collective.
 
     Free velocities and all pressures ascend as in the mixed system; velocities (n,): numbers of the
     owned ones.

@@ -248,8 +248,7 @@ def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
 
 
 class OrderTransfer:
-    """Transfer between mixed spaces of two orders on one mesh, by interpolation and its transpose.
-    Collective.
+    """Transfer between mixed spaces of two orders on one mesh, by interpolation and its transpose. Collective.
 
     Vectors are (owned unknowns,), zero where constrained.
     """
@@ -308,8 +307,7 @@ def _smoothing_mass(equations: Equations) -> PressureMass:
 
 
 class Action:
-    """Jacobian of the present state, or its transpose, as an action; identity where `held`.
-    Collective.
+    """Jacobian of the present state, or its transpose, as an action; identity where `held`. Collective.
 
     For orders of three and more on tetrahedra, one application costs about three of a matrix, which
     takes twenty to assemble and 1.5 kB per unknown.
@@ -350,8 +348,7 @@ class Action:
 
 
 class PressureForce:
-    """Pressure part of momentum, or transposed continuity part (without upwinding), of the
-    Jacobian. Collective.
+    """Pressure part of momentum, or transposed continuity part (without upwinding), of the Jacobian. Collective.
 
     A matrix, which saves 198 of 430 actions for two updates and two dual solutions of a sphere in
     shear (30,000 unknowns, order two).
