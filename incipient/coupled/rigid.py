@@ -73,8 +73,6 @@ class RigidPart:
         load: force and torque (k,) of a state other than the flow's, such as weight.
         room: clearance [length] of a state; None: unlimited.
         stage: context managers by name, for timing.
-        added_mass: False iterates without the traction's derivative, which diverges for light
-            bodies.
     """
 
     name = "body"
@@ -91,7 +89,6 @@ class RigidPart:
         load: Callable[[BodyState], Floats],
         room: Callable[[BodyState], float] | None = None,
         stage: Stage = lambda name: nullcontext(),
-        added_mass: bool = True,
     ):
         self.fluid, self.body, self.mesh, self.boundary = (
             fluid,
@@ -100,7 +97,7 @@ class RigidPart:
             displacement.boundary,
         )
         self._load, self._room, self._stage = load, room, stage
-        self.added_mass, self.met = added_mass, False
+        self.met = False
         self.state = body.consistent(state)
         self.past = [self.state]
         self.mean_load = MeanLoad()
@@ -150,8 +147,6 @@ class RigidPart:
         try:
             self._improved, residual = self._under_load(self._tried, length)
         except SceneError as error:
-            if not self.added_mass:
-                raise
             raise ConvergenceError(str(error)) from error
         return residual
 
@@ -229,7 +224,7 @@ class RigidPart:
             return end, 0.0
         with self._stage("interface"):
             resistance = self._responded(before, self.end).resistance
-            stiffness = self._stiffness(end, load - flow_load, length) if self.added_mass else 0.0
+            stiffness = self._stiffness(end, load - flow_load, length)
             added = self.mean_load.added(resistance + stiffness, length)
             improved = self._moved(length, self.mean_load.mean(load, length), added, end.velocities)
             change = improved.velocities - end.velocities
@@ -258,8 +253,6 @@ class RigidPart:
         Broyden's update accounts for an old factorisation and for the dependence of the load on
         position, which A_u neglects.
         """
-        if not self.added_mass:
-            return self._no_response(end.length)
         factors, known = self.fluid.solver.statistics.factorisations, self._response
         if (
             known is None
@@ -271,12 +264,6 @@ class RigidPart:
         elif before.state.time == end.state.time and before.length == end.length:
             known = self._response = self._corrected(known, before, end)
         return known
-
-    def _no_response(self, length: float) -> Response:
-        size = self.body.size
-        return Response(
-            np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size)), length
-        )
 
     def _corrected(self, known: Response, before: End, end: End) -> Response:
         step = end.state.velocities - before.state.velocities
