@@ -16,7 +16,6 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
-from ..compat import petsc
 from ..fluid import Fluid
 from ..forms.surface import carried, levelled, returned
 from ..mesh.elevation import RisingDisplacement
@@ -44,9 +43,7 @@ class Drift:
     def prepare(self, rate: float) -> None:
         """Assemble with the velocity of the last state and the rate a0 of the backward difference."""
         for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
-            matrix.zeroEntries()
-            petsc.assemble_matrix(matrix, form)
-            matrix.assemble()
+            compat.matrix_of(form, matrix=matrix)
         self._forget()
         self._kinematic = self._rising.area.copy()
         self._kinematic.axpy(1.0 / rate, self._levelling)

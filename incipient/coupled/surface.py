@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, extrapolated
-from ..compat import PETSc, petsc
+from ..compat import petsc
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..forms.surface import crossing, flux, potential
@@ -219,10 +219,7 @@ class SurfacePart:
         """Rate of elevation (local nodes,) by the flow, without an open end corrected to the volume
         of the inflow.
         """
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, self._flux)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        compat.vector_of(self._flux, self._vector)
         if self._drift is None:
             elevation = self.mesh.elevation_of(self._vector)
         else:

@@ -18,7 +18,6 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats, cross, spatial
 from ..body.state import turned
-from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
@@ -129,11 +128,8 @@ class TractionProbe:
         return Resultant(whole.force - part.force, whole.torque - part.torque, self.about)
 
     def _integrated(self, form: Any) -> Resultant:
-        vector = petsc.assemble_vector(form)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        forces = vector.array_r.reshape(-1, self.fluid.space.gdim)[self._blocks].copy()
-        vector.destroy()
-        return self._sum(forces)
+        forces = compat.owned_entries(form).reshape(-1, self.fluid.space.gdim)
+        return self._sum(forces[self._blocks])
 
     def _with_enclosed(self, exposed: Resultant) -> Resultant:
         if self.enclosed is None:
@@ -235,6 +231,4 @@ class TractionProbe:
             scale = ufl.sqrt(ufl.inner(normal, normal))
             ds = self.fluid.domain.measure(self.boundary)
             self._mass_form = compat.form(scale * ufl.inner(t, w) * ds)
-        mass = petsc.assemble_matrix(self._mass_form)
-        mass.assemble()
-        return mass
+        return compat.matrix_of(self._mass_form)

@@ -9,11 +9,9 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
 from .. import compat
-from ..compat import petsc
 from ..mesh.domain import Domain
 from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
@@ -266,8 +264,4 @@ def _mean_of_facets(values: np.ndarray) -> np.ndarray:
 
 def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:
     """Entries (n, gdim) of an assembled vector at owned nodes."""
-    vector = petsc.assemble_vector(form)
-    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    values = vector.array_r.reshape(-1, gdim)[nodes].copy()
-    vector.destroy()
-    return np.asarray(values)
+    return compat.owned_entries(form).reshape(-1, gdim)[nodes]

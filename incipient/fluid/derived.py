@@ -8,10 +8,8 @@ import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from .. import compat
-from ..compat import petsc
 from ..forms import vorticity as curl_of
 from ..symmetric import solve_symmetric
 from .flow import Fluid
@@ -22,9 +20,7 @@ def vorticity(fluid: Fluid) -> Any:
     """Project curl v onto continuous elements of the pressure's order; a scalar in 2-D. Collective."""
     space, of_mass, of_curl = fluid.kept("vorticity", lambda: _forms(fluid))
     field = dolfinx.fem.Function(space, name="vorticity")
-    mass, right = petsc.assemble_matrix(of_mass), petsc.assemble_vector(of_curl)
-    mass.assemble()
-    right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    mass, right = compat.matrix_of(of_mass), compat.vector_of(of_curl)
     solve_symmetric(mass, right, field, rtol=1e-10)
     return field
 

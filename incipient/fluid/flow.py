@@ -200,7 +200,7 @@ class Fluid(Holder, FlowEquations):
             self._lift = False
         self._assemble_constrained_residual()
         if renewed:
-            self._assemble_jacobian()
+            compat.matrix_of(self._jacobian, self.constraints.dirichlet, self._matrix)
         if rtol is not None:
             rtol = min(rtol, INNER) if self.solver.regular else rtol
             self.solver.solve(self._vector, self._correction, rtol, fresh)
@@ -214,14 +214,11 @@ class Fluid(Holder, FlowEquations):
         self._lift, size = False, self._relative_size()
         return size if self.model.unsteady else max(size, self._relative_pressure())
 
-    def _assemble_jacobian(self) -> None:
-        self._matrix.zeroEntries()
-        petsc.assemble_matrix(self._matrix, self._jacobian, self.constraints.dirichlet)
-        self._matrix.assemble()
-
     def _assemble_constrained_residual(self) -> None:
         conditions = self.constraints.dirichlet
-        self._assemble_local(self._residual)
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, self._residual)
         if self._lift:
             # Only the first update changes boundary values.
             petsc.apply_lifting(
@@ -262,14 +259,7 @@ class Fluid(Holder, FlowEquations):
 
     def assembled(self, form: Any) -> np.ndarray:
         """Assemble a compiled linear form, (owned unknowns,)."""
-        self._assemble_local(form)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        return self._vector.array_r.copy()
-
-    def _assemble_local(self, form: Any) -> None:
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, form)
+        return np.asarray(compat.vector_of(form, self._vector).array_r.copy())
 
     def _relative_pressure(self) -> float:
         """Size of the pressure update relative to pressure plus squared speed."""

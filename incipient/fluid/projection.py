@@ -7,7 +7,6 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
@@ -50,13 +49,8 @@ class Projection(Holder):
 
     def _solve(self) -> None:
         conditions, vector = self.fluid.constraints.dirichlet, self._vector
-        self._matrix.zeroEntries()
-        petsc.assemble_matrix(self._matrix, self._left, conditions)
-        self._matrix.assemble()
-        with vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(vector, self._right)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        compat.matrix_of(self._left, conditions, self._matrix)
+        compat.vector_of(self._right, vector)
         # Zero change of prescribed velocities, zero pinned multiplier.
         compat.set_zero(vector, conditions)
         self._solver.solve(vector, self._view, rtol=1e-12)

@@ -51,9 +51,7 @@ class PressureMass:
 
     def assemble(self, blocks: Blocks | None = None) -> None:
         """Reassemble with the present viscosity."""
-        self._mass.zeroEntries()
-        petsc.assemble_matrix(self._mass, self._form)
-        self._mass.assemble()
+        compat.matrix_of(self._form, matrix=self._mass)
         self._solver.setOperators(self._mass)
 
     def diagonal(self) -> np.ndarray:
@@ -95,8 +93,7 @@ class CahouetChabard:
         self._coefficient = float(self._rate.value)
         if self._mass is not None:
             self._mass.assemble()
-        matrix = petsc.assemble_matrix(self._form)
-        matrix.assemble()
+        matrix = compat.matrix_of(self._form)
         diagonal = matrix.getDiagonal()
         entries = diagonal.array_r.copy()
         entries[self._open] *= 2.0

@@ -197,9 +197,7 @@ class Relaxation:
         """Update the operators to the present state."""
         self._forget()
         for k, matrix in self._matrices.items():
-            matrix.zeroEntries()
-            petsc.assemble_matrix(matrix, self._form, self._conditions[k])
-            matrix.assemble()
+            compat.matrix_of(self._form, self._conditions[k], matrix)
         self._sweeps[False] = {k: _swept(matrix) for k, matrix in self._matrices.items()}
 
     def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
@@ -327,10 +325,7 @@ class Action:
         self._direction.x.scatter_forward()
         if self._vector is None:
             self._vector = compat.create_vector(form, self._state.function_space)
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, form)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        compat.vector_of(form, self._vector)
         return np.where(self._held, values, self._vector.array_r)
 
     def _form(self, transposed: bool) -> Any:
@@ -379,9 +374,7 @@ class PressureForce:
             self._made[transposed] = form, matrix, *matrix.createVecs()
         form, matrix, right, left = self._made[transposed]
         if transposed not in self._fresh:
-            matrix.zeroEntries()
-            petsc.assemble_matrix(matrix, form)
-            matrix.assemble()
+            compat.matrix_of(form, matrix=matrix)
             self._fresh.add(transposed)
         right.setArray(values[self._pressures])
         matrix.mult(right, left)
