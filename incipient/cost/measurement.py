@@ -27,7 +27,6 @@ from .quantities import Quantity
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-TASKS = ("run", "threshold")
 COMPILED = 0.05  # CPU time [s] of compilers above which forms were compiled
 
 

@@ -51,7 +51,7 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
     """Quantities of a finished run, with a `history` row per time step. Collective."""
     if scene.body is None:
         stations = scene.has_surface and stations_of(scene.surface, scene.domain)
-        return _of_surface(scene, history) if stations else _of_flow(scene, result)
+        return _of_surface(scene, history) if stations else _of_flow(result)
     if result.trajectory is not None:
         return _of_path(scene, result.trajectory, history)
     if scene.time is not None:
@@ -64,7 +64,7 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
     return quantities | _single("safety factor", safety or np.nan)
 
 
-def _of_flow(scene: Scene, result: Result) -> Quantities:
+def _of_flow(result: Result) -> Quantities:
     if result.centrelines is not None:
         singles = (_single(name, extreme.value) for name, extreme in result.centrelines.items())
         return {name: quantity for single in singles for name, quantity in single.items()}

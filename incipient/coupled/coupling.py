@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
 from ..mesh.motion import MeshMotion, MeshQuality
-from .part import Part
-
-Stage = Callable[[str], AbstractContextManager[Any]]
+from .part import Part, Stage
 
 # Tolerance of the flow relative to the residual of the body's equation.
 SHARE = 1e-3

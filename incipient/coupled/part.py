@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from contextlib import AbstractContextManager
+from typing import Any, Protocol
 
 from ..arrays import Floats
+
+Stage = Callable[[str], AbstractContextManager[Any]]
 
 
 class Part(Protocol):

@@ -10,9 +10,8 @@ iterations, and with a law of the wall A_u follows from the change of its load.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -25,9 +24,8 @@ from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..mesh.motion import RigidDisplacement
+from .part import Stage
 from .tractions import Resultant, TractionProbe
-
-Stage = Callable[[str], AbstractContextManager[Any]]
 
 # Relative change of the step length that requires a new derivative.
 SAME_LENGTH = 0.1

@@ -8,8 +8,7 @@ the constant area n . up ds below the surface; the velocity raises the surface w
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from typing import Any
+from contextlib import nullcontext
 
 import dolfinx
 import numpy as np
@@ -24,8 +23,7 @@ from ..fluid import Fluid
 from ..forms.surface import crossing, flux, potential
 from ..mesh.elevation import RisingDisplacement
 from .drift import Drift
-
-Stage = Callable[[str], AbstractContextManager[Any]]
+from .part import Stage
 
 # Speed, relative to that of long waves, that counts as round-off.
 ROUND_OFF = 1e-14

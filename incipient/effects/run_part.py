@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
+from ..coupled.part import Stage as Stage
 from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.plan import Plan
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
     from ..restart.checkpoint import Checkpoint
-
-Stage = Callable[[str], AbstractContextManager[Any]]
 
 
 class Solving(Protocol):

@@ -27,8 +27,9 @@ class Projection(Holder):
         super().__init__(fluid.domain.comm)
         self.fluid, self._correction = fluid, dolfinx.fem.Function(fluid.space.mixed)
         self._left, self._right = _forms(fluid)
+        velocities = [ufl.split(function)[0] for function in (self._correction, fluid.state)]
         self._norms = [
-            _squared_norm(fluid, function) for function in (self._correction, fluid.state)
+            compat.form(inertia(v, v, fluid.reference_map) * fluid.quadrature()) for v in velocities
         ]
         self._matrix = self.holding(petsc.create_matrix(self._left))
         self._vector = self.holding(compat.create_vector(self._right, fluid.space.mixed))
@@ -42,7 +43,8 @@ class Projection(Holder):
         ConvergenceError.
         """
         self._solve()
-        change, whole = (_assembled(self.fluid, norm) for norm in self._norms)
+        comm = self.fluid.domain.comm
+        change, whole = (comm.allreduce(dolfinx.fem.assemble_scalar(one)) for one in self._norms)
         velocities = self.fluid.space.velocity_map
         self.fluid.state.x.array[velocities] += self._correction.x.array[velocities]
         return float(np.sqrt(change / whole)) if whole else 0.0
@@ -68,16 +70,3 @@ def _forms(fluid: Fluid) -> tuple[Any, Any]:
         left += fluid.walls.through(w, p, own=False) + fluid.walls.through(u, q, own=False)
         right -= fluid.walls.through(v, q)
     return compat.form(left), compat.form(right)
-
-
-def _squared_norm(fluid: Fluid, function: Any) -> Any:
-    v, _ = ufl.split(function)
-    return _compiled(fluid, inertia(v, v, fluid.reference_map))
-
-
-def _compiled(fluid: Fluid, integrand: Any) -> Any:
-    return compat.form(integrand * fluid.quadrature())
-
-
-def _assembled(fluid: Fluid, form: Any) -> float:
-    return float(fluid.domain.comm.allreduce(dolfinx.fem.assemble_scalar(form)))

@@ -133,7 +133,7 @@ class Transient:
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
         self.interface = interface
         self._past: list[Past] = []
-        self._count, self.next_length = 0, 0.0
+        self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
         self._new_mesh = (
             -np.inf
@@ -202,7 +202,7 @@ class Transient:
 
         The next `march` starts with `next_length`. `new_mesh`: time of the last remeshing.
         """
-        self._count, self._past, self.last_error = number, list(past), last_error
+        self.number, self._past, self.last_error = number, list(past), last_error
         self._new_mesh = new_mesh
         self._length_kept = next_length if number else None
 
@@ -211,11 +211,6 @@ class Transient:
         self.fluid.renew_factors()
         if self.interface is not None:
             self.interface.forget()
-
-    @property
-    def number(self) -> int:
-        """Number of accepted steps."""
-        return self._count
 
     @property
     def past(self) -> tuple[Past, ...]:
@@ -230,9 +225,9 @@ class Transient:
             allowed = self._allowed(length, good)
             if allowed >= length:
                 allowance, self.last_error = self._tolerance(), self._credible(error)
-                self._count += 1
+                self.number += 1
                 return TimeStep(
-                    self._count, self.fluid.time, length, error, rejected, report, allowance
+                    self.number, self.fluid.time, length, error, rejected, report, allowance
                 )
             self._restore()
             if not report.converged:

@@ -47,7 +47,7 @@ class March:
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
         order, interface = 2 if self._time.scheme == "bdf2" else 1, _interface(self.coupling, parts)
         self.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
-        run.march_with(self, parts)
+        run.march, run.parts = self, tuple(parts)
         if checkpoint is not None:
             self._restore(checkpoint)
 

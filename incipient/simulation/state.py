@@ -60,7 +60,12 @@ class Accounts:
 
 
 class Run:
-    """A scene, its plan, mesh, flow and progress, changed by its own methods alone."""
+    """A scene, its plan, mesh, flow and progress.
+
+    fluid, parts: on the newest mesh, parts with moving boundaries first. march: time integration; None for steady
+    flow and before the first step. steadiness: rate of change in a run until steady flow, otherwise None.
+    first_motion: time at which a fixed grain in unsteady flow would first move.
+    """
 
     def __init__(
         self,
@@ -76,24 +81,14 @@ class Run:
     ):
         self.setup, self.scene = setup, setup.scene
         self.plan, self.layout, self.contacts = plan, layout, contacts
-        self.accounts, self.voice, self._parts = accounts, voice, tuple(parts)
+        self.accounts, self.voice, self.parts = accounts, voice, tuple(parts)
         self.comm: Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record
-        self._fluid, self._probe = fluid, probe
-        self._march: March | None = None
-        self._steadiness: Steadiness | None = None
-        self._first_motion: float | None = None
-
-    @property
-    def fluid(self) -> Fluid:
-        """The flow on the newest mesh."""
-        return self._fluid
-
-    @property
-    def parts(self) -> tuple[RunPart, ...]:
-        """Parts solved with the flow on the newest mesh, moving boundaries first."""
-        return self._parts
+        self.fluid, self._probe = fluid, probe
+        self.march: March | None = None
+        self.steadiness: Steadiness | None = None
+        self.first_motion: float | None = None
 
     @property
     def states(self) -> list[Any]:
@@ -111,14 +106,9 @@ class Run:
         return self._probe if self.grain is None else self.grain.probe
 
     @property
-    def march(self) -> March | None:
-        """Time integration; None for steady flow and before the first step."""
-        return self._march
-
-    @property
     def time_stepper(self) -> Transient | None:
         """Time stepper; None for steady flow and before the first step."""
-        return None if self._march is None else self._march.transient
+        return None if self.march is None else self.march.transient
 
     @property
     def grain(self) -> MovingGrain | None:
@@ -157,45 +147,27 @@ class Run:
         return along_resolved_wall(self.fluid, self.setup.sides.bottom).backward()
 
     @property
-    def steadiness(self) -> Steadiness | None:
-        """Rate of change in a run until steady flow, otherwise None."""
-        return self._steadiness
-
-    @property
     def is_steady(self) -> bool:
         """Whether a run until steady flow has reached it."""
-        return self._steadiness is not None and self._steadiness.reached
-
-    @property
-    def first_motion(self) -> float | None:
-        """Time at which a fixed grain in unsteady flow would first move."""
-        return self._first_motion
-
-    def march_with(self, march: March, parts: Sequence[RunPart]) -> None:
-        """Set the time integration and its parts. Not collective."""
-        self._march, self._parts = march, tuple(parts)
+        return self.steadiness is not None and self.steadiness.reached
 
     def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
         """Continue with fluid and parts on a new mesh, freeing the previous fluid. Collective."""
-        before, self._fluid, self._parts = self._fluid, fluid, tuple(parts)
+        before, self.fluid, self.parts = self.fluid, fluid, tuple(parts)
         fluid.solver.statistics.add(before.solver.statistics)
         before.destroy()
-
-    def watch(self, steadiness: Steadiness) -> None:
-        """Set the test of steady flow. Not collective."""
-        self._steadiness = steadiness
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
         """Continue with another fluid on the mesh, freeing the previous one. Collective."""
         fluid.watch = self.corrections.record
-        fluid.solver.statistics.add(self._fluid.solver.statistics)
-        self._fluid.destroy()
-        self._fluid, self._probe = fluid, probe
+        fluid.solver.statistics.add(self.fluid.solver.statistics)
+        self.fluid.destroy()
+        self.fluid, self._probe = fluid, probe
 
     def would_move(self, time: float | None) -> None:
         """Record the first time at which the grain would move. Not collective."""
-        if self._first_motion is None:
-            self._first_motion = time
+        if self.first_motion is None:
+            self.first_motion = time
 
     def count(self, **numbers: int) -> None:
         """Add to iteration counts by name. Not collective."""

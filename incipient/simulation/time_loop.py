@@ -103,8 +103,8 @@ class TimeLoop:
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
             march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:
-            run.watch(
-                Steadiness(run.fluid, run.surface, run.scene.domain.height, time.until_steady)
+            run.steadiness = Steadiness(
+                run.fluid, run.surface, run.scene.domain.height, time.until_steady
             )
         for step in self._timed(march.steps()):
             if run.domain is not domain:

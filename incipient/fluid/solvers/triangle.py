@@ -34,7 +34,7 @@ class Triangle:
         self._held = np.flatnonzero(equations.owned_held())
         self._interpolations: list[Any] = []
         if equations.viscosity is not None:
-            self._interpolations = _interpolations(equations, self.blocks.velocities)
+            self._interpolations = _interpolations(equations)
         self._cycles: list[Any] = []
 
     def assemble(self) -> None:
@@ -160,7 +160,7 @@ def _times(matrix: Any, vectors: tuple[Any, Any], values: np.ndarray) -> np.ndar
     return np.asarray(left.array_r)
 
 
-def _interpolations(equations: Equations, velocities: np.ndarray) -> list[Any]:
+def _interpolations(equations: Equations) -> list[Any]:
     """Interpolation from free linear nodes to the free velocities of each component, ascending."""
     fine, rows = component_rows(equations.space)
     coarse = compat.space(fine.mesh, ("Lagrange", 1))
