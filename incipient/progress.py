@@ -25,7 +25,7 @@ class Silent:
         """Report a Newton update at a fraction of the Reynolds number."""
 
     def advance(self, time: float, end: float) -> None:
-        """Report the time reached."""
+        """Report the time."""
 
     def count(self, what: str, done: int, total: int) -> None:
         """Report the number of completed items."""
@@ -35,7 +35,7 @@ class Logged(Silent):
     """Progress in the log."""
 
     def begin(self, stage: str) -> None:
-        """Log the stage at level debug."""
+        """Log at level debug."""
         log.debug("stage: %s", stage)
 
     def say(self, message: str) -> None:
@@ -56,13 +56,13 @@ class Logged(Silent):
         log.debug("time %.6g of %.6g", time, end)
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Log the beginning of many items at level info."""
+        """Log the beginning of many items."""
         if not done and total >= MANY:
             log.info("%s: %d", what, total)
 
 
 class Live(Logged):
-    """A live line on a terminal: stage, iteration, remaining time."""
+    """Live line on a terminal."""
 
     def __init__(self, bar: Any):
         self._bar = bar
@@ -79,7 +79,7 @@ class Live(Logged):
             self._bar.console.print(message, markup=False, highlight=False)
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
-        """Show the progress of Newton's method."""
+        """Show the Newton update."""
         super().iterate(share, iteration, size)
         self._bar.update(
             self._task,
@@ -87,7 +87,7 @@ class Live(Logged):
         )
 
     def advance(self, time: float, end: float) -> None:
-        """Show the fraction of time; the bar estimates the remaining time."""
+        """Show the fraction of time."""
         super().advance(time, end)
         self._bar.update(
             self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}"
@@ -102,7 +102,7 @@ class Live(Logged):
 
 @contextmanager
 def telling(rank: int) -> Iterator[Silent]:
-    """The reporter of progress for this rank and this terminal. Not collective."""
+    """Reporter of progress for this rank and terminal. Not collective."""
     if rank != 0:
         yield Silent()
         return
