@@ -1,4 +1,4 @@
-"""The region that the fluid may fill, in 2-D or in 3-D."""
+"""The section [domain]."""
 
 from typing import Annotated, Any, Literal
 
@@ -20,7 +20,7 @@ def _with_width(key: str) -> Rule:
 
 
 class Domain(Section):
-    """The region the fluid may fill."""
+    """The region that the fluid may fill."""
 
     rules = tuple(map(_with_width, ("sides", "symmetric")))
 
@@ -69,33 +69,33 @@ class Domain(Section):
 
     @property
     def gdim(self) -> int:
-        """Dimension of space: three with a width."""
+        """Geometric dimension."""
         return 2 if self.width is None else 3
 
     @property
     def up(self) -> int:
-        """Index of the vertical coordinate, the last one."""
+        """Index of the vertical coordinate."""
         return self.gdim - 1
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """Limits of the coordinate along the flow, in 3-D also of y."""
+        """Limits of x, in 3-D also of y."""
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
 
     @property
     def left(self) -> float:
-        """Abscissa of the inflow, or of the left wall."""
+        """x of the inflow, or of the left wall."""
         return self.origin[0]
 
     @property
     def right(self) -> float:
-        """Abscissa of the outflow, or of the right wall."""
+        """x of the outflow, or of the right wall."""
         return self.origin[0] + self.length
 
     @property
     def bottom(self) -> float:
-        """Height of the lower side, which is the bed's base line."""
+        """Height of the bed's base line."""
         return self.origin[-1]
 
     @property
@@ -105,24 +105,24 @@ class Domain(Section):
 
     @property
     def across(self) -> tuple[float, float]:
-        """The least and the largest y of a 3-D domain."""
+        """Limits of y in 3-D."""
         assert self.width is not None
         return self.origin[1], self.origin[1] + self.width
 
     def grid(self, *counts: int) -> Floats:
-        """Points (n, k) evenly over the domain, from end to end, of k counts: along the flow, across, and in height."""
+        """Equidistant points (n, k) of the whole domain, of k counts: along the flow, across, in height."""
         sides = (*self.spans, (self.bottom, self.ceiling))
         axes = [np.linspace(*ends, count) for ends, count in zip(sides, counts, strict=False)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
     @property
     def middle(self) -> float:
-        """y of the vertical plane through the middle of a 3-D domain."""
+        """y at mid-width in 3-D."""
         return 0.5 * sum(self.across)
 
     @property
     def entrance(self) -> tuple[float, ...]:
-        """The lowest point of the inflow, in 3-D at mid-width."""
+        """Lowest point of the inflow, in 3-D at mid-width."""
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property

@@ -1,4 +1,4 @@
-"""The flows of a scene: the kinds of the section [flow]."""
+"""The section [flow]."""
 
 import sys
 from typing import Annotated, Literal
@@ -45,7 +45,7 @@ class Profile(Section):
 
 
 class Driven(Profile):
-    """A flow of a given profile that a gust may multiply."""
+    """A flow with a given profile that a gust may multiply."""
 
     gust: Gust | None = key(
         "A factor that multiplies the flow in time",
@@ -55,7 +55,7 @@ class Driven(Profile):
 
 
 class Shear(Driven):
-    """Linear shear, u = rate (y - y of the datum); in 3-D with z instead of y."""
+    """Linear shear flow, u = rate (y - y of the datum); in 3-D with z instead of y."""
 
     kind: Literal["shear"] = key("Kind of flow", "shear")
     rate: Positive = key("Shear rate [1/time]; V = rate L", 1.0)
@@ -69,21 +69,21 @@ class Poiseuille(Driven):
 
 
 class OpenChannel(Driven):
-    """Half a parabola, without shear on top."""
+    """Half of a parabolic flow, without shear at the top."""
 
     kind: Literal["open-channel"] = key("Kind of flow", "open-channel")
     velocity: Positive = key("Mean velocity V [length/time]", 1.0)
 
 
 class Uniform(Driven):
-    """A uniform flow above the datum."""
+    """Uniform flow above the datum."""
 
     kind: Literal["uniform"] = key("Kind of flow", "uniform")
     velocity: Positive = key("Velocity V of the flow [length/time]", 1.0)
 
 
 class LogLaw(Profile):
-    """The logarithmic mean profile of channels, in a flow that is computed as a laminar one."""
+    """Logarithmic mean profile of channels, in a flow that is computed as laminar."""
 
     kind: Literal["log-law"] = key("Kind of flow", "log-law")
     shear_velocity: Positive = key(
@@ -95,14 +95,14 @@ class LogLaw(Profile):
 
 
 class Lid(Section):
-    """A box whose top slides."""
+    """Box with a sliding top."""
 
     kind: Literal["lid"] = key("Kind of flow", "lid")
     velocity: Positive = key("Velocity V of the lid [length/time]", 1.0)
 
 
 class ExpressionFlow(Section):
-    """A velocity given by formulas, on the inflow and on the top."""
+    """Velocity at the inflow and at the top, given by formulas."""
 
     kind: Literal["expression"] = key("Kind of flow", "expression")
     components: Words = key(

@@ -1,4 +1,4 @@
-"""Velocity fluctuations about the mean, for the probability that a grain moves: `incipient entrainment`."""
+"""The section [gusts]: velocity fluctuations, for `incipient entrainment`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
 
 
 def _of_data(s: Any) -> str | None:
-    """The first key whose value the data have."""
+    """First key whose value follows from the data."""
     keys = ("intensity", "microscale", *(("integral_time",) if s.law == "events" else ()))
     return next((key for key in keys if s.law in GIVEN and getattr(s, key) is not None), None)
 
@@ -49,13 +49,12 @@ def _lasted(s: Any) -> float:
 
 
 def _flat(s: Any) -> bool:
-    """Whether a series has no mean or no fluctuation."""
     speeds = [speed for _, speed in s.points]
     return s.law == "measured" and (not math.fsum(speeds) > 0.0 or min(speeds) == max(speeds))
 
 
 def _too_short(s: Any) -> bool:
-    """Whether the integral time is less than a correlation of the microscale has."""
+    """Whether the integral time is below the least one of a correlation with this microscale."""
     times = (s.integral_time, s.microscale)
     return not any(isinstance(t, str) or t is None for t in times) and (
         s.integral_time < math.sqrt(2.0) * s.microscale
@@ -63,7 +62,7 @@ def _too_short(s: Any) -> bool:
 
 
 class Gusts(FromFile):
-    """A random factor, of mean one, that multiplies the velocity at the grain."""
+    """Random factor with mean 1 on the velocity at the grain."""
 
     rules = (
         Rule("points", lambda s: s.law not in GIVEN and (s.points or s.file),
@@ -136,7 +135,7 @@ class Gusts(FromFile):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Laws of data."""
+        """Whether the law is one of data."""
         return data.get("law") in GIVEN
 
     @classmethod

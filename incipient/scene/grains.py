@@ -1,4 +1,4 @@
-"""Common keys of grains in 2-D and 3-D: density and motion, and their rules."""
+"""Common keys and rules of grains in 2-D and 3-D."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ class BodySection(Section):
     """A grain, in 2-D or in 3-D.
 
     Attributes:
-        gdims: dimensions of the spaces it lives in.
-        shape_key: the key that is refused where there is no such grain.
-        made_of: the grain's geometry, and the keys that it is made of; without it a section has its own `new_grain`.
+        gdims: possible geometric dimensions.
+        shape_key: the key that is refused if the grain is not possible.
+        made_of: class of the geometry, and the keys that are its arguments; otherwise `new_grain` is overridden.
     """
 
     gdim: ClassVar[int]
@@ -121,30 +121,30 @@ class BodySection(Section):
 
     @property
     def moves(self) -> bool:
-        """Whether the grain moves while the flow is computed."""
+        """Whether the grain moves during the computation."""
         return self.motion != "fixed"
 
     @property
     def is_free(self) -> bool:
-        """Whether flow and weight move the grain, from a place in the flow or from its rest."""
+        """Whether flow and weight move the grain."""
         return self.motion in ("free", "released")
 
     @property
     def touches(self) -> bool:
-        """Whether the grain rolls, slides and rests where it touches the bed, instead of ending the run."""
+        """Whether the grain may roll, slide and rest on the bed; otherwise contact ends the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
     @property
     def aside(self) -> float | None:
-        """The y over which a 3-D grain comes to rest; None: the middle of the width."""
+        """y at which a 3-D grain comes to rest; None: mid-width."""
         return None
 
     def placed(self, centre: Sequence[float]) -> Placement:
-        """The grain turned as the scene says, its centroid at a point (gdim,)."""
+        """Grain in the scene's orientation, with its centroid at a point (gdim,)."""
         raise NotImplementedError
 
     def grain(self) -> Any:
-        """The grain's shape in its body frame, lengths in scene units: a Grain of the plane, or a Solid."""
+        """Shape in the body frame, in scene units: a Grain of the plane, or a Solid."""
         return self._grain
 
     @cached_property  # an outline of many points takes time to check
@@ -152,6 +152,6 @@ class BodySection(Section):
         return self.new_grain()
 
     def new_grain(self) -> Shape:
-        """A new grain of this shape in its body frame, lengths in scene units."""
+        """New shape in the body frame, in scene units."""
         shape, *keys = self.made_of
         return shape(*(getattr(self, key) for key in keys))

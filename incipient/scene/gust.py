@@ -1,4 +1,4 @@
-"""A gust: a factor of the time that multiplies the base flow."""
+"""The section [flow.gust]."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, whe
 
 
 class Gust(FromFile):
-    """A factor that multiplies the flow in time: 1 before and after a gust, `strength` in it."""
+    """Factor on the flow over time: 1 before and after the gust, `strength` at its maximum."""
 
     rules = (
         Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
@@ -50,7 +50,7 @@ class Gust(FromFile):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """A course of points."""
+        """Whether the shape is given by points."""
         return data.get("shape") == "points"
 
     @classmethod
@@ -60,11 +60,11 @@ class Gust(FromFile):
 
     @property
     def rising(self) -> float:
-        """The time in which a top-hat rises."""
+        """Rise time of a top-hat."""
         return RISE * self.duration if self.rise is None else self.rise
 
     def knots(self) -> np.ndarray:
-        """Times (n,) that show its whole course."""
+        """Times (n,) that resolve the gust."""
         if self.shape == "points":
             return self.start + np.array([time for time, _ in self.points])
         whole = self.duration + (self.rising if self.shape == "top-hat" else 0.0)
@@ -74,7 +74,7 @@ class Gust(FromFile):
         )
 
     def factor(self, time: float) -> float:
-        """The factor on the flow at a time."""
+        """Factor on the flow at a time."""
         since = time - self.start
         if self.shape == "points":
             times, factors = zip(*self.points, strict=True)
@@ -82,7 +82,6 @@ class Gust(FromFile):
         return 1.0 + (self.strength - 1.0) * self._height(since)
 
     def _height(self, since: float) -> float:
-        """Between 0 before and after, and 1 at its highest."""
         if self.shape == "cosine":
             return (
                 0.5 - 0.5 * math.cos(2.0 * math.pi * since / self.duration)
@@ -93,5 +92,4 @@ class Gust(FromFile):
 
 
 def _smooth(share: float) -> float:
-    """A smooth rise from 0 to 1 between 0 and 1, with zero slope at both ends."""
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))

@@ -1,8 +1,6 @@
-"""The sections of a scene as validated data.
+"""The sections of a scene.
 
-Scene units: lengths and velocities as written in the scene, fluid density 1. The kinematic viscosity follows
-from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene.file`;
-either way it is complete and free of contradictions once it exists.
+Lengths and velocities are in scene units, the fluid's density is 1, its viscosity follows from the Reynolds number.
 """
 
 from __future__ import annotations
@@ -104,7 +102,7 @@ class Contact(Section):
 
     @property
     def law(self) -> FrictionCone:
-        """The law of a contact at rest, which both criteria apply."""
+        """Law of static friction and cohesion, for both criteria."""
         from ..contact.friction import FrictionCone
 
         return FrictionCone.of(self.friction, self.cohesion)
@@ -141,7 +139,7 @@ class Time(Section):
 
 
 class Output(Section):
-    """What is written besides the result."""
+    """Additional output."""
 
     fields: bool = key("Write velocity, pressure and tractions for ParaView", True)
     pictures: bool = key("Draw pictures", False)
@@ -154,7 +152,7 @@ class Output(Section):
 
 
 class Effects(Section):
-    """Effects to simulate: by default the plan decides from the scene and its dimensionless numbers."""
+    """Effects to simulate; by default chosen from the scene and its dimensionless numbers."""
 
     inertia: Choice = key("Convection; auto: where it matters for the accuracy asked", "auto")
     unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
@@ -179,9 +177,9 @@ Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
 
 
 class Scene(Section):
-    """A complete scene: its sections, free of contradictions between them, and what follows from them.
+    """A complete and consistent scene.
 
-    Raises SceneError, one line that names the key, why and the remedy.
+    Raises SceneError: names the key, the reason and the remedy.
     """
 
     title: str = key("What this scene is about", "")
@@ -233,12 +231,12 @@ class Scene(Section):
 
     @property
     def gdim(self) -> int:
-        """Dimension of space: three where the domain has a width."""
+        """Geometric dimension."""
         return self.domain.gdim
 
     @property
     def up(self) -> int:
-        """Index of the vertical coordinate, the last one."""
+        """Index of the vertical coordinate."""
         return self.gdim - 1
 
     @property
@@ -249,12 +247,12 @@ class Scene(Section):
 
     @property
     def has_centrelines(self) -> bool:
-        """Whether the velocities on the centrelines of a lid-driven box without a grain are of interest."""
+        """Whether the result includes velocities on centrelines: a lid-driven box without a grain."""
         return self.flow.kind == "lid" and self.body is None
 
     @property
     def has_separation(self) -> bool:
-        """Whether x of laminar separation and reattachment along the bed are of interest: in 2-D, without a grain."""
+        """Whether the result includes x of laminar separation and reattachment: along a bed in 2-D, without a grain."""
         flows = self.flow.kind not in ("still", "lid") and not (
             self.has_surface or self.is_averaged
         )
@@ -262,14 +260,14 @@ class Scene(Section):
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether error bars are requested and the result has quantities with error bars."""
+        """Whether error bars are requested and available."""
         of = self.body is not None or self.has_surface or self.is_averaged
         steady = self.time is None and (self.has_centrelines or self.has_separation)
         return self.numerics.error_bars and (of or steady)
 
     @property
     def no_error_bars(self) -> str:
-        """Reason for missing error bars; empty if the result has them or none are requested."""
+        """Reason for requested but unavailable error bars, or ""."""
         if not self.numerics.error_bars or self.has_error_bars:
             return ""
         return (
@@ -279,12 +277,12 @@ class Scene(Section):
 
     @property
     def top(self) -> Top:
-        """The upper boundary; "auto" follows from the flow."""
+        """Upper boundary; "auto" resolved by the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
     @property
     def sides(self) -> Sides:
-        """Both sides across the width of a 3-D scene."""
+        """Lateral boundaries of a 3-D scene."""
         walled = self.domain.kind == "box" and not self.has_surface
         return self.domain.sides or ("wall" if walled else "slip")
 
@@ -295,7 +293,7 @@ class Scene(Section):
 
     @property
     def accuracy_of(self) -> str:
-        """The quantity whose accuracy `numerics.accuracy` is."""
+        """Quantity to which `numerics.accuracy` applies."""
         quantity = self.numerics.accuracy_of
         if quantity != "auto" or self.body is not None:
             return quantity if quantity != "auto" else "force"
@@ -303,7 +301,7 @@ class Scene(Section):
 
     @property
     def no_gusts(self) -> str:
-        """Reason why critical gusts are not searched in the flow; empty if they are."""
+        """Reason why critical gusts are not available, or ""."""
         return (
             "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
@@ -312,61 +310,61 @@ class Scene(Section):
 
     @property
     def is_averaged(self) -> bool:
-        """Whether turbulence is simulated by a model of the mean flow."""
+        """Whether a turbulence model computes the mean flow."""
         return self.effects.turbulence is True
 
     @property
     def has_wall_layer(self) -> bool:
-        """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
+        """Whether walls have wall functions, over a layer outside the mesh."""
         return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)
 
     @property
     def resolves_walls(self) -> bool:
-        """Whether a model of the mean flow reaches the walls, which the mesh resolves."""
+        """Whether the turbulence model is integrated to the walls."""
         return self.is_averaged and not self.has_wall_layer
 
     @property
     def resolves_uneven_walls(self) -> bool:
-        """Whether in 3-D walls are resolved of which some are no planes: loads then scatter from mesh to mesh."""
+        """Whether in 3-D non-planar walls are resolved: loads then scatter from mesh to mesh."""
         uneven = self.body is not None or (self.bed is not None and self.bed.kind != "flat")
         return uneven and self.resolves_walls and self.domain.width is not None
 
     @cached_property
     def grain(self) -> Any:
-        """The grain's shape in its body frame, a Grain of the plane or a Solid; None without a grain."""
+        """Shape in the body frame, a Grain of the plane or a Solid; None without a grain."""
         return None if self.body is None else self.body.grain()
 
     @property
     def mass(self) -> float | None:
-        """Mass of the grain per unit depth (fluid density one), None where neither it nor a density is given."""
+        """Mass of the grain, in 2-D per unit depth (fluid density 1); None without a density or mass."""
         return None if self.body is None else mass(self.body)
 
     @property
     def density(self) -> float | None:
-        """Mass of the grain over its area, relative to the fluid's density; None where `mass` is."""
+        """Density of the grain relative to the fluid; None as `mass`."""
         return None if self.body is None else mean_density(self.body)
 
     @property
     def moves(self) -> bool:
-        """Whether there is a grain that moves while the flow is computed."""
+        """Whether a grain moves during the computation."""
         return self.body is not None and self.body.moves
 
     @property
     def rests(self) -> bool:
-        """Whether there is a grain that rests on the bed."""
+        """Whether a grain rests on the bed."""
         return self.body is not None and self.bed is not None and self.body.x is not None
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether the space about a grain's contacts is closed, so that no fluid passes them.
+        """Whether the space next to contacts is closed to the flow.
 
-        It is closed in 2-D turbulent flow. Laminar flow through a gap is so slow that the loads are near their limit.
+        Only in 2-D turbulent flow: laminar flow through a gap is so slow that loads are near their limit.
         """
         return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
 
     @cached_property
     def bed_shape(self) -> Any:
-        """The bed's shape, a Bed of the plane or a Terrain; None without a bed."""
+        """A Bed of the plane or a Terrain; None without a bed."""
         if self.bed is None:
             return None
         build = self.bed.surface if self.gdim == 2 else self.bed.terrain
@@ -374,10 +372,9 @@ class Scene(Section):
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
-        """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
+        """Placement of the grain in contact with the bed, settled with body.settle, or at a given centre.
 
-        With body.settle it then rolls and tips until it rests, by the scene's friction or none, or as on a level bed.
-        Raises SceneError if it does not.
+        Raises SceneError if it does not come to rest.
         """
         body = self.body
         if body is None:
@@ -415,7 +412,7 @@ class Scene(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: of shear rate times L, of a log-law u*, otherwise the velocity of the flow."""
+        """V of the Reynolds number: shear rate times L, u* of a log law, otherwise the flow's velocity."""
         if isinstance(self.flow, LogLaw):
             return self.flow.shear_velocity
         return (
@@ -426,19 +423,19 @@ class Scene(Section):
 
     @property
     def viscosity(self) -> float:
-        """Kinematic viscosity nu = V L / Re in scene units."""
+        """Kinematic viscosity V L / Re in scene units."""
         return self.reference_velocity * self.reference_length / self.fluid.reynolds
 
     @property
     def gravity_vector(self) -> np.ndarray:
-        """Gravitational acceleration (gdim,) in the scene's coordinates, zero where there is none or it is left out."""
+        """Gravitational acceleration (gdim,), zero without gravity."""
         felt = self.gravity is not None and self.effects.gravity is not False
         acceleration = self.gravity.acceleration if felt and self.gravity else 0.0
         return acceleration * self.gravity_direction
 
     @property
     def gravity_direction(self) -> np.ndarray:
-        """The unit vector (gdim,) of gravity in the scene's coordinates, turned by the slope of the bed."""
+        """Unit vector (gdim,) of gravity, turned by the slope of the bed."""
         slope = self.bed.slope_angle if self.bed else 0.0
         direction = np.zeros(self.gdim)
         direction[0], direction[self.up] = math.sin(slope), -math.cos(slope)
@@ -446,12 +443,12 @@ class Scene(Section):
 
     @property
     def contact_gap(self) -> float:
-        """The gap [length] that stands for contact while the flow is computed; zero without a grain."""
+        """Gap [length] that represents contact in the flow; zero without a grain."""
         return self._of_grain_size(self.contact.gap if self.contact else _DEFAULT_GAP)
 
     @property
     def contact_tolerance(self) -> float:
-        """The distance [length] that counts as touching; zero without a grain."""
+        """Distance [length] that counts as contact; zero without a grain."""
         return self._of_grain_size(self.contact.tolerance if self.contact else _DEFAULT_TOLERANCE)
 
     def _of_grain_size(self, fraction: float) -> float:
@@ -460,10 +457,9 @@ class Scene(Section):
 
 
 def register(section: type[Section]) -> None:
-    """Lets scenes have another kind of grain or bed, as if it stood in `kinds` (docs/contribute/adding.md).
+    """Add a kind of grain or bed to scenes (docs/contribute/adding.md).
 
-    Raises SceneError if its `shape` (of a grain) or `kind` (of a bed) does not have one value, or another section has
-    it.
+    Raises SceneError if its `shape` (grain) or `kind` (bed) is not a single value or is already used.
     """
     name = discriminator(section)
     field = Scene.model_fields["body" if name == "shape" else "bed"]

@@ -1,4 +1,4 @@
-"""How the equations of a scene are solved: orders, mesh, tolerances, accuracy and budget."""
+"""The section [numerics]."""
 
 from typing import Annotated, Literal
 
@@ -36,7 +36,7 @@ Order = Annotated[
 
 
 class Numerics(Section):
-    """How the equations are solved; every key may be left out."""
+    """How the equations are solved; every key is optional."""
 
     order: Order = key(
         "Order of the velocity, the pressure's less one; "

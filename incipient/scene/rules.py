@@ -1,6 +1,7 @@
-"""Rules between the sections of a scene: one table of key, condition, reason and remedy.
+"""Rules between sections: one table of key, condition, reason and remedy, in which `{s...}` is an attribute of the
+scene.
 
-Of the rules of one group the first that is broken is reported. `{...}` in a text is an attribute of the scene `s`.
+The first broken rule of each group is reported.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks
 
 
 def contradictions(scene: Scene) -> Iterator[Problem]:
-    """All contradictions between sections except for positions and extents."""
+    """Contradictions between sections, except for positions and extents."""
     for group in RULES:
         first = next((rule for rule in group if rule.broken(scene)), None)
         if first is not None:
@@ -87,7 +88,7 @@ def _channel(s: Scene) -> bool:
 
 
 def _stream(s: Scene) -> bool:
-    """Whether there is a free surface above a flow that may be below one."""
+    """Whether the scene is a channel with a free surface."""
     return _channel(s) and s.flow.kind in STREAMS
 
 
@@ -108,7 +109,6 @@ def _quasi_steady(s: Any) -> bool:
 
 
 def _mean_channel(s: Scene) -> bool:
-    """Whether the flow is turbulent and there is no grain."""
     return s.is_averaged and s.body is None
 
 
@@ -125,14 +125,13 @@ def _accurate(s: Scene) -> bool:
 
 
 def _step(s: Scene) -> float | None:
-    """x of a vertical step of a bed of lines."""
     if s.bed is None or s.bed.kind != "polyline":
         return None
     return next((left for (left, _), (right, _) in pairwise(s.bed.points) if left == right), None)
 
 
 def _roughness(s: Scene) -> float:
-    """u* k_s/nu of a logarithmic profile in a channel; zero of other flows."""
+    """u* k_s/nu of a logarithmic profile in a channel; zero for other flows."""
     if s.flow.kind != "log-law" or _boxed(s) or _without_scale(s):
         return 0.0
     return float(s.flow.shear_velocity * s.flow.roughness / s.viscosity)
@@ -146,8 +145,6 @@ def _motion(s: Scene) -> str:
 
 
 def _of_dimension(section: str, key: str) -> tuple[Rule, ...]:
-    """Grain and bed are of the scene's dimension, which the domain's width decides."""
-
     def value(s: Scene) -> Any:
         return getattr(getattr(s, section), key)
 
@@ -166,13 +163,11 @@ def _of_dimension(section: str, key: str) -> tuple[Rule, ...]:
 
 
 def _with_time(key: str, broken: Asked, why: str, remedy: str) -> Rule:
-    """A key that needs [time]."""
     return Rule(key, lambda s: s.time is None and broken(s),
                 f"{why} but without [time] the flow is steady", f"add a section [time] or {remedy}")  # fmt: skip
 
 
 def _never_steady(broken: Asked, why: str, remedy: str) -> Rule:
-    """The rule that flows without a steady state have no time.until_steady."""
     return Rule("time.until_steady",
                 lambda s: s.time is not None and s.time.until_steady is not None and broken(s),
                 f"is for {why}", f"leave it out or {remedy}")  # fmt: skip
@@ -202,8 +197,6 @@ def _for_boxes(key: str) -> Rule:
 
 
 def _for_accuracy_of_loads(*others: Rule) -> tuple[Rule, ...]:
-    """Rules of an accuracy that is not that of turbulent flow without a grain."""
-
     def within(rule: Rule) -> Rule:
         return Rule(rule.key, lambda s: _accurate(s) and rule.broken(s), rule.why, rule.remedy)
 

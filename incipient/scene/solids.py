@@ -1,4 +1,4 @@
-"""Grains in 3-D: their sections and the geometry that these describe."""
+"""Grains in 3-D: their sections and geometry."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Course = Annotated[tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime], Field(
 
 
 def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
-    """The angles about x, then about y, then about z by which a grain is turned [degrees], as in `orientation`."""
+    """Angles [degrees] of successive rotations about x, y and z, as in `orientation`."""
     a = placement.rotation
     about = (
         np.arctan2(a[2, 1], a[2, 2]),
@@ -98,11 +98,11 @@ class SolidSection(BodySection):
 
     @property
     def aside(self) -> float | None:
-        """The y over which it comes to rest; None: the middle of the width."""
+        """y at which the grain comes to rest; None: mid-width."""
         return self.y
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
-        """The grain turned by its orientation, its centroid at a point (3,)."""
+        """Grain in the scene's orientation, with its centroid at a point (3,)."""
         about_x, about_y, about_z = (
             rotation_by(angle * axis)
             for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
@@ -121,7 +121,7 @@ class Sphere(SolidSection):
 
 
 class Cylinder(SolidSection):
-    """A cylinder across the flow from one side of the domain to the other, held."""
+    """A fixed cylinder across the whole width of the domain."""
 
     made_of = (geometry.Cylinder, "diameter", "length")
     rules = (
@@ -136,7 +136,7 @@ class Cylinder(SolidSection):
 
 
 class Capsule(SolidSection):
-    """A cylinder with hemispheres as ends, its axis along y before it is turned."""
+    """A cylinder with hemispherical ends, its axis along y before rotation."""
 
     shape: Literal["capsule"] = key("Shape of the grain", "capsule")
     diameter: Positive = key("Diameter [length]")
@@ -149,7 +149,7 @@ class Capsule(SolidSection):
     )  # fmt: skip
 
     def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
+        """New shape in the body frame."""
         return geometry.Box((self.diameter, self.length, self.diameter), 0.5 * self.diameter)
 
 
@@ -173,7 +173,7 @@ class Superquadric(SolidSection):
 
 
 class Box(SolidSection):
-    """A box, its edges rounded or not."""
+    """A box, with rounded or sharp edges."""
 
     made_of = (geometry.Box, "sides", "edge_radius")
     shape_key = "edge_radius"
@@ -194,7 +194,7 @@ class Polyhedron(SolidSection):
 
 
 class Spheres(SolidSection):
-    """Spheres that overlap and move as one."""
+    """Overlapping spheres that move as one."""
 
     shape_key = "spheres"
     shape: Literal["spheres"] = key("Shape of the grain", "spheres")
@@ -203,7 +203,7 @@ class Spheres(SolidSection):
     ] = key("x, y, z and radius of each sphere, relative to any point [length]")
 
     def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
+        """New shape in the body frame."""
         return geometry.Spheres(
             [ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres]
         )
@@ -229,7 +229,7 @@ class Mesh(FromFile, SolidSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Vertices and triangles, refused if they are too many or bound no grain."""
+        """Vertices and triangles; refused if too many or not those of a grain."""
         try:
             surface = geometry.Triangulated.from_file(path)
         except SceneError as error:
@@ -240,7 +240,7 @@ class Mesh(FromFile, SolidSection):
         return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
     def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
+        """New shape in the body frame."""
         points = np.array(self.vertices, dtype=float).reshape(-1, 3)
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
         grain = geometry.Triangulated(points, triangles)

@@ -1,4 +1,4 @@
-"""The free surface of a scene: the section [surface]."""
+"""The section [surface]."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FREE = "free-surface"
 
 
 class Wave(Section):
-    """A wave that a wave maker lets into a channel: Stokes's, of second order, on the base flow."""
+    """Second-order Stokes wave that enters a channel with the base flow."""
 
     amplitude: Positive = key(
         "Amplitude of the first harmonic of the elevation, half of the wave's height [length]",
@@ -29,7 +29,7 @@ class Wave(Section):
 
 
 class Surface(FromFile):
-    """The free surface, which at rest lies at the top of the domain."""
+    """The free surface, at the top of the domain if at rest."""
 
     rules = (
         Rule("points", lambda s: s.points and s.elevation != "0",
@@ -70,27 +70,27 @@ class Surface(FromFile):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """At rest it is level."""
+        """Never: at rest the surface is level."""
         return False
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Places and elevations."""
+        """Positions and elevations."""
         return {"points": read_points(path, 2, "Surface")}
 
     def height(self, x: np.ndarray) -> np.ndarray:
-        """Elevations (n,) above the still level at time zero, at places (3, n). Not collective."""
+        """Initial elevations (n,) above the still level at points (3, n)."""
         if self.points:
             return np.interp(x[0], *np.transpose(self.points))
         return Expression(self.elevation)(x)
 
     def places(self) -> list[tuple[float, ...]]:
-        """The stations' horizontal coordinates."""
+        """Horizontal coordinates of the stations."""
         return [one if isinstance(one, tuple) else (one,) for one in self.stations]
 
 
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:
-    """Positions of reported elevations: the stations; by default five from end to end, in 3-D three by three."""
+    """Positions of reported elevations; by default five from end to end, in 3-D three by three."""
     stations = () if surface is None else surface.places()
     along = 5 if domain.gdim == 2 else 3
     evenly = (

@@ -1,4 +1,4 @@
-"""Beds in 3-D: their sections and the geometry that these describe."""
+"""Beds in 3-D: their sections and geometry."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Heights = Annotated[
 
 
 class TerrainSection(BedSection):
-    """Common keys of beds that exist in 3-D only."""
+    """Common keys of beds in 3-D only."""
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
     shape_key: ClassVar[str] = "kind"  # the key that is refused where there is no such bed
@@ -43,7 +43,7 @@ class TerrainSection(BedSection):
 
 
 class SphereBed(TerrainSection):
-    """Spheres of one size, the lowest sunk by half into the base plane."""
+    """Equal spheres, the lowest half below the base plane."""
 
     shape_key = "layers"
     rules = (
@@ -63,7 +63,7 @@ class SphereBed(TerrainSection):
     angle: float = key("Angle of the rows, from x towards y [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        """As `BedSection.terrain`."""
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
         kind = self.arrangement
@@ -73,7 +73,7 @@ class SphereBed(TerrainSection):
 
 
 class HeapBed(FromFile, TerrainSection):
-    """Spheres of any sizes, each where it is given, above the base plane."""
+    """Spheres of any sizes at given positions above the base plane."""
 
     in_file = shape_key = "spheres"
     instead = "give the name of a CSV file"
@@ -88,11 +88,11 @@ class HeapBed(FromFile, TerrainSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """The spheres in a file."""
+        """Spheres in a file."""
         return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        """As `BedSection.terrain`."""
         spheres = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
         posts = np.arange(len(spheres)) >= len(self.spheres)
         return geometry.SphereBed(
@@ -110,7 +110,7 @@ class RidgeBed(TerrainSection):
     phase: float = key("Phase at x = y = 0 [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        """As `BedSection.terrain`."""
         angle = math.radians(self.angle)
         ahead = corner[0] * math.cos(angle) + corner[1] * math.sin(angle)
         phase = (
@@ -121,7 +121,7 @@ class RidgeBed(TerrainSection):
 
 
 class RasterBed(FromFile, TerrainSection):
-    """Heights on a raster, which a file or the scene gives."""
+    """Heights on a raster."""
 
     in_file = shape_key = "heights"
     rules = (
@@ -140,17 +140,16 @@ class RasterBed(FromFile, TerrainSection):
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        """The heights in a file, a cell apart if that is given. Raises SceneError if it cannot be read."""
         raise NotImplementedError
 
     @classmethod
     def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
-        """Place x, y of the first height, which the file has at `origin`, by the key `offset` if that is given."""
+        """x, y of the first height, from its `origin` in the file and the key `offset`, if given."""
         raise NotImplementedError
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """The heights in a file, how far apart they are and where the first one is."""
+        """Heights in a file, their spacing and the position of the first one."""
         for name in ("cell", "offset", "scale"):
             _require_numbers(cls.__name__, name, data.get(name))
         try:
@@ -162,7 +161,7 @@ class RasterBed(FromFile, TerrainSection):
         return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        """As `BedSection.terrain`."""
         assert self.cell is not None
         place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
         return geometry.HeightMap(
@@ -194,12 +193,11 @@ class HeightMapBed(RasterBed):
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        """The heights in an image or a table. Raises SceneError if it cannot be read."""
         return geometry.HeightMap.from_file(path, cell)
 
 
 class MeshBed(RasterBed):
-    """The upper side of a surface of triangles, such as a scanned bed, from an STL, PLY or OBJ file."""
+    """Upper side of a triangulated surface, such as a scanned bed, from an STL, PLY or OBJ file."""
 
     instead = "give the name of an STL, PLY or OBJ file"
     kind: Literal["mesh"] = key("Kind of bed", "mesh")
@@ -220,7 +218,6 @@ class MeshBed(RasterBed):
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        """The upper side of the surface, the lowest point on the base plane. Raises SceneError if it cannot be read."""
         return geometry.HeightMap.from_surface(path, cell, data.get("scale", 1.0))
 
 
@@ -232,7 +229,6 @@ _NUMBERS = {  # keys with which a file is read: number of values, lower bound, r
 
 
 def _require_numbers(section: str, key: str, value: Any) -> None:
-    """Refuse a key with which a file cannot be read; None is a missing key."""
     count, least, remedy = _NUMBERS[key]
     numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (

@@ -1,4 +1,4 @@
-"""Turbulence by a model of the mean flow: what a user writes about it."""
+"""The section [turbulence]."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _of_k_epsilon(key: str) -> Rule:
 
 
 class Turbulence(Section):
-    """Turbulence by a model of the mean flow, with effects.turbulence = true."""
+    """The turbulence model, with effects.turbulence = true."""
 
     rules = (
         Rule("roughness", lambda s: s.wall == "rough" and not s.roughness,
@@ -103,18 +103,17 @@ class Turbulence(Section):
 
     @property
     def has_wall_functions(self) -> bool:
-        """Whether the model feels walls by wall functions, over a layer that the mesh leaves out."""
+        """Whether wall functions represent a layer outside the mesh."""
         return self.model == "k-epsilon"
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """The five constants of the model, c_mu first."""
+        """c_mu, c_1, c_2, sigma_k and sigma_epsilon."""
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """Error message for rows of the profile beyond a wall on top, two depths above the lower one; otherwise empty.
-
-        Below a surface, that no row is in the flow.
+        """Error message for rows of the profile beyond a wall on top, or all outside the depth of a channel; otherwise
+        "".
         """
         if walls < 2 and self.profile and self.profile[0][0] > depth:
             why = f"has no row within the depth of {depth:.4g}"
