@@ -1,7 +1,7 @@
-"""Errors of gap and domain, independent of the mesh, in a search for an accuracy.
+"""Gap and domain of a search for an accuracy: with `numerics.accuracy_includes = "all"` they are chosen before the
+mesh.
 
-With `numerics.accuracy_includes = "all"` gap and domain are changed before the search for a mesh until both errors are
-small compared with the accuracy. Otherwise they stay, and the result names a remedy.
+Otherwise they stay, and the result names a remedy.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Suited:
     """A scene with gap and domain for an accuracy.
 
     terms: their present errors; error: relative sum, infinite if not known
-    unmet: why they are not small enough, or ""; errors: relative error of each term by name
+    unmet: why they are too large, or ""; errors: relative error of each term by name
     plain: the same without corrections
     """
 
@@ -97,7 +97,6 @@ def suited(
 
 
 def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None) -> Suited:
-    """A scene with its terms; `decay`: power of the domain's size in its error. Collective."""
     estimates = of_the_model(scene)
     if not estimates:
         return Suited(scene, (), 0.0)
@@ -138,7 +137,7 @@ def _ended(before: Suited, now: Suited, goal: Quantity, solve: Solve) -> Suited:
 
 
 def not_estimated(scene: Scene) -> str:
-    """Reason why the error of gap or domain cannot be estimated, or "". Not collective."""
+    """Reason why the error of gap or domain cannot be estimated, or ""."""
     for name, reason in not_there(scene).items():
         if reason.startswith("not estimated"):
             return f"that of the {name} is {reason}"
@@ -148,7 +147,7 @@ def not_estimated(scene: Scene) -> str:
 def remedies(
     scene: Scene, accuracy: float, goal: Quantity, computed: Computed, bars: ErrorBars
 ) -> tuple[str, ...]:
-    """Remedies for errors of gap and domain above an accuracy, as text. Not collective."""
+    """Remedies for errors of gap and domain above an accuracy, as text."""
     said = []
     for term in bars.terms:
         error = relative(goal, computed, term)
@@ -162,7 +161,6 @@ def remedies(
 
 
 def _remedy(scene: Scene, term: Term, relative: float) -> str:
-    """Remedy that reduces a term to a fraction `relative`, as text."""
     if term.name == "datum":
         return _of_datum(scene.flow)
     better = None
@@ -175,7 +173,6 @@ def _remedy(scene: Scene, term: Term, relative: float) -> str:
 
 
 def _keys(scene: Scene, other: Scene) -> dict[str, tuple[str, str]]:
-    """The keys of gap and domain in which two scenes differ, with both values."""
     keys: dict[str, tuple[str, str]] = {}
     for section, names in KEYS.items():
         now, before = (getattr(getattr(each, section), "__dict__", {}) for each in (scene, other))
@@ -216,7 +213,6 @@ def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) ->
 
 
 def _on_mesh(scene: Scene, loads: Loads) -> LoadsOnMesh:
-    """The loads of a coarse run, with the weight of a grain."""
     if scene.placement is None:
         return LoadsOnMesh(None, None, loads.elevations)
     force = Forces(loads.force, loads.force, *weights(scene))

@@ -141,7 +141,7 @@ class Search:
         self.strategy = strategy(self)
 
     def result(self) -> Any:
-        """Try meshes up to the accuracy or the budget; the last result. Collective; raises IncipientError."""
+        """Try meshes up to the accuracy or the budget; returns the last result. Collective; raises IncipientError."""
         self._choose_gap_and_domain()
         attempt, failures = self.strategy.first(), 0
         while True:
@@ -218,7 +218,6 @@ class Search:
         return left if left > 0.0 else SHARE * accuracy
 
     def _choose_gap_and_domain(self) -> None:
-        """Choose gap and domain before any mesh, if the accuracy includes their errors. Collective."""
         accuracy, includes = self.numerics.accuracy, self.numerics.accuracy_includes
         if includes == "discretisation" or not isinstance(accuracy, float | int):
             return
@@ -229,7 +228,7 @@ class Search:
         self.known.terms.update({term.name: term for term in self.suited.terms})
 
     def conclude(self, estimate: float, doubt: str = "") -> None:
-        """End the search with a small enough discretisation error, unless in doubt. Not collective."""
+        """End the search with a small enough discretisation error, unless in doubt."""
         accuracy, unmet = self.numerics.accuracy, ""
         if doubt:
             unmet = f"not known to be reached: {doubt}"
@@ -241,7 +240,7 @@ class Search:
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
-        """The record of the search, with remedies for errors that it does not include. Not collective."""
+        """The record of the search, with remedies for errors that it does not include."""
         accuracy, reached = (
             self.numerics.accuracy,
             None if self.best is None else self.best[1].error,
@@ -288,7 +287,7 @@ class Search:
         return ""
 
     def report(self, trial: Trial) -> None:
-        """Record and log a trial. Not collective."""
+        """Record and log a trial."""
         self.trials.append(trial)
         step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"

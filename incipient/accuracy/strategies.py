@@ -250,8 +250,8 @@ class DualWeighted(Steady):
     def target(self, estimate: Estimate) -> float:
         """See `Strategy`.
 
-        The error of a corrected load follows from the previous mesh: one mesh with cells smaller by a fixed factor
-        suffices, unless less refinement suffices for the uncorrected load.
+        The error of a corrected load follows from the previous mesh: cells smaller by a fixed factor suffice, unless
+        the uncorrected load needs less.
         """
         wanted = super().target(estimate)
         if not (self._has_one_order and self._corrects):
@@ -275,7 +275,6 @@ class DualWeighted(Steady):
 
     @property
     def _corrects(self) -> bool:
-        """Whether loads are corrected for their estimated errors."""
         return self.search.numerics.error_bars and is_corrected(self.search.scene)
 
     @property
@@ -296,7 +295,6 @@ class DualWeighted(Steady):
             self._at_hand = solve.handed_over(self.first().scene)
 
     def _for_coarse_runs(self, coarse: Scene) -> AbstractContextManager[Run]:
-        """The run of the first attempt with the gap and domain of a coarse run."""
         search, first = self.search, self.first()
         own = changed(coarse, numerics=first.scene.numerics.model_dump())
         return prepared(own, search.comm, search.accounts, voice=search.voice, sizing=first.sizing)
@@ -379,10 +377,7 @@ class Uniform(Steady):
 
 
 class InTime(Strategy):
-    """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`).
-
-    A run is compared with longer steps, and these with elements of a higher order.
-    """
+    """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`)."""
 
     most = next_mesh.MOST_RUNS
     _recorder: SearchRecorder
@@ -442,6 +437,5 @@ class InTime(Strategy):
 
 
 def _on_mesh(run: Run) -> LoadsOnMesh:
-    """The loads and other quantities of a solved run. Collective."""
     force, torque = (None, None) if run.probe is None else loads(run, surface=False)
     return LoadsOnMesh(force, torque, run.elevations, run.wall_report())

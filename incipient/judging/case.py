@@ -1,7 +1,7 @@
-"""Cases: a grain, its contacts and its load as numbers in a TOML file.
+"""Cases: a grain, its contacts and its load as numbers in a TOML file, in any consistent units.
 
-Any consistent units. In 2-D vectors have two components, and torques and the moment of inertia are numbers, torques
-positive counter-clockwise; in 3-D all have three, and the inertia is three moments or a matrix.
+In 2-D torques (positive counter-clockwise) and the moment of inertia are numbers; in 3-D the inertia is three moments
+or a matrix.
 """
 
 from __future__ import annotations
@@ -31,10 +31,9 @@ ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by han
 
 
 def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
-    """The validator of a number or of nested lists of numbers, of one of these shapes."""
+    """Validator of a number or of nested lists of numbers, of one of these shapes."""
 
     def nested_tuples(value: Any) -> Any:
-        """The numbers as tuples; raises for others, and for other shapes."""
         try:
             array = np.array(value)
         except ValueError:  # rows of different lengths
@@ -164,23 +163,23 @@ class Case(Section):
 
     @property
     def gdim(self) -> int:
-        """2 or 3."""
+        """Geometric dimension."""
         return len(self.load.weight)
 
     @property
     def centre(self) -> Floats:
-        """The centre of mass, (3,)."""
+        """Centre of mass (3,)."""
         own = None if self.body is None else self.body.centre
         return spatial(self.load.centre or own or ())
 
     @property
     def about(self) -> Floats:
-        """The point of the flow's torque, (3,)."""
+        """Reference point (3,) of the flow's torque."""
         return self.centre if self.load.about is None else spatial(self.load.about)
 
     @property
     def placement(self) -> Placement:
-        """Position and orientation of the body; for a case that has one."""
+        """Position and orientation of the body."""
         assert self.body is not None
         return self.body.placed(self.centre[: self.gdim].tolist())
 
@@ -191,28 +190,26 @@ class Case(Section):
         return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
-        """The contacts, with normals scaled to unit length."""
+        """The contacts, with unit normals."""
         normals, areas = spatial(self.contacts.normals), self.contacts.areas
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         points = spatial(self.contacts.points)
         return Contacts(points, normals, None if areas is None else np.array(areas))
 
     def standard_errors(self) -> StandardErrors:
-        """The standard errors, zero where the case gives none."""
+        """Standard errors, zero unless given."""
         errors = self.errors or CaseErrors()
         force, torque = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
         return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
-        """Mass and inertia (3, 3) about the centre of mass, if the case has them."""
+        """Mass and inertia (3, 3) about the centre of mass, if known."""
         if self.grain is not None:
             return self.grain.mass, _matrix(self.grain.inertia)
         return None if self.body is None else mass_and_inertia(self.body, self.placement)
 
 
 class _CaseWithoutFlow(Case):
-    """A case whose force and torque of the flow are zero unless they are given."""
-
     @model_validator(mode="before")
     @classmethod
     def _still(cls, data: Any) -> Any:
@@ -229,22 +226,22 @@ class _CaseWithoutFlow(Case):
 
 
 def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
-    """The case in a TOML file, changed by overrides such as ``"contacts.friction=0.4"``. Not collective.
+    """Read a case from a TOML file, changed by overrides such as ``"contacts.friction=0.4"``.
 
     Raises:
-        SceneError: one line that names the file, the key, why and the remedy.
+        SceneError: names the file, the key, the reason and the remedy.
     """
     return read(Case, path, overrides)
 
 
 def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
-    """The case in a file whose force and torque of the flow come from elsewhere; raises as `load_case`."""
+    """As `load_case`, with force and torque of the flow zero unless given."""
     text = read_text(path, "give the name of a case file")
     return parse(_CaseWithoutFlow, text, path.parent, overrides, str(path))
 
 
 def judge_case(case: Case) -> dict[str, Any]:
-    """The verdict of both criteria as plain data, and the probability of each mode for a case with standard errors."""
+    """Verdict of both criteria as plain data, and mode probabilities of a case with standard errors."""
     load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
     probabilities_data = None
@@ -262,7 +259,7 @@ def judge_case(case: Case) -> dict[str, Any]:
 
 
 def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, new or existing; raises OutputError. Not collective."""
+    """Write judgement.json into a directory, created if missing. Raises OutputError."""
     path = directory / "judgement.json"
     make_directory(directory, path)
     write_json(path, judgement)
@@ -279,7 +276,7 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
 
 
 def spatial_torque(torque: float | Sequence[float]) -> Floats:
-    """A torque (3,); one of 2-D is about the third axis."""
+    """Torque (3,); in 2-D about the third axis."""
     return np.array([0.0, 0.0, torque] if isinstance(torque, float) else torque, dtype=float)
 
 
@@ -304,7 +301,6 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
-    """Require vectors of two components and scalar torques and inertia in 2-D."""
     load, errors = case.load, case.errors or CaseErrors()
     values: dict[Key, Any] = {
         ("load", "flow_force"): load.flow_force,

@@ -94,7 +94,7 @@ class ForcesContact(Section):
 
 
 class GrainInPlace(Section):
-    """Keys of --set that go with --grain and --bed."""
+    """Keys of --set with --grain and --bed."""
 
     rules = (
         Rule("body", lambda s: s.body.centre is None,
@@ -158,7 +158,6 @@ class GrainInPlace(Section):
         )
 
     def _bed(self, triangles: Floats | None, grain: Solid, above: Placement) -> HeightMap | Plane:
-        """The bed, upright: a plane, or the part of a file about the grain."""
         if triangles is None:
             height = self.bed.height
             return Plane(origin_z=clearance(grain, above, Plane())[0] if height is None else height)
@@ -203,7 +202,6 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
 def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
-    """Refuse a grain whose gap or overlap with the bed exceeds a tolerance, in grain sizes."""
     gap = clearance(grain, placement, bed)[0] / grain.size
     if abs(gap) <= tolerance:
         return
@@ -218,7 +216,7 @@ def _require_touching(
 
 
 def _narrowest(points: Floats) -> Floats:
-    """The rotation (3, 3) about z that aligns the smallest rectangle around points (n, 3), seen from above."""
+    """Rotation (3, 3) about z that aligns the smallest rectangle around points (n, 3), seen from above."""
     turn = np.eye(3)
     with suppress(QhullError):  # all are on one line
         turn[:2, :2] = oriented_bounds_2D(points[:, :2])[0][:2, :2]
@@ -226,7 +224,6 @@ def _narrowest(points: Floats) -> Floats:
 
 
 def _plane(bed: HeightMap, tolerance: float) -> Plane | None:
-    """The plane of all heights of a bed, to a tolerance, if there is one."""
     across, along = np.indices(bed.heights.shape).reshape(2, -1)
     x, y = bed.origin[0] + bed.cell[0] * along, bed.origin[1] + bed.cell[1] * across
     table, heights = np.column_stack([x, y, np.ones(len(x))]), bed.heights.ravel() + bed.origin[2]

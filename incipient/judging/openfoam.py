@@ -1,9 +1,9 @@
 """Forces and moments on a grain in time, as OpenFOAM's function object `forces` writes them.
 
-Formats differ in header and number of columns: `force.dat` and `moment.dat` of openfoam.com (total, pressure, viscous,
-and porous if there is any), `forces.dat` of openfoam.org and foam-extend (pressure and viscous force, then moments,
-with porous ones in between). A folder holds a folder for each start, named by its time; a run that finds a file in its
-folder adds its start to the name (`force_5.dat`). A later start replaces what an earlier one has from that time on.
+`force.dat` and `moment.dat` of openfoam.com have total, pressure, viscous and possibly porous columns; `forces.dat` of
+openfoam.org and foam-extend pressure and viscous force, then moments, possibly with porous ones. A folder has one
+folder for each start, named by its time; a run that finds a file adds its start to the name (`force_5.dat`). Later
+starts replace earlier ones.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ForcesInTime:
 
 
 def read_forces(path: Path) -> ForcesInTime:
-    """The forces in a file or folder of OpenFOAM.
+    """Read the forces in a file or folder of OpenFOAM.
 
     Raises:
         SceneError: there are none, a file is of no known format, moments or their centre are missing, or the files of
@@ -68,7 +68,6 @@ class _Run:
     path: Path
 
     def is_older(self, later: _Run, overlap: bool) -> bool:
-        """Whether this run, of an earlier start, is the older by its name."""
         if self.again:
             return not overlap
         if self.path.parent == later.path.parent:
@@ -77,7 +76,6 @@ class _Run:
 
 
 def _runs(path: Path) -> Iterator[_Run]:
-    """The files in a folder, and in its folders that are named by times."""
     for folder in [path, *sorted(path.iterdir())]:
         if folder != path and not (folder.is_dir() and re.fullmatch(DECIMAL, folder.name)):
             continue
@@ -129,7 +127,6 @@ def _require_columns(path: Path, table: Floats, name: str, counts: tuple[int, in
 
 
 def _table(path: Path) -> tuple[Floats, str]:
-    """The numbers of a file (n, columns), and its heading in small letters."""
     with reading(path, f"give {FORMATS}", LARGEST_TABLE, name=f"--forces: {path}"):
         lines = path.read_text(encoding="utf-8").splitlines()
         header = "\n".join(line for line in lines if line.startswith("#"))
@@ -148,7 +145,6 @@ def _table(path: Path) -> tuple[Floats, str]:
 
 
 def _centre(path: Path, header: str) -> Floats:
-    """The point (3,) of the moments."""
     centres = {tuple(map(float, re.findall(DECIMAL, text))) for text in CENTRE.findall(header)}
     if len(centres) > 1:
         raise _refusal(
@@ -162,7 +158,6 @@ def _centre(path: Path, header: str) -> Floats:
 
 
 def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
-    """All runs one after the other; the later start wins where they overlap."""
     if not runs:
         remedy = f"give a folder with {FORMATS}, or with folders by time"
         raise _refusal(f"{folder} holds no forces; {remedy}")

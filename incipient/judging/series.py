@@ -23,10 +23,10 @@ MOST_EVENTS = 10  # printed, the longest first
 
 @dataclass(frozen=True)
 class UnheldTime:
-    """An interval in which the grain is not held.
+    """An interval of motion.
 
-    impulse: integral of the excess of the flow's force over that which could be held; least: the smallest safety
-    factor; mode: the one that lasts longest
+    impulse: integral of the excess of the flow's force over the largest stable one; least: the smallest safety factor;
+    mode: the one that lasts longest
     """
 
     start: float
@@ -38,7 +38,7 @@ class UnheldTime:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Verdicts on a series: times (n,), the criterion's answers, fractions of the time by mode, events, motion."""
+    """Verdicts on a series: times (n,), the criterion's answers, fractions of time by mode, events, motion."""
 
     times: Floats
     batch: Batch
@@ -47,7 +47,7 @@ class Series:
     motion: MotionInTime
 
     def to_dict(self) -> dict[str, Any]:
-        """All but the samples as plain data."""
+        """Plain data without the samples."""
         return {
             "samples": len(self.times),
             "start": float(self.times[0]),
@@ -76,7 +76,7 @@ class Series:
 
 
 def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None = None) -> Series:
-    """Judge the loads of a series on a case, from which all else is taken.
+    """Judge the loads of a series, with all else from a case.
 
     Args:
         columns: arrays (n,) by name: time, force_x, force_y, couple (the torque), in 3-D force_z, couple_x, couple_y,
@@ -84,7 +84,7 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
         since: start of the part whose probability of motion is given; None: the first time.
 
     Raises:
-        SceneError: a column is missing, not known, or has numbers that are not finite; time does not grow.
+        SceneError: a missing or unknown column, numbers that are not finite, or time does not ascend.
     """
     cases, times = _cases(case, columns), columns["time"]
     batch = judge_many(cases).complete()
@@ -98,7 +98,7 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
 
 
 def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
-    """The columns of a CSV or Parquet file, from a time on; raises as `read_table`, and SceneError for a wrong row."""
+    """Columns of a CSV or Parquet file, from a time on. Raises as `read_table`, and SceneError for a wrong row."""
     table = read_table(path)
     for place, why in table.faults.items():
         raise SceneError(f"{path}: row {place + 1}: {why}")
@@ -109,7 +109,7 @@ def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
 
 
 def save_series(series: Series, directory: Path) -> None:
-    """Write series.csv (time, safety factor, mode) and series.json into a directory; raises OutputError."""
+    """Write series.csv (time, safety factor, mode) and series.json into a directory. Raises OutputError."""
     factors = series.batch.factors.tolist()
     rows = zip(series.times.tolist(), factors, series.batch.mode_names, strict=True)
     lines = (f"{time!r},{factor!r},{mode}\n" for time, factor, mode in rows)

@@ -1,4 +1,4 @@
-"""The grains of a bed as spheres: deposited, or read from files of measurements."""
+"""The grains of a bed as spheres: deposited, or from files of measurements."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FEWEST_PIXELS = 12  # of a label that is a grain
 
 @singledispatch
 def spheres_of(bed: object, base: Path) -> Spheres:
-    """The spheres that a section [bed] describes; its files are relative to `base`. Raises SceneError."""
+    """The spheres of a section [bed], with files relative to `base`. Raises SceneError."""
     raise NotImplementedError(type(bed).__name__)
 
 
@@ -94,7 +94,6 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
 
 
 def _labels(path: Path) -> np.ndarray:
-    """Whole numbers (rows, columns) of ascending y, as heights are read. Raises SceneError."""
     remedy = "give a PNG, TIFF or .npy file"
     with reading(path, remedy, LARGEST_FILE, name=f"bed.labels: {path}"):
         if path.suffix == ".npy":

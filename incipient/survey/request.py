@@ -13,7 +13,7 @@ _BOTH = 'give both spread and sizes = "uniform" or "lognormal", or neither'
 
 
 class Deposited(Section):
-    """Spheres dropped one by one at random places, each of which rolls down until it rests."""
+    """Spheres dropped one by one at random places, which roll until they rest."""
 
     rules = (
         Rule("spread", lambda s: s.sizes != "equal" and not s.spread, "is needed by unequal sizes", _BOTH),
@@ -51,7 +51,7 @@ class MeasuredSpheres(Section):
 
 
 class MeasuredEllipsoids(Section):
-    """Ellipsoids fitted to a point cloud, as G3Point exports them; taken as spheres of equal volume."""
+    """Ellipsoids fitted to a point cloud (G3Point), represented by spheres of equal volume."""
 
     kind: Literal["ellipsoids"] = key("Where the grains come from", "ellipsoids")
     file: str = key(
@@ -60,7 +60,7 @@ class MeasuredEllipsoids(Section):
 
 
 class LabelledHeights(Section):
-    """A height map with labelled grains; each is taken as the sphere of equal area in plan."""
+    """A height map with labelled grains, represented by spheres of equal area in plan."""
 
     kind: Literal["labels"] = key("Where the grains come from", "labels")
     heights: str = key("PNG, TIFF, .npy or .asc file of heights")
@@ -74,7 +74,7 @@ BedOfGrains = Deposited | MeasuredSpheres | MeasuredEllipsoids | LabelledHeights
 
 
 class FlowPast(Section):
-    """The flow past the bed, and what resists it."""
+    """The flow past the bed, and the resistance of grains."""
 
     azimuth: float = key("Direction in which the flow goes, from x towards y [degrees]", 0.0)
     galileo: Positive | None = key(

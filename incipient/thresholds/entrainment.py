@@ -1,7 +1,6 @@
 """Entrainment by random gusts: fraction of time with a velocity at the grain above the critical one.
 
-The velocity at the grain is the mean times a random factor of mean 1 (`laws`). The grain moves while the factor exceeds
-the ratio of the critical strength to the strength of the mean flow. The load is that of the steady flow of equal
+The velocity is the mean times a random factor of mean 1 (`laws`). The load is that of the steady flow of equal
 strength, with that of the acceleration if the time scales are known.
 """
 
@@ -54,10 +53,10 @@ class OfStrength:
     """Motion in one mean flow.
 
     strength: of the mean flow over the scene's; shields: its Shields number
-    probability: of motion at an instant; low, high: its range from the errors of threshold and series, and with the
+    probability: fraction of time in motion; low, high: its range from the errors of threshold and series, and with the
         other law of the same intensity
     rate: upcrossings of the critical strength per unit time; None: not known
-    lasting: gusts that last long enough to move the grain out of its pocket; None: not requested
+    lasting: gusts that move the grain out of its pocket; None: not requested
     """
 
     strength: float
@@ -71,7 +70,7 @@ class OfStrength:
 
 @dataclass(frozen=True)
 class Quantile:
-    """The mean flow with a given probability of motion at an instant.
+    """The mean flow with a given probability of motion.
 
     strength, shields, rate, lasting: as of `OfStrength`
     terms: errors of the Shields number by source
@@ -86,7 +85,7 @@ class Quantile:
 
     @property
     def error(self) -> float | None:
-        """Error of the Shields number, the sum of the terms; None: that of the flow is not known."""
+        """Error of the Shields number, the sum of the terms; None: not known."""
         return sum(self.terms.values()) if "flow" in self.terms else None
 
     def line(self) -> str:
@@ -106,7 +105,7 @@ class Entrainment:
 
     threshold: the critical steady flow; law: of the factor of the velocity
     scene: motion in the scene's own mean flow
-    quantiles: mean flows of given probabilities; curve: motion in mean flows from weak to strong
+    quantiles: mean flows of given probabilities; curve: motion in weak to strong mean flows
     assumed: assumptions, one line each
     """
 
@@ -163,8 +162,8 @@ def find_entrainment(
 
     Args:
         setup: of a grain that rests on a bed, in a steady flow, with [gusts].
-        probabilities: of motion at an instant, for which mean flows are computed; default: those of `PROBABILITIES`
-            within the range of the data.
+        probabilities: for which mean flows are computed; default: those of `PROBABILITIES` within the range of the
+            data.
         strengths: mean flows over the scene's, for which probabilities are computed; default: along the curve.
         weakest: weakest gusts that move the grain out of its pocket, for the rate of such gusts.
 
@@ -216,7 +215,7 @@ def find_entrainment(
 
 
 def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
-    """Why the load of the flow's growth is omitted; empty if it is known."""
+    """Reason why the load of acceleration is omitted, or ""."""
     reasons = (
         (gusts.law in GIVEN, "the data are taken as of slow changes"),
         (gusts.microscale is None, "gusts.microscale is not given"),
@@ -231,7 +230,6 @@ def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
 
 
 def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
-    """The law of the factor in a mean flow of a strength."""
     if gusts.record is not None:
         return Events.of(np.array(gusts.points), gusts.record)
     if gusts.law == "measured":
@@ -240,7 +238,6 @@ def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
 
 
 def _assumed(gusts: Gusts, law: Law) -> list[str]:
-    """The assumptions of load and law, one line each."""
     steady = "the load is that of the steady flow as strong as the gust, of the scene's own profile"
     if isinstance(law, Measured):
         known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
@@ -280,18 +277,16 @@ class Motion:
 
     @cached_property
     def _data(self) -> Measured | Events | None:
-        """The law of data, common to all mean flows."""
         law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in GIVEN else None
         return None if isinstance(law, Gaussian) else law
 
     def law(self, strength: float) -> Law:
-        """The law of the factor in a mean flow."""
+        """Law of the factor in a mean flow."""
         law = self._data or _law_of(self.gusts, self.flow, strength)
         return law.other() if self.other and isinstance(law, Gaussian) else law
 
     @cached_property
     def _within_bars(self) -> list[Motion]:
-        """Motion with the critical strengths at both ends of the threshold's error bar."""
         bars = self.threshold.bars
         if bars is None or not bars.terms:
             return []
@@ -331,7 +326,6 @@ class Motion:
         return Quantile(probability, strength, shields, terms, *self._rates(strength))
 
     def _rates(self, strength: float) -> tuple[float | None, RateOfLasting | None]:
-        """Upcrossings of the critical strength per unit time, and those that last long enough, if known."""
         law = self.law(strength)
         rate, lasting = law.upcrossings(self.factor / strength), None
         if self.weakest is not None:
@@ -343,7 +337,7 @@ class Motion:
         return rate, lasting
 
     def probability(self, strength: float) -> float:
-        """Probability of motion at an instant in a mean flow."""
+        """Probability of motion in a mean flow."""
         law, growing = self.law(strength), self.growing
         if math.isinf(self.factor):
             return 0.0
@@ -372,7 +366,7 @@ class Motion:
             return self.factor / level if level > 0.0 else math.inf
 
         def excess(logarithm: float) -> float:
-            """Excess of the probability in a mean flow over the given one, in standard deviations of a Gaussian."""
+            """Excess over the given probability, in standard deviations of a Gaussian."""
             return _standard(self.probability(math.exp(logarithm))) - _standard(probability)
 
         ends = [math.log(end * self.factor) for end in (WEAKEST, STRONGEST)]
@@ -382,5 +376,4 @@ class Motion:
 
 
 def _standard(probability: float) -> float:
-    """Quantile of the standard normal distribution."""
     return float(norm.ppf(min(max(probability, 1e-300), 1.0 - 1e-15)))

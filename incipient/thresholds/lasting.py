@@ -1,9 +1,8 @@
 """Gusts that last long enough to move a grain out of its pocket, in a series of the factor of the velocity.
 
-A gust moves the grain if the velocity exceeds a strength for the duration of the weakest gust of that strength
-(`gusts`). Series of Gaussian laws are generated from their spectrum: the correlation of y is
-(T1 exp(-t/T1) - T2 exp(-t/T2))/(T1 - T2), with the integral time T1 + T2 and the microscale sqrt(2 T1 T2)
-(Sawford 1991, Phys. Fluids A 3, 1577).
+Such a gust exceeds a strength for the duration of the weakest gust of that strength (`gusts`). Gaussian series are
+generated with the correlation (T1 exp(-t/T1) - T2 exp(-t/T2))/(T1 - T2), of integral time T1 + T2 and microscale
+sqrt(2 T1 T2) (Sawford 1991, Phys. Fluids A 3, 1577).
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ DIFFERENT = 1.25  # least ratio of the critical steady flows of different scenes
 
 @dataclass(frozen=True, eq=False)
 class WeakestGusts:
-    """Strengths of the weakest gusts that move a grain out of its pocket, by their duration.
+    """Strengths of the weakest gusts that move a grain out of its pocket.
 
     durations, strengths, errors: (n,) the shortest first; strengths over the flow of the scene
     static: critical strength of a steady flow
@@ -43,7 +42,7 @@ class WeakestGusts:
 
     @classmethod
     def of(cls, stored: dict[str, Any]) -> WeakestGusts:
-        """Read the content of a gusts.json. Raises SceneError for less than two durations or other content."""
+        """Parse the content of a gusts.json. Raises SceneError for less than two durations or other content."""
         try:
             points, static = stored["points"], float(stored["static"])
             known = all(point["error"] is not None for point in points)
@@ -82,7 +81,7 @@ def _refused(why: str) -> SceneError:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """The factor (n,) at equally spaced times, linear in between."""
+    """Factor (n,) at equally spaced times, linear in between."""
 
     factors: Floats
     step: float
@@ -132,10 +131,7 @@ def series_of(law: Law, integral_time: float | None) -> Series | Events:
 
 @dataclass(frozen=True)
 class RateOfLasting:
-    """Rate of gusts that last long enough.
-
-    low, high: from the errors of the weakest gusts and the number of gusts in the series
-    """
+    """Rate of gusts that last long enough; low, high: from their errors and their number in the series."""
 
     rate: float
     low: float

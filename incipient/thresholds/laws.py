@@ -1,9 +1,8 @@
 """Laws of the factor on the velocity at a grain: fraction of time above a level, and rate of upcrossings.
 
-The factor g has mean 1. A normal one is 1 + I y with a Gaussian process y of variance one, I the relative
-intensity; a lognormal one is exp(s y - s^2/2), s^2 = log(1 + I^2). Where the correlation of y is 1 - (t/lambda)^2 at
-short times, y rises through z exp(-z^2/2)/(sqrt(2) pi lambda) times in unit time (Rice 1945, Bell Syst. Tech. J. 24,
-46).
+With a Gaussian process y of variance 1 and the relative intensity I the factor is 1 + I y, or lognormal:
+exp(s y - s^2/2), s^2 = log(1 + I^2). With the correlation 1 - (t/lambda)^2 at short times, y crosses z upwards
+exp(-z^2/2)/(sqrt(2) pi lambda) times in unit time (Rice 1945, Bell Syst. Tech. J. 24, 46).
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class Gaussian:
     """The law of a factor that is a function of a Gaussian process.
 
     intensity: root mean square of the fluctuation over the mean
-    lognormal: whether the factor's logarithm is Gaussian, instead of the factor
+    lognormal: whether the factor is lognormal
     microscale: lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known
     """
 
@@ -42,11 +41,10 @@ class Gaussian:
 
     @cached_property
     def _deviation(self) -> float:
-        """Standard deviation of the factor's logarithm."""
         return math.sqrt(math.log1p(self.intensity**2))
 
     def standard(self, level: float) -> float:
-        """The Gaussian process of variance one at a level of the factor."""
+        """The process of variance 1 at a level of the factor."""
         if not self.lognormal:
             return (level - 1.0) / self.intensity
         if level <= 0.0:
@@ -54,20 +52,20 @@ class Gaussian:
         return math.log(level) / self._deviation + 0.5 * self._deviation
 
     def factor(self, standard: Floats) -> Floats:
-        """The factor at values of the Gaussian process of variance one."""
+        """The factor at values of the process of variance 1."""
         if not self.lognormal:
             return np.asarray(1.0 + self.intensity * standard)
         return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
 
     def growth(self, strength: float) -> float:
-        """Growth rate of a flow of mean `strength` at unit growth rate of the Gaussian process.
+        """Growth rate of a flow of mean `strength` at unit growth rate of the process.
 
         Relative to the present strength for a lognormal factor, otherwise to the scene's.
         """
         return self._deviation if self.lognormal else strength * self.intensity
 
     def exceeded(self, level: float) -> float:
-        """Probability that the factor is above a level at an instant."""
+        """Fraction of time above a level."""
         return float(norm.sf(self.standard(level)))
 
     def level(self, probability: float) -> float:
@@ -75,7 +73,7 @@ class Gaussian:
         return float(self.factor(norm.isf(probability)))
 
     def upcrossings(self, level: float) -> float | None:
-        """Upcrossings of a level per unit time, Rice's formula; None without a microscale."""
+        """Upcrossings of a level per unit time (Rice); None without a microscale."""
         if self.microscale is None:
             return None
         crossings = math.exp(-0.5 * self.standard(level) ** 2)
@@ -142,7 +140,7 @@ class Measured:
 
     @property
     def independent(self) -> float:
-        """Number of independent samples in the series."""
+        """Number of independent samples."""
         return self.duration / (2.0 * self.integral)
 
     @property
@@ -151,7 +149,7 @@ class Measured:
         return 1.0 / self.independent, 1.0 - 1.0 / self.independent
 
     def exceeded(self, level: float) -> float:
-        """Fraction of the time in which the factor is above a level."""
+        """Fraction of time above a level."""
         low, high = np.sort([self.factors[:-1], self.factors[1:]], axis=0) - level
         crosses = (low < 0.0) & (high > 0.0)
         above = np.where(crosses, high / np.where(crosses, high - low, 1.0), low + high > 0.0)
@@ -199,7 +197,6 @@ class Events:
 
     @cached_property
     def _fractions(self) -> Floats:
-        """Fraction of the time (n,) in which gusts are at least as strong."""
         return np.cumsum(self.lengths) / self.duration
 
     @property
@@ -208,7 +205,7 @@ class Events:
         return float(self._fractions[0]), float(self._fractions[-1])
 
     def exceeded(self, level: float) -> float:
-        """Fraction of the time in which a gust is above a level."""
+        """Fraction of time above a level."""
         return float(self.lengths[self.strengths > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:

@@ -39,14 +39,13 @@ class Threshold:
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
     size:            d, the largest diameter of the grain
     nominal:         its nominal diameter, of the sphere of equal volume, in 2-D the disc of equal area
-    mode:            how the grain begins to move, by the exact criterion
-    load:            the critical load; if any flow moves the grain that of a weak one, if none does that of the
-                     strongest one computed
-    verdict:         both criteria there
+    mode:            of incipient motion, by the exact criterion
+    load:            the critical load; otherwise that of a weak flow, or of the strongest one computed
+    verdict:         of both criteria there
     trials:          the computed flows in order; unsolved: factors without a converged steady flow
     stress_power:    approximate power of the factor in the bed stress
     steepness:       power of the factor in the load; None without a critical flow
-    bars:            error bars of the factor, None: see `without_bars`, or no threshold
+    bars:            error bars of the factor; None: see `without_bars`, or no threshold
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
     applicable:      whether walls are within the range of the turbulence model, in the last flow
     """
@@ -139,7 +138,7 @@ class Threshold:
         return f"{where} (tried: {tried})" if tried else where
 
     def shields_note(self, gdim: int) -> str:
-        """The definition of the Shields number, and its value with the nominal diameter."""
+        """Definition of the Shields number, and its value with the nominal diameter."""
         means = (
             f"tau_b/((rho_s - rho_f) g d), d = {self.size:g}: the largest diameter of the grain; "
         )

@@ -1,9 +1,7 @@
-"""The search for the critical flow: the slowest flow, as it grows from rest, that moves the grain.
+"""The search for the critical flow on one mesh, as the flow grows from rest.
 
-The search begins with Stokes flow, which always converges and has a proportional load. After each computed flow the
-interpolated load (`path`) determines the critical factor, an intermediate flow that is needed to exclude motion, or the
-next faster flow. If a steady flow does not converge, the search continues below it, or beyond it if the extrapolated
-load is critical there.
+It begins with Stokes flow, which always converges. The interpolated load (`path`) determines the next flow: the
+critical one, an intermediate one to exclude motion, or a faster one. Flows that do not converge are avoided.
 """
 
 from __future__ import annotations
@@ -74,7 +72,7 @@ class OwnMesh:
 class CriticalFlow:
     """The result of a search.
 
-    factor:   of the critical flow; 0: any flow, or the weight alone, moves the grain; inf: no computed flow does
+    factor:   critical; 0: any flow, or the weight alone, moves the grain; inf: no computed flow does
     held_to:  factor up to which the grain is stable
     reason:   why there is no critical flow, or none computed near it
     between:  factors of the adjacent flows, if no nearer one converged
@@ -106,7 +104,7 @@ class CriticalFlow:
 
 
 class CriticalSearch:
-    """The search on one mesh, in a prepared run. Public methods are collective.
+    """The search in a prepared run. Public methods are collective.
 
     Args:
         solve: computes the loads in a flow faster by a factor, starting from another (see `simulation.steady`).
@@ -144,7 +142,6 @@ class CriticalSearch:
         return self._upwards(slow)
 
     def _from_slowest(self, bound: SlowestFlow) -> CriticalFlow:
-        """Search upwards from the start of an effect if the grain is stable there, otherwise from its slowest flow."""
         start, slow = bound.start, bound.factor
         if bound.expected:
             self.run.voice.say(bound.expected)
@@ -186,7 +183,7 @@ class CriticalSearch:
         )
 
     def load_at(self, factor: float) -> Load:
-        """The load in the flow at a factor, if necessary started at half the factor. Raises ConvergenceError."""
+        """The load at a factor, if necessary started at half the factor. Raises ConvergenceError."""
         if not self._try(factor):
             self._solve(0.5 * factor)
             self._solve(factor)
@@ -224,7 +221,7 @@ class CriticalSearch:
     def _rocking(self, factor: float, power: float) -> CriticalFlow | None:
         """The flow in which a rocking grain leaves its pocket; None without rocking.
 
-        Each computed flow gives the multiple of its load at which the grain leaves. The load is a power of the factor,
+        Each computed flow gives the multiple of its load at which the grain leaves; the load is a power of the factor,
         first `power`, then that of the last two flows.
         """
         rocking, held_to, reason = self.rocks(factor), 0.0, ROCKS_IN_ALL
@@ -311,7 +308,6 @@ class CriticalSearch:
         return self._ended(np.inf, top, reason)
 
     def _first(self, slow: float) -> float:
-        """The flow after the slowest one."""
         if not self.run.setup.is_averaged:
             return FIRST / self._reynolds
         quadratic = BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5
@@ -321,7 +317,6 @@ class CriticalSearch:
         return any(abs(known / factor - 1.0) < self._near for known in self._states)
 
     def _may_converge(self, factor: float) -> bool:
-        """Whether no flow as fast has failed."""
         return all(max(factor / failed, failed / factor) > APART for failed in self.unsolved)
 
     def _try(self, factor: float, here: bool = False) -> bool:
@@ -343,7 +338,6 @@ class CriticalSearch:
         return True
 
     def _solve(self, factor: float, here: bool = False) -> None:
-        """Solve from another flow, or from the nearby present state."""
         run, start = self.run, self._start(factor)
         if start and not here:
             self._restore(start)
