@@ -54,12 +54,10 @@ class Holder:
             self.destroy()
 
     def holding(self, made: Any) -> Any:
-        """Register an object for freeing; returns it."""
         self._held.append(made)
         return made
 
     def destroy(self) -> None:
-        """Free the objects in reverse order."""
         while self._held:
             self._held.pop().destroy()
 
@@ -70,11 +68,9 @@ class Alone:
     rank, size = 0, 1
 
     def allgather(self, value: Any) -> list[Any]:
-        """Values of all ranks."""
         return [value]
 
     def bcast(self, value: Any) -> Any:
-        """Value of rank 0."""
         return value
 
 

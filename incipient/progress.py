@@ -35,15 +35,12 @@ class Logged(Silent):
     """Progress in the log."""
 
     def begin(self, stage: str) -> None:
-        """Log at level debug."""
         log.debug("stage: %s", stage)
 
     def say(self, message: str) -> None:
-        """Log at level info."""
         log.info(message)
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
-        """Log at level debug."""
         log.debug(
             "at %.4g of the Reynolds number: correction %d, relative size %.2e",
             share,
@@ -52,11 +49,9 @@ class Logged(Silent):
         )
 
     def advance(self, time: float, end: float) -> None:
-        """Log at level debug."""
         log.debug("time %.6g of %.6g", time, end)
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Log the beginning of many items."""
         if not done and total >= MANY:
             log.info("%s: %d", what, total)
 
@@ -69,17 +64,14 @@ class Live(Logged):
         self._task = bar.add_task("starting", total=None)
 
     def begin(self, stage: str) -> None:
-        """Show the stage."""
         super().begin(stage)
         self._bar.reset(self._task, total=None, description=stage)
 
     def say(self, message: str) -> None:
-        """Print above the line."""
         if log.isEnabledFor(logging.INFO):
             self._bar.console.print(message, markup=False, highlight=False)
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
-        """Show the Newton update."""
         super().iterate(share, iteration, size)
         self._bar.update(
             self._task,
@@ -87,14 +79,12 @@ class Live(Logged):
         )
 
     def advance(self, time: float, end: float) -> None:
-        """Show the fraction of time."""
         super().advance(time, end)
         self._bar.update(
             self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}"
         )
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Show the completed fraction."""
         self._bar.update(
             self._task, completed=done, total=total, description=f"{what}: {done} of {total}"
         )

@@ -48,7 +48,6 @@ class KeptRuns:
         self._known, self._spent, self._run = known, spent, solve
 
     def __call__(self, scene: Scene) -> Loads:
-        """Loads of a scene, cached or computed. Collective."""
         key = scene.model_dump_json()
         if key not in self._known:
             if reason := self._spent():

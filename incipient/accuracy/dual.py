@@ -77,7 +77,6 @@ class GoalErrors:
         return self.computed.torque - self.improved.torque
 
     def loads(self, unit: float) -> Loads:
-        """Force and torque less their estimated errors, times `unit`."""
         return Loads(unit * self.improved.force, unit * self.improved.torque)
 
     @property
@@ -139,7 +138,6 @@ class GoalErrors:
         return hats, weight, compat.form(residual)
 
     def _weigh(self, goal: Floats, weight: Any) -> None:
-        """Set the weight to the goal's dual solution, less its interpolant in the flow's elements."""
         finer = self.finer
         goal = goal * shares_of_the_whole(finer.domain)
         motion = rigid_motion(finer, self._boundary, self._about, goal)

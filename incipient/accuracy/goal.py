@@ -52,7 +52,7 @@ class Quantity(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the quantity."""
 
     def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque."""
@@ -91,7 +91,6 @@ class Goal:
 
     @classmethod
     def of(cls, scene: Scene) -> Goal:
-        """The goal quantity of a scene; for a verdict the safety factor."""
         verdict = scene.numerics.accuracy == "verdict"
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
@@ -111,7 +110,6 @@ class Goal:
         return bar.relative
 
     def goals(self, force: Forces, torque: Torques) -> list[Floats]:
-        """As `Quantity.goals`."""
         gdim = self.scene.gdim
         places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
         if self.contacts is not None:
@@ -129,7 +127,6 @@ class Goal:
         return max(float(np.linalg.norm(torque.flow)), LEAST_TORQUE * size * self.scene.grain.size)
 
     def _slope(self, force: Forces, torque: Torques, places: dict[int, int]) -> Floats:
-        """Derivatives of log(safety factor) along force and torque, (3,) in 2-D and (6,) in 3-D."""
         load, scene, contacts = (
             load_of(self.scene.placement, force, torque),
             self.scene,

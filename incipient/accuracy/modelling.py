@@ -56,7 +56,6 @@ class Suited:
     plain: dict[str, float] = field(default_factory=dict)
 
     def changes(self, wished: Scene) -> tuple[str, ...]:
-        """Differences from the requested scene as text."""
         changed = _keys(self.scene, wished).items()
         return tuple(f"{key} = {now} instead of {before}" for key, (now, before) in changed)
 
@@ -113,7 +112,6 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
 
 
 def _hardly_falls(before: Suited, now: Suited) -> bool:
-    """Whether the domain's error falls with less than half of the expected power of its size."""
     larger = now.scene.domain.length / before.scene.domain.length
     if larger <= 1.0 or "domain" not in before.plain or now.errors["domain"] <= 0.0:
         return False
@@ -121,14 +119,12 @@ def _hardly_falls(before: Suited, now: Suited) -> bool:
 
 
 def _is_noise(before: Suited, now: Suited) -> bool:
-    """Whether a smaller gap in the same domain does not reduce the error, which is then that of the coarse meshes."""
     gaps = [each.errors.get("gap", 0.0) for each in (before, now)]
     alike = now.scene.domain == before.scene.domain and now.scene is not before.scene
     return alike and gaps[1] >= gaps[0] > 0.0
 
 
 def _ended(before: Suited, now: Suited, goal: Quantity, solve: Solve) -> Suited:
-    """The better of the last two scenes, with the slowest decay of the domain's error. Collective."""
     slowly = [_looked_at(each.scene, goal, solve, SLOWEST_DECAY) for each in (before, now)]
     best = min(slowly, key=lambda each: each.error)
     error = best.errors["domain"]

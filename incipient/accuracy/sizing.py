@@ -38,7 +38,6 @@ class Shares:
 
     @property
     def dimension(self) -> int:
-        """Geometric dimension."""
         return int(self.points.shape[1])
 
     @property
@@ -94,14 +93,12 @@ def resized(
 
 
 def _smooth(shares: Shares) -> Floats:
-    """Contributions averaged with those of neighbours, bounded below."""
     around = shares.errors[shares.cells].mean(axis=1)
     errors = _mean_around(shares.cells, around, len(shares.points))
     return np.maximum(errors, FAINT * errors.mean())
 
 
 def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:
-    """h_new / h at each vertex, within bounds, for the relative sum of expected errors."""
     rate = 2 * order
     shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
 
@@ -117,7 +114,6 @@ def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Flo
 
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
-    """The largest sizes below the given ones with bounded growth over distance."""
     a, b = np.vstack(
         [shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]
     ).T

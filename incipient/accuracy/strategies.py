@@ -77,7 +77,7 @@ class Strategy(ABC):
 
     @abstractmethod
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """The error of a solved run."""
+        """Error of a solved run."""
 
     @abstractmethod
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
@@ -85,7 +85,7 @@ class Strategy(ABC):
 
     @abstractmethod
     def concluded(self, run: Run) -> Any:
-        """The result of the last run, with its error bars."""
+        """Result of the last run, with its error bars."""
 
     def following(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
@@ -122,7 +122,6 @@ class Steady(Strategy):
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
-        """See `Strategy`."""
         search, sizing = self.search, attempt.sizing
         with prepared(
             attempt.scene, search.comm, search.accounts, voice=search.voice, sizing=sizing
@@ -145,7 +144,6 @@ class Steady(Strategy):
         return recorder
 
     def concluded(self, run: Run) -> Any:
-        """See `Strategy`."""
         recorder = self._recorder or self.handed_over(run)
         finished(run, cast(Recorder, recorder))
         return recorder.result
@@ -197,14 +195,12 @@ class DualWeighted(Steady):
     _compared = False  # whether corrected loads of two meshes were compared
 
     def first(self, failures: int = 0) -> Attempt:
-        """See `Strategy`."""
         scene = self.search.scene
         factor = 0.5**failures * coarsest(scene.gdim, has_inertia(scene))
         return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
-        """See `Strategy`."""
         if self._at_hand is None:
             with super().solved(attempt) as both:
                 yield both
@@ -214,11 +210,9 @@ class DualWeighted(Steady):
             yield run, LoadsOnMesh(*loads(run, surface=False))
 
     def solve(self, run: Run) -> LoadsOnMesh:
-        """See `Steady`."""
         return LoadsOnMesh(*loads_at(run, self.search.speed))
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """See `Strategy`."""
         search, force, torque = self.search, on_mesh.force, on_mesh.torque
         assert run.layout.placement is not None and force is not None and torque is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
@@ -260,7 +254,6 @@ class DualWeighted(Steady):
         return max(AIM * self.search.allowed / self._plain, compared)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """See `Strategy`."""
         before, shares, gdim = order_of(attempt.scene).number, estimate.shares, attempt.scene.gdim
         order, excess = next_order(before, 1.0 / left, gdim, self._highest)
         together = self.search.comm.bcast(float(np.sum(shares.errors)), root=0)
@@ -283,7 +276,6 @@ class DualWeighted(Steady):
 
     @property
     def _has_one_order(self) -> bool:
-        """Whether all meshes are of second order (steady 3-D flow with inertia); coarse runs then use the first one."""
         return self._highest == next_mesh.ORDERS[0]
 
     @contextmanager
@@ -311,7 +303,6 @@ class Uniform(Steady):
         self._seen = list[tuple[Scene, Loads]]()  # by mesh
 
     def first(self, failures: int = 0) -> Attempt:
-        """See `Strategy`."""
         self._seen = []
         most = COARSEST_IN_SPACE if self.search.scene.resolves_uneven_walls else LARGEST
         size = 0.5**failures * COARSEST * self.search.numerics.mesh_size
@@ -325,12 +316,10 @@ class Uniform(Steady):
         return Attempt(sized, unknowns=unknowns, work=work, note=note)
 
     def solve(self, run: Run) -> LoadsOnMesh:
-        """See `Steady`."""
         solve_with_parts(run, run.fluid, run.parts)
         return _on_mesh(run)
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """See `Strategy`."""
         search, walls = self.search, on_mesh.turbulence
         doubt = "" if walls is None or walls.applicable else walls.doubt
         computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
@@ -355,7 +344,6 @@ class Uniform(Steady):
     def following(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
     ) -> Attempt | None:
-        """See `Strategy`."""
         known = [trial.estimate for trial in self.search.trials if trial.estimate is not None]
         many = self.search.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
         if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
@@ -365,7 +353,6 @@ class Uniform(Steady):
         return super().following(attempt, run, on_mesh, estimate)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """See `Strategy`; cells are smaller by the square root of 2."""
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
         if mesh_size < SMALLEST:
             raise MeshError(
@@ -384,7 +371,6 @@ class InTime(Strategy):
     _last: Scene | None = None
 
     def first(self, failures: int = 0) -> Attempt:
-        """See `Strategy`."""
         scene = next_mesh.first(self.search.scene)
         for _ in range(failures):
             scene = next_mesh.finer(scene, next_mesh.halved(order_of(scene).number))
@@ -392,7 +378,6 @@ class InTime(Strategy):
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
-        """See `Strategy`."""
         search, scene = self.search, attempt.scene
         self._recorder = SearchRecorder(search.recorder, scene, search.adaptation)
         accounts = Accounts(known=search.known, spent=search.spent)  # separate times of each run
@@ -401,7 +386,6 @@ class InTime(Strategy):
             yield run, _on_mesh(run)
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """See `Strategy`."""
         search, scene, terms = self.search, run.scene, self.search.known.terms
         # Longer steps damp waves, and hide the error of the mesh.
         same = self._last is not None and self._last.numerics == scene.numerics
@@ -424,14 +408,12 @@ class InTime(Strategy):
         return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """See `Strategy`."""
         last = self.search.trials[-1]
         wanted = next_mesh.refined(attempt.scene, last, left)
         unknowns = last.unknowns * wanted.finer**-WORK_POWER
         return Attempt(next_mesh.finer(attempt.scene, wanted), unknowns=unknowns, work=wanted.work)
 
     def concluded(self, run: Run) -> Any:
-        """See `Strategy`."""
         finished(run, cast(Recorder, self._recorder))
         return self._recorder.result
 

@@ -135,7 +135,6 @@ class FlumeAnswer:
         return f"{text}; gusts move {_bounded(grains, 0.1, 0.9)} of its grains at least 1% of the time."
 
     def text(self) -> str:
-        """The answer in some lines."""
         water = f"{self.viscosity:.4g} m2/s, {self.fluid_density:.5g} kg/m3"
         flow = (
             f"u* = {self.shear_velocity:.4g} m/s{self.source}, bed stress {self.bed_stress:.3g} Pa"
@@ -175,7 +174,6 @@ class FlumeAnswer:
         return [*rows, ("median grain", entrainment)]
 
     def as_dict(self) -> dict[str, Any]:
-        """All numbers, for JSON."""
         bed = self.natural_bed
         names = (
             "diameter", "density", "fluid_density", "viscosity", "gravity", "shear_velocity", "depth",
@@ -289,7 +287,6 @@ def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
 
 
 def _bounded(fraction: float, low: float, high: float) -> str:
-    """A fraction in per cent; at the ends of the known range, a bound."""
     if fraction <= low * (1.0 + 1e-6):
         return f"less than {100 * low:g}%"
     if fraction >= high * (1.0 - 1e-6):

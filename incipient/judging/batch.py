@@ -48,7 +48,6 @@ class Verdicts:
     reasons: dict[int, str]
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         lines = [f"{'cases':<20}{self.cases}"]
         for mode, count in self.modes.items():
             lines.append(f"{mode:<19} {count} ({count / self.cases:.2%})")
@@ -138,7 +137,6 @@ def _setting(text: str) -> tuple[str, float]:
 
 
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
-    """The cases of a table, and the faults of invalid rows by index. Raises SceneError for wrong columns."""
     if twice := table.columns.keys() & constants.keys():
         raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
     value = {**table.columns, **{key: np.full(len(table), one) for key, one in constants.items()}}
@@ -190,12 +188,10 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
 
 
 def _third(vectors: Floats) -> Floats:
-    """Vectors (n, 3) of vectors (n, 2) or (n, 3); a vector without any component has none."""
     return np.where(np.isnan(vectors).all(axis=1)[:, None], np.nan, spatial(vectors))
 
 
 def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
-    """Matrices (n, 3, 3), NaN in rows without mass and moments."""
     if "mass" not in value:
         return np.full((len(value["friction"]), 3, 3), np.nan)
     diagonal = np.stack([value[name] for name in moments], axis=1)

@@ -31,8 +31,6 @@ ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by han
 
 
 def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
-    """Validator of a number or of nested lists of numbers, of one of these shapes."""
-
     def nested_tuples(value: Any) -> Any:
         try:
             array = np.array(value)
@@ -120,7 +118,6 @@ class CaseContacts(Section):
 
     @property
     def law(self) -> FrictionCone:
-        """The law of the contacts."""
         return FrictionCone.of(self.friction, self.cohesion)
 
 
@@ -163,7 +160,6 @@ class Case(Section):
 
     @property
     def gdim(self) -> int:
-        """Geometric dimension."""
         return len(self.load.weight)
 
     @property
@@ -179,7 +175,6 @@ class Case(Section):
 
     @property
     def placement(self) -> Placement:
-        """Position and orientation of the body."""
         assert self.body is not None
         return self.body.placed(self.centre[: self.gdim].tolist())
 
@@ -197,7 +192,6 @@ class Case(Section):
         return Contacts(points, normals, None if areas is None else np.array(areas))
 
     def standard_errors(self) -> StandardErrors:
-        """Standard errors, zero unless given."""
         errors = self.errors or CaseErrors()
         force, torque = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
         return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)

@@ -29,7 +29,6 @@ class JudgedForces:
     threshold: FlowThreshold | None
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         sources = self.judgement["forces"]
         lines = [f"{'forces':<20}{', '.join(sources)}"] if sources else []
         lines.append(f"mean from time {self.since:.6g} on, {self.samples} samples:")

@@ -51,7 +51,6 @@ class MotionInTime:
         return cls(float(times[0]), duration, len(times), float(mean), spread_of_mean, *rates)
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         error = f", {self.samples} samples" if self.error is None else f" +- {self.error:.2g}"
         often = f"begins {self.rate:.3g} times in unit time ({self.low:.2g} to {self.high:.2g})"
         where = f"from time {self.since:.6g} on"
@@ -108,7 +107,6 @@ class FlowThreshold:
         return cls(law, scaled, tuple(quantiles))
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         power = "U^2" if self.law == "U2" else "U"
         lines = [f"{'threshold':<20}where loads grow as {power}, in velocities of this run"]
         if self.mean is not None:

@@ -40,7 +40,6 @@ class ForcesInTime:
     sources: tuple[str, ...] = ()
 
     def only(self, which: Booleans) -> ForcesInTime:
-        """The samples of a mask (n,)."""
         chosen = {name: getattr(self, name)[which] for name in ("times", "forces", "moments")}
         return replace(self, **chosen)
 
@@ -61,8 +60,6 @@ def read_forces(path: Path) -> ForcesInTime:
 
 @dataclass(frozen=True)
 class _Run:
-    """A file of forces; again: its name has the start, since an earlier run's file was in the folder."""
-
     start: float
     again: bool
     path: Path

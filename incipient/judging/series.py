@@ -47,7 +47,6 @@ class Series:
     motion: MotionInTime
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data without the samples."""
         return {
             "samples": len(self.times),
             "start": float(self.times[0]),
@@ -60,7 +59,6 @@ class Series:
         }
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
         lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
         lines += [f"{mode:<19} {share:.3%} of the time" for mode, share in self.shares.items()]

@@ -69,7 +69,6 @@ class Domain(Section):
 
     @property
     def gdim(self) -> int:
-        """Geometric dimension."""
         return 2 if self.width is None else 3
 
     @property
@@ -100,12 +99,10 @@ class Domain(Section):
 
     @property
     def ceiling(self) -> float:
-        """Height of the top."""
         return self.origin[-1] + self.height
 
     @property
     def across(self) -> tuple[float, float]:
-        """Limits of y in 3-D."""
         assert self.width is not None
         return self.origin[1], self.origin[1] + self.width
 
@@ -117,7 +114,6 @@ class Domain(Section):
 
     @property
     def middle(self) -> float:
-        """y at mid-width in 3-D."""
         return 0.5 * sum(self.across)
 
     @property
@@ -127,5 +123,4 @@ class Domain(Section):
 
     @property
     def extents(self) -> tuple[float, ...]:
-        """Length, in 3-D width, and height."""
         return (self.length, *((self.width,) if self.width is not None else ()), self.height)

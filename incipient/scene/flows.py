@@ -121,7 +121,6 @@ class ExpressionFlow(Section):
 
     @property
     def unsteady(self) -> bool:
-        """Whether a component depends on time."""
         return any("t" in Expression(text).variables for text in self.components)
 
 

@@ -35,7 +35,6 @@ ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
 
 
 def _of_data(s: Any) -> str | None:
-    """First key whose value follows from the data."""
     keys = ("intensity", "microscale", *(("integral_time",) if s.law == "events" else ()))
     return next((key for key in keys if s.law in GIVEN and getattr(s, key) is not None), None)
 
@@ -54,7 +53,6 @@ def _flat(s: Any) -> bool:
 
 
 def _too_short(s: Any) -> bool:
-    """Whether the integral time is below the least one of a correlation with this microscale."""
     times = (s.integral_time, s.microscale)
     return not any(isinstance(t, str) or t is None for t in times) and (
         s.integral_time < math.sqrt(2.0) * s.microscale
@@ -135,10 +133,8 @@ class Gusts(FromFile):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Whether the law is one of data."""
         return data.get("law") in GIVEN
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Rows of two numbers."""
         return {"points": read_points(path, 1, "Gusts")}

@@ -121,7 +121,6 @@ class BodySection(Section):
 
     @property
     def moves(self) -> bool:
-        """Whether the grain moves during the computation."""
         return self.motion != "fixed"
 
     @property

@@ -50,17 +50,14 @@ class Gust(FromFile):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Whether the shape is given by points."""
         return data.get("shape") == "points"
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Times and factors."""
         return {"points": read_points(path, 2, "Gust")}
 
     @property
     def rising(self) -> float:
-        """Rise time of a top-hat."""
         return RISE * self.duration if self.rise is None else self.rise
 
     def knots(self) -> np.ndarray:
@@ -74,7 +71,6 @@ class Gust(FromFile):
         )
 
     def factor(self, time: float) -> float:
-        """Factor on the flow at a time."""
         since = time - self.start
         if self.shape == "points":
             times, factors = zip(*self.points, strict=True)

@@ -102,7 +102,6 @@ class Contact(Section):
 
     @property
     def law(self) -> FrictionCone:
-        """Law of static friction and cohesion, for both criteria."""
         from ..contact.friction import FrictionCone
 
         return FrictionCone.of(self.friction, self.cohesion)
@@ -226,17 +225,14 @@ class Scene(Section):
 
     @property
     def scales(self) -> Scales | None:
-        """SI values of the scene's units; None without [units]."""
         return None if self.units is None else scales_of(self, self.units)
 
     @property
     def gdim(self) -> int:
-        """Geometric dimension."""
         return self.domain.gdim
 
     @property
     def up(self) -> int:
-        """Index of the vertical coordinate."""
         return self.gdim - 1
 
     @property
@@ -260,7 +256,6 @@ class Scene(Section):
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether error bars are requested and available."""
         of = self.body is not None or self.has_surface or self.is_averaged
         steady = self.time is None and (self.has_centrelines or self.has_separation)
         return self.numerics.error_bars and (of or steady)
@@ -277,23 +272,19 @@ class Scene(Section):
 
     @property
     def top(self) -> Top:
-        """Upper boundary; "auto" resolved by the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
     @property
     def sides(self) -> Sides:
-        """Lateral boundaries of a 3-D scene."""
         walled = self.domain.kind == "box" and not self.has_surface
         return self.domain.sides or ("wall" if walled else "slip")
 
     @property
     def has_surface(self) -> bool:
-        """Whether the top is a free surface."""
         return self.domain.top == FREE
 
     @property
     def accuracy_of(self) -> str:
-        """Quantity to which `numerics.accuracy` applies."""
         quantity = self.numerics.accuracy_of
         if quantity != "auto" or self.body is not None:
             return quantity if quantity != "auto" else "force"
@@ -301,7 +292,6 @@ class Scene(Section):
 
     @property
     def no_gusts(self) -> str:
-        """Reason why critical gusts are not available, or ""."""
         return (
             "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
@@ -346,12 +336,10 @@ class Scene(Section):
 
     @property
     def moves(self) -> bool:
-        """Whether a grain moves during the computation."""
         return self.body is not None and self.body.moves
 
     @property
     def rests(self) -> bool:
-        """Whether a grain rests on the bed."""
         return self.body is not None and self.bed is not None and self.body.x is not None
 
     @property

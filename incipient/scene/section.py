@@ -111,7 +111,6 @@ class Rule:
     remedy: Text
 
     def problem(self, section: Any) -> Problem:
-        """The problem of a section or scene that breaks the rule."""
         texts = (self.key, self.why, self.remedy)
         return problem(*(t.format(s=section) if isinstance(t, str) else t(section) for t in texts))
 
@@ -153,7 +152,6 @@ class Section(BaseModel):
         return value
 
     def refused(self, key: str, why: str, remedy: str) -> ValidationError:
-        """The error of a validator about a key of this section."""
         return refusal(type(self).__name__, [Problem((key,), why, remedy)])
 
     @model_validator(mode="after")
@@ -163,7 +161,6 @@ class Section(BaseModel):
         return self
 
     def changed(self, key: str) -> bool:
-        """Whether a key differs from its default."""
         return bool(getattr(self, key) != type(self).model_fields[key].default)
 
     def require(self, key: str, make: Callable[[], Any]) -> None:

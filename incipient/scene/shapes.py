@@ -64,7 +64,6 @@ class GrainSection(BodySection):
     on_contact: OnContact = "stop"
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
-        """Grain in the scene's orientation, with its centroid at a point (2,)."""
         return geometry.Placement(tuple(centre), math.radians(self.angle))
 
 
@@ -114,7 +113,6 @@ class Polygon(FromFile, GrainSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Vertices; the repeated last one of a closed outline is dropped."""
         points = read_points(path, 3, "Polygon")
         return {"vertices": points[:-1] if points[0] == points[-1] else points}
 
@@ -157,7 +155,6 @@ class Discs(GrainSection):
     ] = key("x, y and radius of each disc, relative to any point [length]")
 
     def new_grain(self) -> geometry.Grain:
-        """New shape in the body frame."""
         return geometry.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
 
 
@@ -175,7 +172,6 @@ class BedSection(Section):
 
     @property
     def slope_angle(self) -> float:
-        """Angle [rad] by which gravity is turned."""
         return math.radians(getattr(self, "slope", 0.0))
 
     def forms(self, length: float) -> float:
@@ -229,7 +225,6 @@ class Sinusoidal(BedSection):
         return 0.5 * length / self.surface(0.0).feature
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """As `BedSection.surface`."""
         phase = (
             math.radians(self.phase)
             + 2.0 * math.pi * math.fmod(origin_x, self.wavelength) / self.wavelength
@@ -247,11 +242,9 @@ class HalfDiscs(BedSection):
     offset: float = key("Abscissa of the centre of one of them [length]", 0.0)
 
     def forms(self, length: float) -> float:
-        """Number of half-discs."""
         return length / self.spacing
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """As `BedSection.surface`."""
         return geometry.HalfDiscs(self.radius, self.spacing, self.offset - origin_x, origin_y)
 
 
@@ -276,7 +269,6 @@ class Polyline(FromFile, BedSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Points; refused unless sorted."""
         points = read_points(path, 2, "Polyline")
         if why := _disorder(points):
             remedy = "give two or more points sorted by ascending x, each place once"
@@ -284,7 +276,6 @@ class Polyline(FromFile, BedSection):
         return {"points": points}
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """As `BedSection.surface`."""
         curve = geometry.Curved if self.smooth else geometry.Polyline
         return curve([(x - origin_x, y) for x, y in self.points], origin_y)
 

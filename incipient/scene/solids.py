@@ -98,11 +98,9 @@ class SolidSection(BodySection):
 
     @property
     def aside(self) -> float | None:
-        """y at which the grain comes to rest; None: mid-width."""
         return self.y
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
-        """Grain in the scene's orientation, with its centroid at a point (3,)."""
         about_x, about_y, about_z = (
             rotation_by(angle * axis)
             for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
@@ -149,7 +147,6 @@ class Capsule(SolidSection):
     )  # fmt: skip
 
     def new_grain(self) -> geometry.Solid:
-        """New shape in the body frame."""
         return geometry.Box((self.diameter, self.length, self.diameter), 0.5 * self.diameter)
 
 
@@ -203,7 +200,6 @@ class Spheres(SolidSection):
     ] = key("x, y, z and radius of each sphere, relative to any point [length]")
 
     def new_grain(self) -> geometry.Solid:
-        """New shape in the body frame."""
         return geometry.Spheres(
             [ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres]
         )
@@ -229,7 +225,6 @@ class Mesh(FromFile, SolidSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Vertices and triangles; refused if too many or not those of a grain."""
         try:
             surface = geometry.Triangulated.from_file(path)
         except SceneError as error:
@@ -240,7 +235,6 @@ class Mesh(FromFile, SolidSection):
         return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
     def new_grain(self) -> geometry.Solid:
-        """New shape in the body frame."""
         points = np.array(self.vertices, dtype=float).reshape(-1, 3)
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
         grain = geometry.Triangulated(points, triangles)

@@ -70,12 +70,10 @@ class Surface(FromFile):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Never: at rest the surface is level."""
         return False
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Positions and elevations."""
         return {"points": read_points(path, 2, "Surface")}
 
     def height(self, x: np.ndarray) -> np.ndarray:
@@ -85,7 +83,6 @@ class Surface(FromFile):
         return Expression(self.elevation)(x)
 
     def places(self) -> list[tuple[float, ...]]:
-        """Horizontal coordinates of the stations."""
         return [one if isinstance(one, tuple) else (one,) for one in self.stations]
 
 

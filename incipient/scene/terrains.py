@@ -63,7 +63,6 @@ class SphereBed(TerrainSection):
     angle: float = key("Angle of the rows, from x towards y [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """As `BedSection.terrain`."""
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
         kind = self.arrangement
@@ -88,11 +87,9 @@ class HeapBed(FromFile, TerrainSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Spheres in a file."""
         return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """As `BedSection.terrain`."""
         spheres = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
         posts = np.arange(len(spheres)) >= len(self.spheres)
         return geometry.SphereBed(
@@ -110,7 +107,6 @@ class RidgeBed(TerrainSection):
     phase: float = key("Phase at x = y = 0 [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """As `BedSection.terrain`."""
         angle = math.radians(self.angle)
         ahead = corner[0] * math.cos(angle) + corner[1] * math.sin(angle)
         phase = (
@@ -144,12 +140,10 @@ class RasterBed(FromFile, TerrainSection):
 
     @classmethod
     def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
-        """x, y of the first height, from its `origin` in the file and the key `offset`, if given."""
         raise NotImplementedError
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Heights in a file, their spacing and the position of the first one."""
         for name in ("cell", "offset", "scale"):
             _require_numbers(cls.__name__, name, data.get(name))
         try:
@@ -161,7 +155,6 @@ class RasterBed(FromFile, TerrainSection):
         return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """As `BedSection.terrain`."""
         assert self.cell is not None
         place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
         return geometry.HeightMap(

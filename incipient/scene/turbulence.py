@@ -108,7 +108,6 @@ class Turbulence(Section):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """c_mu, c_1, c_2, sigma_k and sigma_epsilon."""
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:

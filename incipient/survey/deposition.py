@@ -43,7 +43,6 @@ class Spheres:
         return np.asarray(vectors)
 
     def without(self, number: int) -> Spheres:
-        """All spheres but one."""
         kept = np.arange(len(self)) != number
         return Spheres(self.centres[kept], self.radii[kept], self.period)
 
@@ -121,7 +120,6 @@ def _dropped(others: Spheres, place: Floats, radius: float, floor: float | None)
 def _near(
     others: Spheres, place: Floats, radius: float, within: float, floor: float | None
 ) -> tuple[Floats, Floats, np.ndarray]:
-    """Normals (k, 3) towards the sphere, gaps (k,) and numbers (k,) of its neighbours, -1 for the floor."""
     away = others.away(place)
     length = np.linalg.norm(away, axis=1)
     gaps = length - others.radii - radius
@@ -137,7 +135,6 @@ def _near(
 
 
 def _closed(others: Spheres, place: Floats, radius: float, floor: float | None) -> Floats:
-    """The position at which the supporting contacts are closed to round-off."""
     normals, _, which = _near(others, place, radius, TOUCHING * radius, floor)
     _, factors = balance(normals, DOWN)
     carrying = set(which[factors > CARRYING].tolist())

@@ -60,7 +60,6 @@ class Emulator:
 
     @staticmethod
     def require() -> None:
-        """Raise MissingError without scikit-learn."""
         try:
             import_module("sklearn.gaussian_process")
         except ImportError as error:

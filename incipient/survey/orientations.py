@@ -57,7 +57,6 @@ class PoseOutcome:
     def of(
         cls, table: Sequence[dict[str, Any]], poses: int, refused: int, reason: str
     ) -> PoseOutcome:
-        """The outcome of the rows of a sweep."""
         done = [row for row in table if row["status"] == "done"]
         shields = sorted(float(row["shields_nominal"]) for row in done)
         known = tuple(number for number in shields if not math.isnan(number))
@@ -66,7 +65,6 @@ class PoseOutcome:
         return cls(known, modes, poses, refused, reason, failed)
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         known = len(self.shields)
         lines = [f"poses               {self.poses}: {known} thresholds, {self.failed} failed"]
         if self.refused:

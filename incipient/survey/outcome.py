@@ -66,7 +66,6 @@ class EmulatorRecord:
         to_halve: int,
         of_flow: Floats,
     ) -> EmulatorRecord:
-        """The record from runs, thresholds and the relative error (6,) of the flow."""
         wrong, bars = emulator.errors, emulator.bars
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
         ranges = [(*one.bar, one.shields) for one in thresholds if not one.is_computed]
@@ -88,7 +87,6 @@ class EmulatorRecord:
         )
 
     def lines(self) -> list[str]:
-        """The record as text."""
         flow = "not estimated" if self.flow is None else f"{self.flow:.1%} of the drag"
         failed = f", {self.failed} failed" if self.failed else ""
         least = "" if self.level >= LEVEL else f": so few runs give no more; {FOR_LEVEL} tell 95%"
@@ -126,7 +124,6 @@ class SurveyOutcome:
 
     @property
     def _stress(self) -> tuple[Floats, Floats]:
-        """Critical stresses (n,) and draws of them (n, k), over the submerged specific weight of the median grain."""
         ratios = np.array([self._ratio(one.pocket) for one in self.thresholds])
         own = np.array([one.shields for one in self.thresholds])
         draws = np.array([one.draws for one in self.thresholds])
@@ -170,7 +167,6 @@ class SurveyOutcome:
         return with_constant_drag(grain.pivot, grain.protrusion, self._ratio(grain))
 
     def rows(self) -> list[dict[str, Any]]:
-        """A row for each surveyed grain, in the order of motion."""
         known = {one.pocket.number: one for one in self.thresholds}
         rows = [self._row(grain, known.get(grain.number)) for grain in self.pockets]
         rows.sort(key=lambda row: (row.get("stress", math.inf), row["number"]))
@@ -193,7 +189,6 @@ class SurveyOutcome:
         return row | {"loads": loads, "mode": threshold.mode}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, without the grains, for survey.json."""
         return {
             "title": self.request.title,
             "request": self.request.model_dump(mode="json"),
@@ -216,7 +211,6 @@ class SurveyOutcome:
         }
 
     def text(self) -> str:
-        """The survey in a few lines."""
         median, bed = self.surface.median, self.surface
         lines = [
             f"bed                 {len(self.spheres)} grains, median diameter {median:.4g}; "

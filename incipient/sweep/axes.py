@@ -34,7 +34,6 @@ class VariedKey:
 
     @property
     def settings(self) -> list[Settings]:
-        """One override for each value."""
         return [(f"{self.key}={value}",) for value in self.values]
 
 

@@ -28,7 +28,6 @@ class Source:
 
     @classmethod
     def of(cls, scene: Scene | Path | str) -> Source:
-        """The source from a Scene or a file. Raises SceneError."""
         if isinstance(scene, Scene):
             return cls(scene.title or "scene", dumps(scene))
         path = Path(scene)
@@ -51,7 +50,6 @@ class SweepCase:
 
     @property
     def name(self) -> str:
-        """The overrides in one line."""
         return ", ".join(self.settings) or self.source
 
 

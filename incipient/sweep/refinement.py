@@ -49,7 +49,6 @@ class Aim:
             raise SceneError(f"--most {self.most}: is not a number of cases; give 1 or more")
 
     def of_case(self, columns: Columns) -> tuple[str, float | None]:
-        """Mode, and finite quantity, of a case."""
         value, mode = columns.get(self.quantity), str(columns.get("mode", "no verdict"))
         if not isinstance(value, int | float):
             return mode, None
@@ -59,8 +58,6 @@ class Aim:
 
 
 class _Numbers:
-    """The numbers of a key; equal ratios or differences in between, whichever all are nearer to."""
-
     def __init__(self, axis: VariedKey, numbers: Mapping[tuple[float, ...], str]):
         self.key, self.texts, values = axis.key, list(numbers.values()), np.array(list(numbers))
         self.is_single = values.shape[1] == 1
@@ -68,7 +65,6 @@ class _Numbers:
         self.scaled = np.log(values) if self.is_logarithmic else values
 
     def setting(self, position: float) -> str:
-        """The override at a position; integer positions are the given numbers."""
         if position == int(position):
             return f"{self.key}={self.texts[int(position)]}"
         places = np.arange(len(self.texts))
@@ -89,7 +85,6 @@ class Direction:
         return float(np.interp(position, np.arange(len(self.along)), self.along))
 
     def settings(self, position: float) -> Settings:
-        """The overrides at a position."""
         return tuple(key.setting(position) for key in self.keys)
 
 
@@ -128,7 +123,6 @@ class Family:
     known: dict[float, tuple[str, float | None]] = field(default_factory=dict)
 
     def changes(self) -> list[tuple[float, float]]:
-        """Neighbouring positions of different modes."""
         return [
             (low, high)
             for low, high in pairwise(sorted(self.known))
@@ -226,7 +220,6 @@ class SweepRefinement:
         )
 
     def lines(self) -> list[str]:
-        """Text on the intervals in which the mode changes, and on missing cases."""
         changes = [(family, ends) for family in self._families for ends in family.changes()]
         worst = max((family.length(*ends) for family, ends in changes), default=0.0)
         within = f"to {worst:.2g} of the range, in {len(changes)} intervals" if changes else "none"
@@ -245,7 +238,6 @@ class SweepRefinement:
 
 
 def _numbers(axis: VariedKey) -> dict[tuple[float, ...], str]:
-    """Texts of an axis by their numbers, or lists of numbers; empty if one is neither, or lists differ in length."""
     numbers: dict[tuple[float, ...], str] = {}
     for text in axis.values:
         try:
@@ -260,7 +252,6 @@ def _numbers(axis: VariedKey) -> dict[tuple[float, ...], str]:
 
 
 def _has_equal_ratios(values: Floats) -> bool:
-    """Whether numbers are nearer to equal ratios than to equal differences; two, if a decade apart."""
     values = np.sort(values)
     if values[0] <= 0.0:
         return False

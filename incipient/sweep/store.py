@@ -109,7 +109,6 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Write all of the block or nothing, and the view of its columns."""
         with self._reported():
             self._base.execute("BEGIN IMMEDIATE")
             try:
@@ -135,7 +134,6 @@ class Store:
                     self._base.execute(update, (WAITING, case.identity, FAILED))
 
     def finish(self, outcomes: Sequence[tuple[str, int, CaseOutcome]]) -> None:
-        """Write identity, number of tries and outcome of cases."""
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
         with self._transaction():
             for identity, tries, outcome in outcomes:
@@ -158,7 +156,6 @@ class Store:
                 )
 
     def write_view(self) -> None:
-        """Redefine the view `results`."""
         with self._reported():
             query = "SELECT DISTINCT key FROM cases, json_each(cases.columns)"
             names = [str(name) for (name,) in self._base.execute(query)]
@@ -171,7 +168,6 @@ class Store:
             self._base.execute(f"CREATE VIEW results AS SELECT {own} FROM cases")
 
     def states(self) -> dict[str, str]:
-        """Status of each case by identity."""
         with self._reported():
             return dict(map(tuple, self._base.execute("SELECT id, status FROM cases")))
 
@@ -183,7 +179,6 @@ class Store:
             return {one: json.loads(row[0]) for one, row in rows.items() if row is not None}
 
     def keys(self) -> list[str]:
-        """Varied keys in the order of their first case."""
         with self._reported():
             rows = self._base.execute("SELECT DISTINCT settings FROM cases ORDER BY rowid")
             settings = [setting for (text,) in rows for setting in json.loads(text)]
@@ -198,7 +193,6 @@ class Store:
 
 
 def _json(columns: dict[str, Any]) -> str:
-    """Flat columns as JSON; an infinite number becomes one beyond SQLite's range, which reads it as infinite."""
     infinite = {math.inf: "9e999", -math.inf: "-9e999"}
     cells = (
         f"{json.dumps(key)}: {infinite.get(cell) or json.dumps(cell)}"

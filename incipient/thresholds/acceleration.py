@@ -61,7 +61,6 @@ class CriticalStrength:
 
     @classmethod
     def of(cls, threshold: Threshold, of_growth: Floats, law: Law) -> CriticalStrength:
-        """The critical strengths of a grain about its threshold."""
         assert threshold.steepness is not None
         steady = threshold.factor, threshold.load, threshold.steepness
         return cls(*steady, of_growth, threshold.contacts, law)

@@ -39,16 +39,13 @@ class CriticalBars:
 
     @property
     def error(self) -> float:
-        """The larger of both sides."""
         return max(self.factor - self.low, self.high - self.factor)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for threshold.json."""
         factor = {"low": self.low, "high": self.high, "error": self.error, "terms": self.terms}
         return {"factor": factor, "load": self.loads.to_dict()}
 
     def lines(self) -> list[str]:
-        """Sources of the error as text."""
         known = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
         missing = self.loads.left_out | {
             name: f"not computed: {why}" for name, why in self.loads.failed.items()
@@ -99,7 +96,6 @@ def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
 
 
 def _root(value: float, power: float) -> float:
-    """value^(1/power); unbounded if S does not fall with the factor."""
     if 0.0 < value < math.inf and power > 0.0:
         return float(value ** (1.0 / power))
     return value if value == 1.0 else 0.0 if value < 1.0 else math.inf

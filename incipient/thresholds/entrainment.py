@@ -89,7 +89,6 @@ class Quantile:
         return sum(self.terms.values()) if "flow" in self.terms else None
 
     def line(self) -> str:
-        """Probability and Shields number as text."""
         sources = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
         rate = "" if self.rate is None else f"; {self.rate:.3g} in unit time"
         if self.lasting is not None:
@@ -118,7 +117,6 @@ class Entrainment:
     assumed: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for entrainment.json."""
         named = ("factor", "shields", "shear_reynolds", "mode", "errors", "applicable")
         return {
             "schema_version": SCHEMA_VERSION,
@@ -132,7 +130,6 @@ class Entrainment:
         }
 
     def text(self) -> str:
-        """The result in a few lines."""
         critical, own = self.threshold, self.scene
         rate = "not known" if own.rate is None else f"{own.rate:.3g} times in unit time"
         if own.lasting is not None:
@@ -215,7 +212,6 @@ def find_entrainment(
 
 
 def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
-    """Reason why the load of acceleration is omitted, or ""."""
     reasons = (
         (gusts.law in GIVEN, "the data are taken as of slow changes"),
         (gusts.microscale is None, "gusts.microscale is not given"),
@@ -281,7 +277,6 @@ class Motion:
         return None if isinstance(law, Gaussian) else law
 
     def law(self, strength: float) -> Law:
-        """Law of the factor in a mean flow."""
         law = self._data or _law_of(self.gusts, self.flow, strength)
         return law.other() if self.other and isinstance(law, Gaussian) else law
 
@@ -294,7 +289,6 @@ class Motion:
         return [replace(self, factor=max(end, least)) for end in (bars.low, bars.high)]
 
     def at(self, strength: float) -> OfStrength:
-        """Probability and rate of motion in a mean flow."""
         variants = [*self._within_bars, *([] if self._data else [replace(self, other=True)])]
         probability = self.probability(strength)
         ranges = [probability, *(variant.probability(strength) for variant in variants)]
@@ -337,7 +331,6 @@ class Motion:
         return rate, lasting
 
     def probability(self, strength: float) -> float:
-        """Probability of motion in a mean flow."""
         law, growing = self.law(strength), self.growing
         if math.isinf(self.factor):
             return 0.0
@@ -366,7 +359,6 @@ class Motion:
             return self.factor / level if level > 0.0 else math.inf
 
         def excess(logarithm: float) -> float:
-            """Excess over the given probability, in standard deviations of a Gaussian."""
             return _standard(self.probability(math.exp(logarithm))) - _standard(probability)
 
         ends = [math.log(end * self.factor) for end in (WEAKEST, STRONGEST)]

@@ -52,16 +52,13 @@ class CriticalGust:
 
     @property
     def strength(self) -> float:
-        """The critical strength."""
         return math.sqrt(self.held * self.leaves)
 
     def line(self) -> str:
-        """Duration and strength as text."""
         error = "not known" if self.error is None else f"{self.error:.2g}"
         return f"gust of {self.duration:<10.4g} strength {self.strength:.4g} +- {error} in {self.runs} runs"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
         impulse = (self.strength - 1.0) * self.duration * (1.0 if self.shape == "top-hat" else 0.5)
         return {**asdict(self), "strength": self.strength, "impulse": impulse}
 
@@ -166,7 +163,6 @@ class GustSearch:
         return {**plain, "output": {"fields": False, "pictures": False}}
 
     def _course(self, duration: float) -> dict[str, Any]:
-        """Shape, start and rise of the gusts; the rise is the scene's fraction of the duration."""
         gust = getattr(self.scene.flow, "gust", None) or Gust()
         rise = {} if gust.rise is None else {"rise": gust.rise / gust.duration * duration}
         return {"shape": gust.shape, "start": gust.start, **rise}

@@ -88,7 +88,6 @@ class Series:
 
     @property
     def duration(self) -> float:
-        """Length in time."""
         return self.step * (len(self.factors) - 1)
 
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
@@ -138,7 +137,6 @@ class RateOfLasting:
     high: float
 
     def words(self) -> str:
-        """Rate and range as text."""
         return f"{self.rate:.3g} ({self.low:.2g} to {self.high:.2g}) of them long enough"
 
 

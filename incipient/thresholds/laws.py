@@ -65,7 +65,6 @@ class Gaussian:
         return self._deviation if self.lognormal else strength * self.intensity
 
     def exceeded(self, level: float) -> float:
-        """Fraction of time above a level."""
         return float(norm.sf(self.standard(level)))
 
     def level(self, probability: float) -> float:
@@ -73,14 +72,12 @@ class Gaussian:
         return float(self.factor(norm.isf(probability)))
 
     def upcrossings(self, level: float) -> float | None:
-        """Upcrossings of a level per unit time (Rice); None without a microscale."""
         if self.microscale is None:
             return None
         crossings = math.exp(-0.5 * self.standard(level) ** 2)
         return crossings / (math.sqrt(2.0) * math.pi * self.microscale)
 
     def other(self) -> Gaussian:
-        """The other law with the same intensity."""
         return Gaussian(self.intensity, not self.lognormal, self.microscale)
 
 
@@ -105,19 +102,16 @@ class Measured:
 
     @classmethod
     def of(cls, points: Floats, integral_time: float | None) -> Measured:
-        """The law of a series (n, 2) of times and velocities."""
         times, speeds = points.T
         mean = trapezoid(speeds, times) / (times[-1] - times[0])
         return cls(times, speeds / mean, integral_time)
 
     @property
     def duration(self) -> float:
-        """Length in time."""
         return float(self.times[-1] - self.times[0])
 
     @cached_property
     def intensity(self) -> float:
-        """Root mean square of the fluctuation over the mean."""
         return math.sqrt(trapezoid((self.factors - 1.0) ** 2, self.times) / self.duration)
 
     @property
@@ -128,7 +122,6 @@ class Measured:
 
     @cached_property
     def integral(self) -> float:
-        """Integral of the correlation over time."""
         if self.integral_time is not None:
             return self.integral_time
         factors, step = self.even
@@ -140,7 +133,6 @@ class Measured:
 
     @property
     def independent(self) -> float:
-        """Number of independent samples."""
         return self.duration / (2.0 * self.integral)
 
     @property
@@ -149,7 +141,6 @@ class Measured:
         return 1.0 / self.independent, 1.0 - 1.0 / self.independent
 
     def exceeded(self, level: float) -> float:
-        """Fraction of time above a level."""
         low, high = np.sort([self.factors[:-1], self.factors[1:]], axis=0) - level
         crosses = (low < 0.0) & (high > 0.0)
         above = np.where(crosses, high / np.where(crosses, high - low, 1.0), low + high > 0.0)
@@ -166,7 +157,6 @@ class Measured:
         )
 
     def upcrossings(self, level: float) -> float:
-        """Upcrossings of a level per unit time."""
         rises = (self.factors[:-1] <= level) & (self.factors[1:] > level)
         return float(np.count_nonzero(rises)) / self.duration
 
@@ -191,7 +181,6 @@ class Events:
 
     @classmethod
     def of(cls, points: Floats, record: float) -> Events:
-        """The law of rows (n, 2) of strength and duration."""
         strengths, lengths = points[np.argsort(-points[:, 0], kind="stable")].T
         return cls(strengths, lengths, record)
 
@@ -201,11 +190,9 @@ class Events:
 
     @property
     def known_range(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the events determine."""
         return float(self._fractions[0]), float(self._fractions[-1])
 
     def exceeded(self, level: float) -> float:
-        """Fraction of time above a level."""
         return float(self.lengths[self.strengths > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:
@@ -214,7 +201,6 @@ class Events:
         return float(np.interp(probability, self._fractions, self.strengths))
 
     def upcrossings(self, level: float) -> float:
-        """Gusts above a level per unit time."""
         return float(np.count_nonzero(self.strengths > level)) / self.duration
 
     def spread(self, probability: float) -> float:

@@ -36,7 +36,6 @@ class MeanFlow:
                 raise SceneError(f"gusts.{name}: {why}")
 
     def shields(self, strength: float) -> float:
-        """Shields number of the mean flow."""
         return self._stress(strength) / self.setup.stress_unit
 
     @cached_property
@@ -88,10 +87,6 @@ class MeanFlow:
         return length(energy, loss, flow.setup.scene.viscosity) / (flow.speed * strength)
 
     def _in(self, strength: float) -> tuple[MeanFlow, float]:
-        """A turbulent mean flow in its own units, and the remaining factor of its strength.
-
-        Without a turbulence model the profile is fixed, and the flow is that of the scene.
-        """
         return (self._faster(strength), 1.0) if self.setup.is_averaged else (self, strength)
 
     @cached_property
@@ -125,10 +120,6 @@ class MeanFlow:
 
     @cached_property
     def _energy_and_loss(self) -> tuple[float, float]:
-        """Mean k and epsilon of the inflow at the heights of the grain.
-
-        epsilon is NaN in a flow that is too slow for the law of the wall.
-        """
         with np.errstate(invalid="ignore"):
             energy, other = np.exp(self._inflow[1](self._at_inflow))
         loss = other if self.setup.has_wall_layer else self.setup.turbulence.c_mu * other * energy
@@ -159,7 +150,6 @@ class MeanFlow:
 
     @cached_property
     def _inflow(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
-        """Velocity, and logarithms of k and its loss or frequency, at the inflow of a turbulent flow."""
         if self.setup.has_wall_layer:
             from ..planning import wall_conditions
 
@@ -168,14 +158,12 @@ class MeanFlow:
 
     @cached_property
     def _places(self) -> Floats:
-        """Points (n, gdim) of equal volumes in the grain."""
         scene = self.setup.scene
         assert scene.grain is not None and scene.placement is not None
         return DisplacedFluid(scene.grain, self.setup.base_flow).points(scene.placement)
 
     @cached_property
     def _at_inflow(self) -> Floats:
-        """Points (3, n) of the inflow at heights of the grain above the datum."""
         domain, base_flow = self.setup.scene.domain, self.setup.base_flow
         heights = self._places[:, domain.up]
         return base_flow.column(domain.entrance, heights[heights > base_flow.datum])

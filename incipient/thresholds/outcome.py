@@ -78,12 +78,10 @@ class Threshold:
 
     @property
     def is_critical(self) -> bool:
-        """Whether there is a critical flow."""
         return 0.0 < self.factor < np.inf
 
     @property
     def shields_nominal(self) -> float:
-        """The Shields number with the nominal diameter."""
         return self.shields * self.size / self.nominal
 
     @property
@@ -97,7 +95,6 @@ class Threshold:
         return {name: relative * power * getattr(self, name) for name, power in powers.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for threshold.json."""
         return {
             **{name: getattr(self, name) for name in (*self.errors, *AS_THEY_ARE)},
             "schema_version": SCHEMA_VERSION,
@@ -110,7 +107,6 @@ class Threshold:
         }
 
     def text(self) -> str:
-        """The result in a few lines."""
         lines = [f"threshold           {self.why_none()}"]
         if self.is_critical:
             lines = self._critical_lines()
@@ -124,7 +120,6 @@ class Threshold:
         return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
 
     def why_none(self) -> str:
-        """The reason for no critical flow as text."""
         if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
             return f"zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:

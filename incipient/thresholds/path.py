@@ -49,7 +49,6 @@ class LoadPath:
     before: LoadPath | None = None
 
     def load(self, factor: float) -> Load:
-        """Load at a factor."""
         flow = factor * self.over_factor(factor)
         return Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
 
@@ -71,7 +70,6 @@ class LoadPath:
         return chosen
 
     def safety(self, factor: float) -> float:
-        """Safety factor at a factor."""
         return safety_factor(self.load(factor), self.contacts, self.law).value
 
     def loss(self, low: float, high: float) -> float | None:

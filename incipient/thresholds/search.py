@@ -91,7 +91,6 @@ class CriticalFlow:
 
     @property
     def is_critical(self) -> bool:
-        """Whether there is a critical flow."""
         return 0.0 < self.factor < np.inf
 
     @property
@@ -129,7 +128,6 @@ class CriticalSearch:
         self._held: set[tuple[float, float]] = set()  # intervals in which it is certainly stable
 
     def from_rest(self) -> CriticalFlow:
-        """Search from rest upwards."""
         if bound := slowest_flow(self.run.setup):
             return self._from_slowest(bound)
         slow = CREEPING / self._reynolds if self._inertia else 1.0
@@ -207,7 +205,6 @@ class CriticalSearch:
         return rocking
 
     def _at_once(self, slow: float) -> CriticalFlow | None:
-        """The result for a grain that is not stable in the slowest flow; None if it is stable."""
         at_rest = safety_factor(self._load(slow), *self._holds)
         held = at_rest.status is SafetyStatus.NO_RESERVE
         power = 2.0 if self.run.setup.is_averaged else 1.0
@@ -219,11 +216,6 @@ class CriticalSearch:
         return self._ended(0.0, 0.0, why)
 
     def _rocking(self, factor: float, power: float) -> CriticalFlow | None:
-        """The flow in which a rocking grain leaves its pocket; None without rocking.
-
-        Each computed flow gives the multiple of its load at which the grain leaves; the load is a power of the factor,
-        first `power`, then that of the last two flows.
-        """
         rocking, held_to, reason = self.rocks(factor), 0.0, ROCKS_IN_ALL
         if rocking is None or rocking.critical == 0.0:
             return None
@@ -263,7 +255,6 @@ class CriticalSearch:
         return self._ended(np.inf, self._sure, NOT_WITHIN)
 
     def _inside(self, path: LoadPath) -> float | CriticalFlow | None:
-        """The next flow within the computed ones, or the critical one; None: the grain is stable in all of them."""
         for low, high in pairwise(path.factors.tolist()):
             self._sure = low
             if (low, high) in self._held:
@@ -286,7 +277,6 @@ class CriticalSearch:
         return None
 
     def _beyond(self, path: LoadPath, slow: float) -> float | CriticalFlow:
-        """The next flow beyond the computed ones, or the reason for none."""
         top = float(path.factors[-1])
         goal = min(GROWTH * top, self._largest) if top > slow else self._first(slow)
         loss = path.loss(top, max(goal, top))
@@ -320,7 +310,6 @@ class CriticalSearch:
         return all(max(factor / failed, failed / factor) > APART for failed in self.unsolved)
 
     def _try(self, factor: float, here: bool = False) -> bool:
-        """Solve; for an unconverged flow record it, and solve at the end of the continuation."""
         try:
             self._solve(factor, here)
         except ConvergenceError:
@@ -348,7 +337,6 @@ class CriticalSearch:
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
     def _start(self, factor: float) -> float:
-        """The initial flow: the next slower one, with unsteady wakes the nearest; 0: none."""
         if self._states and self._lingers:
             return min(self._states, key=lambda known: abs(np.log(known / factor)))
         return max((known for known in self._states if known < factor), default=0.0)
