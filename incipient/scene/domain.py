@@ -30,7 +30,7 @@ class Domain(Section):
     length: Positive = key("Extent along the flow [length]")
     height: Positive = key("Extent from the lower side to the top [length]")
     width: Positive | None = key(
-        "Extent across, which makes the scene three-dimensional, z upwards [length]",
+        "Width of a 3-D scene, with z upwards [length]",
         None,
         examples=[20.0],
     )
@@ -40,16 +40,16 @@ class Domain(Section):
         validate_default=True,
     )
     top: Top = key(
-        "Upper side; auto: by flow.kind; stream: it moves with the base flow; or see [surface]",
+        "Top; auto: from flow.kind; stream: moves with the base flow; free-surface: see [surface]",
         "auto",
     )
     sides: Sides | None = key(
-        "Both sides across the width; stream: they move with the base flow; by default slip, of a box wall",
+        "Lateral boundaries; stream: move with the base flow; default: slip, of a box wall",
         None,
         examples=["slip"],
     )
     symmetric: Choice | None = key(
-        "With width: true computes half of a scene that is its own mirror image; by default by the scene",
+        "In 3-D: true computes half of a symmetric scene; default: if it is symmetric",
         None,
         examples=["auto"],
     )

@@ -17,9 +17,9 @@ from .solids import Sphere
 from .terrains import SphereBed
 
 _HEADING = """\
-A scene for incipient. Lengths and times are in any units that fit together, [in brackets] at each key.
+A scene for incipient. Lengths and times are in any consistent units, [in brackets] at each key.
 The fluid's density is 1; its viscosity follows from the Reynolds number.
-Lines with # in front show what else may be set; what has a default may be left out."""
+Lines that begin with # show further keys; keys with a default are optional."""
 _COLUMN = 26
 
 

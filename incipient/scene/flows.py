@@ -38,7 +38,7 @@ class Profile(Section):
     """Common keys of flows with a given profile."""
 
     datum: Datum = key(
-        "Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "
+        "Origin of the profile: auto; effective height, crest or mean of the bed; or a height above its "
         "base line [length]",
         "auto",
     )
@@ -48,7 +48,7 @@ class Driven(Profile):
     """A flow with a given profile that a gust may multiply."""
 
     gust: Gust | None = key(
-        "A factor that multiplies the flow in time",
+        "Factor on the flow over time",
         None,
         examples=[{"start": 1.0, "duration": 0.5, "strength": 2.0}],
     )
@@ -86,11 +86,9 @@ class LogLaw(Profile):
     """Logarithmic mean profile of channels, in a flow that is computed as laminar."""
 
     kind: Literal["log-law"] = key("Kind of flow", "log-law")
-    shear_velocity: Positive = key(
-        "V = u*, the root of the bed's shear stress over the density [length/time]", 1.0
-    )
+    shear_velocity: Positive = key("Shear velocity V = u* = sqrt(tau_b / rho) [length/time]", 1.0)
     roughness: NotNegative = key(
-        "Equivalent sand roughness k_s of the bed that the mean profile is over [length]", 0.0
+        "Equivalent sand roughness k_s of the bed under the mean profile [length]", 0.0
     )
 
 
@@ -106,7 +104,7 @@ class ExpressionFlow(Section):
 
     kind: Literal["expression"] = key("Kind of flow", "expression")
     components: Words = key(
-        "Two formulas in x, y and t for the velocity; in 3-D three, in z as well [length/time]"
+        "Two formulas in x, y and t for the velocity; in 3-D three in x, y, z and t [length/time]"
     )
     velocity: Positive = key("Reference velocity V [length/time]", 1.0)
 

@@ -94,28 +94,29 @@ class Gusts(FromFile):
     )  # fmt: skip
 
     law: Literal["lognormal", "normal", "measured", "events"] = key(
-        "Distribution of the factor; measured: that of a series; events: of gusts that were counted",
+        "Distribution of the factor; measured: of a time series; events: of counted gusts",
         "lognormal",
     )
     intensity: Intensity = key(
-        "Root mean square of the velocity's fluctuation over its mean at the grain [-]; near-wall: by a law of the "
-        "wall region; model: by the inflow's k",
+        "Turbulence intensity relative to the mean velocity at the grain [-]; near-wall: from a law of the wall "
+        "region; model: from k of the inflow",
         None,
         examples=[0.3],
     )
     depth: Positive | None = key(
-        'Depth of the flow, for intensity = "near-wall"; by default much more than the grain\'s size [length]',
+        'Depth of the flow, for intensity = "near-wall"; default: much larger than the grain [length]',
         None,
         examples=[20.0],
     )
     microscale: ModelTime = key(
-        "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; model: by the inflow",
+        "Microscale lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; "
+        "model: from the inflow",
         None,
         examples=[0.5],
     )
     integral_time: ModelTime = key(
-        "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]; "
-        "model: by the inflow",
+        "Integral time scale, for gusts that last long enough; a measured series has its own [time]; "
+        "model: from the inflow",
         None,
         examples=[2.0],
     )
@@ -127,7 +128,7 @@ class Gusts(FromFile):
     )
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
         'With law = "measured": time and velocity at the grain, in any unit [time, -]; with "events": velocity over '
-        "its mean, and how long it stayed as high [-, time]",
+        "its mean, and duration of the gust [-, time]",
         (),
     )
 

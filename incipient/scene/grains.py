@@ -23,8 +23,8 @@ Density = Annotated[
 Motion = Annotated[
     Literal["fixed", "free", "prescribed", "released"],
     Field(
-        description="How the grain moves: not, as flow and weight move it, as `course` says, or from its rest on the "
-        "bed as flow, weight and contact move it"
+        description="Motion of the grain; free: by flow and weight; prescribed: by `course`; released: from rest on "
+        "the bed, by flow, weight and contact"
     ),
 ]
 FRICTIONLESS = "frictionless"
@@ -39,7 +39,7 @@ READ_ONLY_BY = {
 }
 OfTime = Annotated[str, formula("t")]
 SETTLES = (
-    'on the bed, by contact.friction; "frictionless": without; "level": as if bed.slope were zero'
+    'on the bed, with contact.friction; "frictionless": without; "level": as if bed.slope were zero'
 )
 
 
@@ -53,8 +53,8 @@ Settle = Annotated[
 OnContact = Annotated[
     Literal["stop", "touch"],
     Field(
-        description="A grain that moves within contact.gap of a wall ends the run; a free one may touch the bed "
-        "and roll, slide or rest on it"
+        description="stop: the run ends when a moving grain is within contact.gap of a wall; touch: a free grain may "
+        "roll, slide or rest on the bed"
     ),
 ]
 

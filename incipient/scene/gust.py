@@ -30,22 +30,22 @@ class Gust(FromFile):
     )  # fmt: skip
 
     shape: Literal["top-hat", "cosine", "points"] = key(
-        "Course in time: a plateau with smooth sides, half a cosine wave, or given points",
+        "Shape over time: a plateau with smooth ramps, a raised cosine, or given points",
         "top-hat",
     )
-    start: NotNegative = key("Time at which the gust begins [time]", 0.0)
+    start: NotNegative = key("Start of the gust [time]", 0.0)
     duration: Positive = key(
-        "Duration; of a top-hat from the start of its rise to that of its fall [time]", 1.0
+        "Duration; of a top-hat from the start of its rise to the start of its fall [time]", 1.0
     )
-    strength: NotNegative = key("Largest factor of the flow, relative to the flow without [-]", 2.0)
+    strength: NotNegative = key("Maximum of the factor on the flow [-]", 2.0)
     rise: Positive | None = key(
-        "Time in which a top-hat rises, and in which it falls; by default a tenth of the duration [time]",
+        "Rise and fall time of a top-hat; default: a tenth of the duration [time]",
         None,
         examples=[0.1],
     )
     file: str | None = file_key("CSV file of time, factor,", "points", "gust.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
-        'With shape = "points": time after the start and factor, straight between [time, -]', ()
+        'With shape = "points": time after the start and factor, linear in between [time, -]', ()
     )
 
     @classmethod

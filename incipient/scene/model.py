@@ -79,24 +79,22 @@ class Contact(Section):
 
     friction: NotNegative = key("Coefficient of static friction [-]")
     cohesion: NotNegative = key(
-        "Largest pull of each contact, which adds to the normal force in friction's bound [force]",
+        "Largest tensile force of each contact, added to the normal force in the friction bound [force]",
         0.0,
     )
     gap: Positive = key(
-        "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
-        "2-D flow the width up to which the space next to contacts is closed [grain sizes]",
+        "Gap that represents contact in the flow, 0.1 at most; in turbulent 2-D flow past a fixed grain the "
+        "width up to which the space next to contacts is closed [grain sizes]",
         _DEFAULT_GAP,
     )
-    tolerance: Positive = key("Distance that counts as touching [grain sizes]", _DEFAULT_TOLERANCE)
+    tolerance: Positive = key("Distance that counts as contact [grain sizes]", _DEFAULT_TOLERANCE)
     kinetic_friction: NotNegative | None = key(
-        "Coefficient of friction of a contact that slides; by default that of static friction [-]",
+        "Coefficient of kinetic friction; default: that of static friction [-]",
         None,
     )
-    restitution: NotNegative = key(
-        "Normal velocity after an impact over that before it, reversed [-]", 0.0, le=1.0
-    )
+    restitution: NotNegative = key("Coefficient of normal restitution of impacts [-]", 0.0, le=1.0)
     rolling_resistance: NotNegative = key(
-        "Torque that resists rolling, over the normal force and half of the grain's size, at most [-]",
+        "Largest torque against rolling, over the normal force and half of the grain's size [-]",
         0.0,
     )
 
@@ -117,21 +115,21 @@ class Time(Section):
              "is for steps of a fixed length", "leave it out: with tolerance the first steps are short"),
     )  # fmt: skip
 
-    end: Positive = key("Time at which to stop [time]", examples=[10.0])
+    end: Positive = key("End time [time]", examples=[10.0])
     step: Positive = key("Time step, the first one if adaptive [time]", examples=[0.05])
     first_step: Positive = key(
-        "Length of the first step over `step`, the next are each a quarter longer [-]", 1.0, le=1.0
+        "First step over `step`; the next ones grow by a quarter each [-]", 1.0, le=1.0
     )
     scheme: Literal["bdf1", "bdf2"] = key("Backward differences of first or second order", "bdf2")
     start: Literal["rest", "stokes", "steady"] = key("Flow at time 0", "rest")
     tolerance: Positive | None = key(
-        "Relative error of a step; given, the step adapts to it [-]", None, examples=[1e-4]
+        "Relative error of a step, for adaptive steps [-]", None, examples=[1e-4]
     )
     until: Literal["end", "out-of-pocket", "at-rest"] = key(
-        "What ends the run before `end`: a grain that has left its pocket or rests again", "end"
+        "Event that ends the run before `end`: the grain has left its pocket, or rests again", "end"
     )
     until_steady: Positive | None = key(
-        "Relative change of the flow per unit of time at which the run ends before `end` [1/time]",
+        "Relative rate of change of the flow at which the run ends before `end` [1/time]",
         None,
         examples=[1e-5],
     )
@@ -144,7 +142,7 @@ class Output(Section):
     pictures: bool = key("Draw pictures", False)
     every: int = key("Write fields every so many time steps; 0: the last only", 0, ge=0)
     checkpoint: int = key(
-        "Save all that a run needs to resume every so many steps; 0: only if it is cut short or at contact",
+        "Save a checkpoint every so many steps; 0: only if the run is interrupted or at contact",
         0,
         ge=0,
     )
@@ -153,10 +151,10 @@ class Output(Section):
 class Effects(Section):
     """Effects to simulate; by default chosen from the scene and its dimensionless numbers."""
 
-    inertia: Choice = key("Convection; auto: where it matters for the accuracy asked", "auto")
+    inertia: Choice = key("Convection; auto: if it matters at the requested accuracy", "auto")
     unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
     gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
-    contact: Choice = key("Contact forces and verdict; auto: where a grain rests on a bed", "auto")
+    contact: Choice = key("Contact forces and verdict; auto: if a grain rests on a bed", "auto")
     moving_mesh: Choice = key(
         "A mesh that follows grain and surface; auto: with body.motion or a free surface", "auto"
     )
@@ -181,10 +179,10 @@ class Scene(Section):
     Raises SceneError: names the key, the reason and the remedy.
     """
 
-    title: str = key("What this scene is about", "")
-    domain: Domain = key("The region the fluid may fill")
+    title: str = key("Title of the scene", "")
+    domain: Domain = key("The region that the fluid may fill")
     fluid: Fluid = key("The fluid, of density 1")
-    flow: Flow = key("What drives the fluid")
+    flow: Flow = key("The base flow")
     body: Body | None = key("The grain", None)
     bed: Bed | None = key("The bed, instead of the domain's lower side", None)
     gravity: Gravity | None = key(
@@ -202,12 +200,12 @@ class Scene(Section):
     time: Time | None = key("Time dependence; without this section the flow is steady", None)
     effects: Annotated[Effects, BeforeValidator(lambda value: {} if value == "auto" else value)] = (
         key(
-            "What to simulate; auto: decided from the scene and its dimensionless numbers",
+            "Effects to simulate; auto: chosen from the scene and its dimensionless numbers",
             Effects(),
         )
     )
     numerics: Numerics = key("How the equations are solved", Numerics())
-    output: Output = key("What is written besides the result", Output())
+    output: Output = key("Additional output", Output())
 
     @model_validator(mode="before")
     @classmethod

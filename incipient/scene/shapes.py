@@ -34,12 +34,14 @@ class GrainSection(BodySection):
     gdims: ClassVar[tuple[int, ...]] = (2,)
 
     x: float | None = key(
-        "Rests on the bed at this abscissa [length]; give x or centre", None, examples=[4.0]
+        "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
     )
     centre: Pair | None = key(
-        "Held with its centroid there [length]; give x or centre", None, examples=[(4.0, 2.0)]
+        "Centroid of a grain away from the bed [length]; give x or centre",
+        None,
+        examples=[(4.0, 2.0)],
     )
-    angle: float = key("Turned counter-clockwise by this [degrees]", 0.0)
+    angle: float = key("Rotation, counter-clockwise [degrees]", 0.0)
     density: Density = None
     settle: Settle = key(
         f"Let the grain roll and tip from x and angle until it is in equilibrium {SETTLES}", False
@@ -49,12 +51,12 @@ class GrainSection(BodySection):
         "Mass instead of density [density of the fluid x area]", None, examples=[2.0]
     )
     inertia: NotNegative | None = key(
-        "Moment about the centroid; by default that of a uniform grain", None, examples=[0.25]
+        "Moment of inertia about the centroid; default: of a uniform grain", None, examples=[0.25]
     )
     velocity: Pair = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0))
     spin: float = key("Angular velocity of a free grain at time 0 [radians/time]", 0.0)
     locked: Annotated[tuple[Literal["x", "y", "angle"], ...], Field(strict=False)] = key(
-        "What a free grain cannot do: x, y, angle", (), examples=[("x", "y")]
+        "Suppressed motions of a free grain: x, y, angle", (), examples=[("x", "y")]
     )
     course: Course | None = key(
         "Formulas in t for velocity along x, along y and spin of a prescribed motion",
@@ -109,7 +111,7 @@ class Polygon(FromFile, GrainSection):
     file: str | None = file_key("CSV file of x, y,", "vertices", "grain.csv")
     vertices: Annotated[
         tuple[Pair, ...], Field(strict=False, min_length=3, max_length=MOST_POINTS)
-    ] = key("Vertices in order around it, three or more, relative to any point [length]", ())
+    ] = key("Vertices in order, three or more, relative to any point [length]", ())
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:

@@ -58,17 +58,17 @@ class SolidSection(BodySection):
     )  # fmt: skip
 
     x: float | None = key(
-        "Rests on the bed at this distance along [length]; give x or centre", None, examples=[4.0]
+        "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
     )
     y: float | None = key(
-        "The same across; without it in the middle of the width [length]", None, examples=[5.0]
+        "y of a grain that rests on the bed; default: mid-width [length]", None, examples=[5.0]
     )
     centre: Triple | None = key(
-        "Held with its centroid there [length]; give x or centre", None, examples=[(4.0, 5.0, 2.0)]
+        "Centroid of a grain away from the bed [length]; give x or centre",
+        None,
+        examples=[(4.0, 5.0, 2.0)],
     )
-    orientation: Triple = key(
-        "Turned about x, then about y, then about z by these [degrees]", (0.0, 0.0, 0.0)
-    )
+    orientation: Triple = key("Successive rotations about x, y and z [degrees]", (0.0, 0.0, 0.0))
     density: Density = None
     settle: Settle = key(
         f"Let the grain roll and tip from x and y until it is in equilibrium {SETTLES}", False
@@ -79,7 +79,7 @@ class SolidSection(BodySection):
     )
     inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = (
         key(
-            "Moments about the grain's own axes through its centroid; by default those of a uniform grain",
+            "Moments of inertia about the grain's axes through its centroid; default: of a uniform grain",
             None,
             examples=[(0.1, 0.1, 0.1)],
         )
@@ -87,7 +87,7 @@ class SolidSection(BodySection):
     velocity: Triple = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0, 0.0))
     spin: Triple = key("Angular velocity of a free grain at time 0 [radians/time]", (0.0, 0.0, 0.0))
     locked: Annotated[tuple[Freedom, ...], Field(strict=False)] = key(
-        "What a free grain cannot do: x, y, z, rx, ry, rz", (), examples=[("x", "ry")]
+        "Suppressed motions of a free grain: x, y, z, rx, ry, rz", (), examples=[("x", "ry")]
     )
     course: Course | None = key(
         "Formulas in t for velocity and spin of a prescribed motion, along and about x, y and z",
@@ -138,7 +138,7 @@ class Capsule(SolidSection):
 
     shape: Literal["capsule"] = key("Shape of the grain", "capsule")
     diameter: Positive = key("Diameter [length]")
-    length: Positive = key("Length with the ends, above the diameter [length]")
+    length: Positive = key("Total length, above the diameter [length]")
 
     rules = (
         *SolidSection.rules,
@@ -214,13 +214,13 @@ class Mesh(FromFile, SolidSection):
     shape: Literal["mesh"] = key("Shape of the grain", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "its triangles", "pebble.stl")
     size: Positive | None = key(
-        "Largest diameter; without it that of the file's coordinates [length]", None, examples=[1.0]
+        "Largest diameter; default: that in the file [length]", None, examples=[1.0]
     )
     vertices: Annotated[tuple[Triple, ...], Field(strict=False)] = key(
         "Corners of the triangles, relative to any point [length]", ()
     )
     triangles: Annotated[tuple[Triangle, ...], Field(strict=False)] = key(
-        "Three numbers of vertices each, counted from 0, all in the same sense", ()
+        "Three indices of vertices each, from 0, all in the same sense", ()
     )
 
     @classmethod

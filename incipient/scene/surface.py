@@ -25,7 +25,7 @@ class Wave(Section):
         "Amplitude of the first harmonic of the elevation, half of the wave's height [length]",
         examples=[0.01],
     )
-    period: Positive = key("Period as seen from the bed [time]", examples=[5.0])
+    period: Positive = key("Period in the frame of the bed [time]", examples=[5.0])
 
 
 class Surface(FromFile):
@@ -43,26 +43,26 @@ class Surface(FromFile):
     )
     file: str | None = file_key("CSV file of x, elevation", "points", "elevation.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
-        "In 2-D, instead of the formula: x and elevation, straight between [length]", ()
+        "In 2-D, instead of the formula: x and elevation, linear in between [length]", ()
     )
     stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
-        "Positions x, in 3-D [x, y], whose elevations are columns of the history; without: a few",
+        "Positions x, in 3-D [x, y], of elevations in the history; default: a few",
         (),
     )
-    bottom: Literal["no-slip", "slip"] = key("A level bottom without [bed]", "no-slip")
+    bottom: Literal["no-slip", "slip"] = key("Level bottom, without [bed]", "no-slip")
     ends: Literal["wall", "no-slip"] = key(
-        "wall: the fluid slides along both ends; no-slip: it sticks, the surface is pinned", "wall"
+        "Both ends; wall: the fluid slides; no-slip: it sticks, and the surface is pinned", "wall"
     )
     wave: Wave | None = key(
-        "A wave that comes in with the base flow",
+        "Wave that enters with the base flow",
         None,
         examples=[{"amplitude": 0.01, "period": 5.0}],
     )
     outflow: Literal["open", "wall"] = key(
-        "Right end of a channel; open: the still level lies beyond it; wall: it is closed", "open"
+        "Right end of a channel; open: still level beyond it; wall: closed", "open"
     )
     sponge: NotNegative = key(
-        "Length before the right end of a channel in which waves die out [length]", 0.0
+        "Length of the sponge layer at the right end of a channel [length]", 0.0
     )
     pressure: Annotated[str, formula("txy")] = key(
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"

@@ -55,11 +55,11 @@ class SphereBed(TerrainSection):
     radius: Positive = key("Radius of the spheres [length]")
     spacing: Positive = key("Distance between neighbours' centres, at least two radii [length]")
     arrangement: Literal["square", "triangular", "random"] = key(
-        "Rows behind each other, each shifted by half a spacing, or these in disorder", "triangular"
+        "Aligned rows, rows shifted by half a spacing, or these in disorder", "triangular"
     )
     layers: int = key("Layers, each in the pockets of that below it", 1, ge=1, le=100)
-    seed: int = key("Seed of the disorder: the same seed gives the same bed", 0, ge=0, le=2**31)
-    offset: Pair = key("Place x, y of the centre of one of them [length]", (0.0, 0.0))
+    seed: int = key("Seed of the disorder", 0, ge=0, le=2**31)
+    offset: Pair = key("x, y of the centre of one sphere [length]", (0.0, 0.0))
     angle: float = key("Angle of the rows, from x towards y [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
@@ -82,7 +82,7 @@ class HeapBed(FromFile, TerrainSection):
         "x, y, z above the base plane, and radius of each sphere [length]", ()
     )
     posts: Annotated[tuple[Ball, ...], Field(strict=False)] = key(
-        "The same of spheres that reach down to the base plane as cylinders [length]", ()
+        "The same of spheres extended to the base plane by cylinders [length]", ()
     )
 
     @classmethod
@@ -169,13 +169,13 @@ class HeightMapBed(RasterBed):
     kind: Literal["height-map"] = key("Kind of bed", "height-map")
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
     cell: PositivePair | None = key(
-        "Distance between heights along x and y; .asc files have it [length]",
+        "Spacing of the heights in x and y; .asc files have it [length]",
         None,
         examples=[(0.1, 0.1)],
     )
     relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
     offset: Pair = key(
-        "Place x, y of the first height; by default that of an .asc file [length]", (0.0, 0.0)
+        "x, y of the first height; default: that of an .asc file [length]", (0.0, 0.0)
     )
     heights: Heights = ()
 
@@ -196,12 +196,12 @@ class MeshBed(RasterBed):
     kind: Literal["mesh"] = key("Kind of bed", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
     cell: PositivePair | None = key(
-        "Distance between the heights that are taken; by default 200 along the longer side [length]",
+        "Spacing of the sampled heights; default: 200 along the longer side [length]",
         None,
         examples=[(0.1, 0.1)],
     )
     scale: Positive = key("Factor on the file's coordinates [length]", 1.0)
-    offset: Pair = key("Place x, y of the file's origin [length]", (0.0, 0.0))
+    offset: Pair = key("x, y of the file's origin [length]", (0.0, 0.0))
     heights: Heights = ()
 
     @classmethod

@@ -60,7 +60,7 @@ class Turbulence(Section):
     )  # fmt: skip
 
     model: Literal["k-epsilon", "k-omega-sst"] = key(
-        "Model: k-epsilon with wall functions, or k-omega SST to the wall", "k-epsilon"
+        "Model: k-epsilon with wall functions, or k-omega SST integrated to the wall", "k-epsilon"
     )
     wall: Literal["equilibrium", "rough"] = key("Law of the wall", "equilibrium")
     roughness: NotNegative = key(
@@ -72,21 +72,21 @@ class Turbulence(Section):
         0.0,
     )
     wall_distance: Positive | None = key(
-        "Distance from the walls at which the mesh ends; without it 50 nu/u*, estimated [length]",
+        "Distance of the mesh from the walls; default: 50 nu/u*, estimated [length]",
         None,
         examples=[0.05],
     )
     inflow: Literal["developed", "given", "profile"] = key(
-        "Inflow: nearly developed; uniform, by intensity and length; or a measured profile",
+        "Inflow: developed; uniform, with intensity and length; or a measured profile",
         "developed",
     )
     intensity: Positive | None = key(
-        "Root mean square of a velocity's fluctuation over V; with a profile at least [-]",
+        "Turbulence intensity relative to V; with a profile its lower bound [-]",
         None,
         examples=[0.05],
     )
     length: Positive | None = key(
-        "Mixing length of the turbulence that enters; with a profile the largest [length]",
+        "Mixing length of the inflow; with a profile its upper bound [length]",
         None,
         examples=[0.1],
     )

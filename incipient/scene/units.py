@@ -67,9 +67,11 @@ class Units(Section):
     fluid_density: Positive = key("Density of the fluid [kg/m^3]", 1000.0)
     grain_density: Positive = key("Density of the grain [kg/m^3]", 2650.0)
     gravity: Positive = key("Gravitational acceleration [m/s^2]", 9.81)
-    shear_rate: Positive | None = key("What flow.rate is [1/s]", None, examples=[1.0])
+    shear_rate: Positive | None = key("SI value of flow.rate [1/s]", None, examples=[1.0])
     velocity: Positive | None = key(
-        "What flow.velocity is, of a log-law flow.shear_velocity [m/s]", None, examples=[0.01]
+        "SI value of flow.velocity, for a log law of flow.shear_velocity [m/s]",
+        None,
+        examples=[0.01],
     )
 
     def metres(self, grain: Any) -> float:

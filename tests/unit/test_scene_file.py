@@ -223,7 +223,7 @@ def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
         ("a = " + "[" * 5000, "is nested too deeply; a scene has sections and keys only"),
         (
             "",
-            "domain: is missing; add a section [domain]: The region the fluid may fill "
+            "domain: is missing; add a section [domain]: The region that the fluid may fill "
             "(and 2 more errors: fluid: is missing; ",
         ),
         (
