@@ -91,11 +91,11 @@ TorqueError = Annotated[Torque, AfterValidator(_not_negative)]
 class CaseLoad(Section):
     """The load on the grain without the forces of the bed."""
 
-    weight: Vector = key("all that acts at the centre of mass besides the flow, such as weight")
+    weight: Vector = key("force at the centre of mass besides that of the flow, such as the weight")
     flow_force: Vector = key("force of the flow on the grain")
     flow_couple: Torque = key("torque of the flow about the point `about`")
-    centre: Vector | None = key("centre of mass; left out where [body] has it", None)
-    about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
+    centre: Vector | None = key("centre of mass; default: that of [body]", None)
+    about: Vector | None = key("reference point of flow_couple; default: the centre of mass", None)
 
 
 def _as_many(name: str) -> Rule:
@@ -112,7 +112,7 @@ class CaseContacts(Section):
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
     friction: NotNegative = key("coefficient of static friction")
-    cohesion: NotNegative = key("largest pull of each contact, in the unit of force", 0.0)
+    cohesion: NotNegative = key("largest tensile force of each contact, in the unit of force", 0.0)
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
 
@@ -137,7 +137,7 @@ class CaseErrors(Section):
     flow_couple: TorqueError | None = key("standard error of the flow's torque", None)
     friction: NotNegative = key("standard error of the coefficient of friction", 0.0)
     samples: int = key("number of cases drawn at random", 1000, ge=10, le=1_000_000)
-    seed: int = key("seed of the random numbers: the same seed gives the same answer", 0, ge=0)
+    seed: int = key("seed of the random numbers", 0, ge=0)
 
 
 class Case(Section):
@@ -147,7 +147,7 @@ class Case(Section):
     source: str = key("where the numbers come from", "")
     load: CaseLoad = key("load on the grain without the forces of the bed")
     contacts: CaseContacts = key("contacts of the grain and the bed")
-    grain: CaseGrain | None = key("mass and inertia, for how it begins to move", None)
+    grain: CaseGrain | None = key("mass and inertia, for the initial acceleration", None)
     body: Body | None = key("the grain's shape as in a scene, instead of [grain]", None)
     errors: CaseErrors | None = key("standard errors, for the probability of each mode", None)
 

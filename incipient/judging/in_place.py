@@ -74,14 +74,12 @@ class ForcesBed(Section):
     )  # fmt: skip
 
     file: str = key("STL, PLY or OBJ file of the bed, or flat: a plane")
-    up: Direction | None = key(
-        "Direction in which the bed is seen from above; default: against gravity", None
-    )
+    up: Direction | None = key("Upward direction of the bed; default: against gravity", None)
     height: float | None = key(
         "Height of a plane along `up`; default: that of the grain's lowest point", None
     )
     cell: PositivePair | None = key(
-        "Distance between heights taken from a file, as of a scene's bed", None
+        "Spacing of the heights sampled from a file, as of a scene's bed", None
     )
 
 
@@ -89,8 +87,8 @@ class ForcesContact(Section):
     """The contact of grain and bed."""
 
     friction: NotNegative = key("Coefficient of static friction")
-    cohesion: NotNegative = key("Largest pull of each contact, in the unit of force", 0.0)
-    tolerance: Positive = key("Distance that counts as touching, over the grain's size", 1e-6)
+    cohesion: NotNegative = key("Largest tensile force of each contact, in the unit of force", 0.0)
+    tolerance: Positive = key("Distance that counts as contact, over the grain's size", 1e-6)
 
 
 class GrainInPlace(Section):

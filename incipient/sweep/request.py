@@ -33,7 +33,7 @@ class SweepSection(Section):
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
     refine: bool | float | None = key("Fraction of the range, or true", None)
     most: int | None = key("Largest number of cases of a refinement", None)
-    quantity: str | None = key("Column that a refinement makes straight", None)
+    quantity: str | None = key("Column that a refinement resolves", None)
 
     @field_validator("refine", mode="before")
     @classmethod
@@ -44,7 +44,7 @@ class SweepSection(Section):
 
 
 class _Swept(Section):
-    sweep: SweepSection = key("What varies", SweepSection())
+    sweep: SweepSection = key("Variation of keys", SweepSection())
 
 
 @dataclass(frozen=True)
