@@ -26,7 +26,7 @@ from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 Command = Callable[[argparse.Namespace, Comm], int]
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a closed pipe
-_MORE = "ask for less at once, or give the program more"
+_MORE = "reduce the problem, or allow more memory"
 # Message of the loader of libraries without memory.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}

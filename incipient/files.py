@@ -38,7 +38,7 @@ _REMEDIES = {
     errno.ENOENT: "make the directory first",
     errno.EEXIST: "a file stands where a directory is needed; choose another directory",
     errno.ENOTDIR: "a file stands where a directory is needed; choose another directory",
-    errno.EISDIR: "a directory stands where the file is needed; choose another directory",
+    errno.EISDIR: "a directory has the name of the file; choose another directory",
 }
 
 
@@ -144,13 +144,13 @@ def require_own(path: Path, folder: bool = False) -> None:
 
 def _refuse_link(path: Path) -> None:
     if path.is_symlink():
-        raise OutputError(f"{path}: is a link, and nothing is written through links; {AWAY}")
+        raise OutputError(f"{path}: is a link, through which incipient does not write; {AWAY}")
 
 
 def require_ending(path: Path, ending: str) -> None:
     """Raise OutputError for another suffix: the path may be that of an input file."""
     if path.suffix.lower() != ending:
-        raise OutputError(f"{path}: is no name for this file; let it end in {ending}")
+        raise OutputError(f"{path}: is not a valid name for this file; let it end in {ending}")
 
 
 def write_text_atomically(path: Path, text: str) -> None:
@@ -277,7 +277,7 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
         file.seek(0)
         if end and file.readline() != header:
             raise OutputError(
-                f"{path}: has other columns than the row to append; move it out of the way"
+                f"{path}: has different columns from the row to append; move the file away"
             )
         try:
             write_fully(file, line if end else header + line)

@@ -83,6 +83,6 @@ def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
         raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
     wrong = next((k for k, row in enumerate(rows, 2) if len(row) != len(names)), None)
     if wrong is not None:
-        why = f"row {wrong} has not as many cells as the first"
-        raise SceneError(f"{path}: {why}; add or remove some")
+        why = f"row {wrong} has a different number of cells from the first"
+        raise SceneError(f"{path}: {why}; add or remove cells")
     return names, rows

@@ -81,7 +81,7 @@ def require_limits() -> None:
         limit = resource.getrlimit(kind)[0]
         if limit != resource.RLIM_INFINITY and limit < least * unit:
             raise OutputError(
-                f"ulimit {option} is {limit // unit}, too little for the libraries; set it to {least} or more"
+                f"ulimit {option} is {limit // unit}, too small for the libraries; set it to {least} or more"
             )
     limits = (resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA))
     if all(limit == resource.RLIM_INFINITY for limit in limits):

@@ -48,7 +48,7 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
             if (world() if comm is None else comm).size > 1:
                 remedy = "call it in the main thread, or with comm=MPI.COMM_SELF"
                 raise IncipientError(
-                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot meet; {remedy}"
+                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot synchronise; {remedy}"
                 )
         with _COMPUTING:
             return compute(*arguments, **options)

@@ -57,7 +57,7 @@ class KeptRuns:
             except (ConvergenceError, MeshError) as error:
                 # Its remedy refers to the coarse scene, not to the user's.
                 why = REMEDY.split(str(error))[0]
-                raise type(error)(f"{why}, in a run to compare with") from error
+                raise type(error)(f"{why}, in a run for comparison") from error
         return self._known[key]
 
 

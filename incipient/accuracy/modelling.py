@@ -76,7 +76,9 @@ def suited(
             if _hardly_falls(before, last):
                 return _ended(before, last, goal, solve)
             if _is_noise(before, last):
-                return replace(before, unmet="the error of the gap does not fall as the gap closes")
+                return replace(
+                    before, unmet="the error of the gap does not decrease as the gap closes"
+                )
             if last.error <= SHARE * accuracy:
                 return last
             parts = [f"error of the {name} {error:.1e}" for name, error in errors.items()]
@@ -86,11 +88,11 @@ def suited(
                 if (error := errors[term.name]) > part:
                     scene = lessened(scene, term, AIM * part / error) or scene
         except IncipientError as error:
-            return replace(last, unmet=f"errors of gap and domain are unknown beyond that: {error}")
+            return replace(last, unmet=f"further errors of gap and domain are unknown: {error}")
         if scene is last.scene:
             largest = max(errors, key=lambda name: errors[name])
             remedy = f"; {_of_datum(scene.flow)}" if largest == "datum" else ""
-            why = f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller"
+            why = f"the error of the {largest}, {errors[largest]:.1e}, cannot be reduced"
             return replace(last, unmet=why + remedy)
     return replace(last, unmet=f"errors of gap and domain are too large after {MOST_STEPS} steps")
 
@@ -128,7 +130,7 @@ def _ended(before: Suited, now: Suited, goal: Quantity, solve: Solve) -> Suited:
     slowly = [_looked_at(each.scene, goal, solve, SLOWEST_DECAY) for each in (before, now)]
     best = min(slowly, key=lambda each: each.error)
     error = best.errors["domain"]
-    why = f"the error of the domain, {error:.1e}, hardly falls as the domain grows"
+    why = f"the error of the domain, {error:.1e}, hardly decreases as the domain grows"
     return replace(best, unmet=why)
 
 
@@ -150,7 +152,7 @@ def remedies(
         if term.name == "discretisation" or error is None or error <= accuracy:
             continue
         remedy = _remedy(scene, term, accuracy / error)
-        said.append(f"beside it the error of the {term.name}, {error:.1e}; {remedy}")
+        said.append(f"not included: the error of the {term.name}, {error:.1e}; {remedy}")
     if said:
         said.append('numerics.accuracy_includes = "all" lets the run change gap and domain')
     return tuple(said)
@@ -163,9 +165,9 @@ def _remedy(scene: Scene, term: Term, relative: float) -> str:
     with suppress(SceneError):
         better = lessened(scene, term, AIM * relative, at_once=False)
     if better is None:
-        return "it cannot be made small enough"
+        return "it cannot be reduced enough"
     keys = _keys(better, scene).items()
-    return f"{', '.join(f'{key} = {now}' for key, (now, _) in keys)} would do"
+    return f"{', '.join(f'{key} = {now}' for key, (now, _) in keys)} would be sufficient"
 
 
 def _keys(scene: Scene, other: Scene) -> dict[str, tuple[str, str]]:
@@ -185,7 +187,7 @@ def _written(value: Any) -> str:
 
 def _of_datum(flow: Flow) -> str:
     if getattr(flow, "datum", "auto") in ("auto", "effective"):
-        return "with inertia the effective height of the bed is not known better"
+        return "with inertia the effective height of the bed is not known more accurately"
     return 'flow.datum = "auto" reduces it'
 
 

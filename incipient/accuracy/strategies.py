@@ -164,10 +164,12 @@ class Steady(Strategy):
         bar = bars.safety
         assert bar is not None
         if bar.certain:
-            why = "; ".join(f"that of the {name}: {reason}" for name, reason in bars.failed.items())
+            why = "; ".join(
+                f"error of the {name}: {reason}" for name, reason in bars.failed.items()
+            )
             search.reason, search.met = "the verdict is certain", not why
             if why:
-                search.reason = f"undecided: certain but for errors that are not known, {why}"
+                search.reason = f"undecided: certain except for unknown errors, {why}"
             return None
         if bar.decisive == "discretisation" and estimate.rank > CRITICAL:
             finer = search.refined(attempt, estimate, FOR_VERDICT)
@@ -176,7 +178,7 @@ class Steady(Strategy):
         scene = None if term is None else lessened(attempt.scene, term, FOR_VERDICT)
         if scene is None:
             between = f"the safety factor is between {bar.low:.6g} and {bar.high:.6g}"
-            why = f"the error of the {bar.decisive} cannot be made smaller"
+            why = f"the error of the {bar.decisive} cannot be reduced"
             search.reason = f"undecided: {between}, and {why}"
             return None
         for name in ("gap", "domain", "datum"):
@@ -347,7 +349,7 @@ class Uniform(Steady):
         known = [trial.estimate for trial in self.search.trials if trial.estimate is not None]
         many = self.search.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
         if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
-            why = f"on the last {LOOKED_AT} meshes the error has hardly fallen any more"
+            why = f"the error has hardly decreased on the last {LOOKED_AT} meshes"
             self.search.reason = f"not reached: {why}"
             return None
         return super().following(attempt, run, on_mesh, estimate)
@@ -356,7 +358,7 @@ class Uniform(Steady):
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
         if mesh_size < SMALLEST:
             raise MeshError(
-                f"numerics.mesh_size would be below {SMALLEST:g}: enlarge numerics.accuracy"
+                f"numerics.mesh_size would be below {SMALLEST:g}: use a larger numerics.accuracy"
             )
         more = COARSER_MESH**attempt.scene.gdim
         unknowns = more * self.search.trials[-1].unknowns

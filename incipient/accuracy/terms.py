@@ -65,22 +65,20 @@ WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the meshed part of the bed (docs/contrib
 ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes are ignored
 OF_MESH, GROUND, MODEL = "mesh", "planar far bed", "turbulence model"
 UNSETTLED = (
-    "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
+    "upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
 )
 NOT_COARSER = (
-    "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
+    "coarser meshes have no fewer rows or columns of cells: use numerics.mesh_size = {:g} or less"
 )
 NOT_RESOLVED = "cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {:.2g} or less"
 NO_LIMIT = (
-    "the sides 1.5 times as far change the force by {:.2g}, 2.25 times as far by {:.2g} more: it has no limit; use a "
-    "larger domain, or a flow that does not depend on its size"
+    "sides 1.5 times as far away change the force by {:.2g}, sides 2.25 times as far away by another {:.2g}: it does "
+    "not converge; use a larger domain, or a flow that does not depend on its size"
 )
-NO_MORE_BED = (
-    "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed reduces it"
-)
+NO_MORE_BED = "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
 NO_CONTACT = "does not apply: no grain rests on a bed"
-MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
+MOVES = "does not apply: the grain moves, and contact.gap determines where it stops"
 
 
 # -- discretisation -----------------------------------------------------------------------------------------
@@ -239,7 +237,7 @@ def doubt_of_stream(scene: Scene) -> str:
     if scene.numerics.mesh_size <= most:
         return ""
     return (
-        "the zone at the inflow that levels the surface is one cell long where cells are larger than "
+        "the inflow zone that levels the surface is only one cell long with cells larger than "
         f"{LEVEL:g} of the depth; use numerics.mesh_size = {math.floor(100.0 * most) / 100.0:g} or less"
     )
 

@@ -82,7 +82,7 @@ def judge_table(
     table = read_table(path)
     cases, faults = _cases(table, dict(map(_setting, settings)))
     if not len(cases):
-        raise SceneError(f"{path}: has no row of a case; give one a line below the names")
+        raise SceneError(f"{path}: has no case; give one in each line below the names")
     make_directory(directory)
     progress.begin("verdicts")
     count, judged = len(cases), 0
@@ -132,7 +132,7 @@ def _setting(text: str) -> tuple[str, float]:
     with suppress(ValueError):
         if np.isfinite(number := decimal(value.strip())):
             return name.strip(), number
-    why = "is no finite number"
+    why = "is not a finite number"
     raise SceneError(f"--set {shortened(text)}: {why}; with --batch give COLUMN=NUMBER")
 
 

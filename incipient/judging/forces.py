@@ -62,7 +62,7 @@ def judge_forces(
     mean, error = mean_in_time(loads[last], forces.times[last])
     if last.sum() < FEWEST:
         raise SceneError(
-            f"--forces: the mean would be of {last.sum()} samples from time {forces.times[last][0]:g} on, and takes "
+            f"--forces: the mean has {last.sum()} samples from time {forces.times[last][0]:g} on, and needs "
             f"{FEWEST} or more; give an earlier time with --since, or write forces more often"
         )
     about = tuple(forces.centre[: case.gdim].tolist())

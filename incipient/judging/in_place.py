@@ -209,7 +209,7 @@ def _require_touching(
         why = f"in the bed, by {-gap:.3g} of its size"
         if float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]:
             why = "below the bed"
-            remedy = "turn gravity.direction round, or give bed.up, from where the bed is seen"
+            remedy = "reverse gravity.direction, or give bed.up"
     raise SceneError(f"--bed: the grain is {why}; {remedy}")
 
 

@@ -124,7 +124,9 @@ def samples_from(times: Floats, since: float) -> Booleans:
     kept = times >= since
     if not kept.any():
         last = f"{times.max():g}" if len(times) else "missing"
-        raise SceneError(f"--since: nothing is there from {since:g} on; the last time is {last}")
+        raise SceneError(
+            f"--since: there are no samples from {since:g} on; the last time is {last}"
+        )
     return np.asarray(kept)
 
 

@@ -54,7 +54,7 @@ def read_forces(path: Path) -> ForcesInTime:
     if path.is_dir():
         return _joined(path, sorted(_runs(path), key=lambda run: (run.start, run.again)))
     if path.name.startswith("moment"):
-        raise _refusal(f"{path} has moments alone; give the force.dat next to it, or their folder")
+        raise _refusal(f"{path} has only moments; give the force.dat next to it, or their folder")
     return _of_file(path)
 
 
@@ -113,7 +113,7 @@ def _of_file(path: Path) -> ForcesInTime:
             why = (
                 f"the total at time {values[wrong.any(axis=1), 0][0]:g} is not the sum of its parts"
             )
-            raise _refusal(f"{name}: {why}; write it anew")
+            raise _refusal(f"{name}: {why}; write it again")
     return ForcesInTime(table[:, 0], table[:, 1:4], moments[:, 1:4], _centre(beside, header))
 
 
@@ -132,9 +132,9 @@ def _table(path: Path) -> tuple[Floats, str]:
             rows.pop()
         table = np.array(rows, dtype=float)
     if not len(table):
-        raise _refusal(f"{path} has no samples yet; let the run go on, or move it away")
+        raise _refusal(f"{path} has no samples yet; continue the run, or move the file away")
     if len(times := table[~np.isfinite(table).all(axis=1), 0]):
-        raise _refusal(f"{path} is not finite at time {times[0]:g}; take such lines out")
+        raise _refusal(f"{path} is not finite at time {times[0]:g}; remove such lines")
     if len(times := table[1:, 0][np.diff(table[:, 0]) <= 0.0]):
         why = f"has time {times[0]:g} twice or out of order"
         raise _refusal(f"{path} {why}; leave one line for each time")
@@ -150,7 +150,7 @@ def _centre(path: Path, header: str) -> Floats:
     centre = np.array(list(*centres))
     if len(centre) != 3 or not np.isfinite(centre).all():
         remedy = "add a line '# CofR : (x y z)' on top, or write it with a newer version"
-        raise _refusal(f"{path} does not say what point its moments are about; {remedy}")
+        raise _refusal(f"{path} does not name the point of its moments; {remedy}")
     return centre
 
 
@@ -165,7 +165,7 @@ def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
         before = np.ones(len(part.times), dtype=bool)
         for n in range(k + 1, len(runs)):
             if not run.is_older(runs[n], bool(part.times[-1] > parts[n].times[0])):
-                why = "have the same times, and which is the newer is not known"
+                why = "have the same times, and which is newer is not known"
                 raise _conflict(folder, names[k], names[n], why)
             before &= (part.times <= runs[n].start) & (part.times < parts[n].times[0])
         if before.any():

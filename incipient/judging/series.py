@@ -151,8 +151,8 @@ def _check(columns: Mapping[str, Floats]) -> None:
                 f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out"
             )
     if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
-        why = "time does not grow from sample to sample"
-        raise SceneError(f"series: {why}; sort the samples and leave none twice")
+        why = "time does not increase from sample to sample"
+        raise SceneError(f"series: {why}; sort the samples and remove duplicates")
     if np.min(columns.get("friction", 0.0)) < 0.0:
         raise SceneError("series: friction is negative; give numbers of at least 0")
 

@@ -65,7 +65,7 @@ def _csv(path: Path) -> Table:
                 cells = next(csv.reader([line]), [])
                 flat.extend(_numbers(names, cells))
             except csv.Error as error:
-                faults[place] = f"is no line of CSV ({error}); shorten or correct it"
+                faults[place] = f"is not a line of CSV ({error}); shorten or correct it"
             except ValueError as error:
                 faults[place] = str(error)
             if place in faults:

@@ -148,7 +148,7 @@ def _number(node: ast.AST, names: dict[str, Any], text: str) -> Any:
             raise _refusal(text, "contains ^", "write ** for a power")
         case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
             raise _refusal(text, "uses a comparison as a number", "write where(condition, a, b)")
-    raise _refusal(text, f'contains "{_source(node)}", which is not understood')
+    raise _refusal(text, f'contains "{_source(node)}", which is not allowed')
 
 
 def _condition(node: ast.AST, names: dict[str, Any], text: str) -> Any:
@@ -167,7 +167,7 @@ def _condition(node: ast.AST, names: dict[str, Any], text: str) -> Any:
 
 def _constant(value: int | float, text: str) -> np.float64:
     if not abs(value) <= sys.float_info.max:
-        raise _refusal(text, "contains a number too large", "give a smaller number")
+        raise _refusal(text, "contains a number that is too large", "give a smaller number")
     return np.float64(value)
 
 

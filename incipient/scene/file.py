@@ -124,7 +124,7 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
             f"{name}: is nested too deeply; a scene has sections and keys only"
         ) from None
     except ValueError:  # of Python's own reading of whole numbers
-        raise SceneError(f"{name}: has a whole number of thousands of digits; shorten it") from None
+        raise SceneError(f"{name}: has an integer with thousands of digits; shorten it") from None
 
 
 def _override(data: dict[str, Any], override: str) -> Key:

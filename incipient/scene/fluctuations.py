@@ -17,7 +17,7 @@ GIVEN = ("measured", "events")  # laws of data
 NEAR_WALL, MODEL = "near-wall", "model"
 ENDLESS = (
     "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
-    "give gusts.microscale, too",
+    "also give gusts.microscale",
 )
 
 
@@ -67,21 +67,21 @@ class Gusts(FromFile):
              'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
         Rule("intensity", lambda s: s.law not in GIVEN and s.intensity is None,
              "is missing", 'give a number, "near-wall" or "model"'),
-        Rule(lambda s: str(_of_data(s)), _of_data, 'is that of the data with law = "{s.law}"', "leave it out"),
+        Rule(lambda s: str(_of_data(s)), _of_data, 'follows from the data with law = "{s.law}"', "leave it out"),
         Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
-             "is that of the series with a measured law", "leave it out"),
+             "follows from the series with a measured law", "leave it out"),
         Rule("points", lambda s: len(s.points) < _fewest(s),
              lambda s: f"are {len(s.points)}", lambda s: f"give {_fewest(s)} or more"),
         Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
              "have a strength or duration that is not above zero", "leave it out"),
         Rule("record", lambda s: s.record is not None and _lasted(s) > s.record,
-             lambda s: f"is {s.record:g}, less than the {_lasted(s):g} that the events last together",
+             lambda s: f"is {s.record:g}, less than the total duration of the events, {_lasted(s):g}",
              "enlarge it, or merge events that overlap"),
         Rule("points", lambda s: s.law == "measured" and not rises(s.points),
-             "their times do not rise", "give one after the other"),
+             "their times do not ascend", "sort them by time, each once"),
         Rule("points", _flat, "have no mean above zero, or no fluctuation", "give velocities downstream"),
         Rule("record", lambda s: s.law == "events" and s.record is None,
-             "is missing, the time in which the events came", "give it"),
+             "is missing: the duration in which the events were counted", "give it"),
         Rule("record", lambda s: s.law != "events" and s.record is not None,
              'is read only with law = "events"', "leave it out"),
         Rule("depth", lambda s: s.depth is not None and s.intensity != NEAR_WALL,

@@ -84,15 +84,15 @@ class BodySection(Section):
     made_of: ClassVar[tuple[Any, ...]]
     rules = (
         Rule("course", lambda s: s.motion == "prescribed" and s.course is None,
-             "is missing though the motion is prescribed", "add it, or hold the grain"),
+             "is missing though the motion is prescribed", "add it, or set motion = \"fixed\""),
         Rule("x", lambda s: s.motion in ("free", "prescribed") and s.centre is None,
              "a moving grain starts away from the bed",
-             'give centre instead of x, or motion = "released" for one that starts from its rest'),
+             'give centre instead of x, or motion = "released" for a grain that starts from rest on the bed'),
         Rule("centre", lambda s: s.motion == "released" and s.x is None,
              "a released grain starts from its rest on the bed", "give x instead of centre"),
         *(_read_only(key, motion) for key, motion in READ_ONLY_BY.items()),
         Rule("mass", lambda s: s.density is not None and s.mass is not None,
-             "is given beside density, from which it follows", "leave one of them out"),
+             "is given with density, from which it follows", "leave one of them out"),
         Rule("density", lambda s: s.is_free and _weightless(s),
              "a {s.motion} grain needs a mass and a moment of inertia, which may be zero",
              "give density, or mass and inertia"),
@@ -101,7 +101,7 @@ class BodySection(Section):
         Rule("x", lambda s: s.x is None and s.centre is None,
              "neither x nor centre is given", "give x to rest on the bed, or centre"),
         Rule("x", lambda s: s.x is not None and s.centre is not None, "both x and centre are given", "leave one out"),
-        Rule("settle", lambda s: s.settle and s.x is None, "a grain held at its centre does not settle",
+        Rule("settle", lambda s: s.settle and s.x is None, "a grain with a given centre does not settle",
              "give x instead of centre, or leave settle out"),
     )  # fmt: skip
 

@@ -124,8 +124,8 @@ class Cylinder(SolidSection):
     made_of = (geometry.Cylinder, "diameter", "length")
     rules = (
         *SolidSection.rules,
-        Rule("x", lambda s: s.centre is None, "a cylinder is held and does not rest", "give centre instead"),
-        Rule("motion", lambda s: s.moves, "a cylinder across the flow is held", 'give "fixed"'),
+        Rule("x", lambda s: s.centre is None, "a cylinder is fixed and does not rest on a bed", "give centre instead"),
+        Rule("motion", lambda s: s.moves, "a cylinder across the flow is fixed", 'give "fixed"'),
         Rule("orientation", lambda s: any(s.orientation), "a cylinder lies across the flow", "leave it out"),
     )  # fmt: skip
     shape: Literal["cylinder"] = key("Shape of the grain", "cylinder")

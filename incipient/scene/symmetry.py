@@ -60,7 +60,7 @@ def differences(scene: Scene) -> Iterator[str]:
 def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
     away = placement.centre[1] - middle
     if abs(away) > ALIKE * grain.size:
-        yield f"the grain's centroid is {abs(away):.3g} beside the middle, y = {middle:g}"
+        yield f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
         return
     points = grain.surface(SPACING * grain.size).points
     for some in (

@@ -126,7 +126,7 @@ class RasterBed(FromFile, TerrainSection):
         Rule("heights", lambda s: len(set(map(len, s.heights))) > 1,
              "are in rows of different lengths", "give as many in each"),
         Rule("cell", lambda s: s.cell is None, "is missing",
-             "add how far apart the heights are, as in [0.1, 0.1]"),
+             "give the spacing of the heights, as in [0.1, 0.1]"),
     )  # fmt: skip
 
     if TYPE_CHECKING:

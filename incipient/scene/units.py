@@ -48,7 +48,7 @@ class Units(Section):
 
     rules = (
         Rule("length", lambda s: s.length is not None and s.diameter is not None,
-             "is given beside diameter", _ONE_LENGTH),
+             "is given with diameter", _ONE_LENGTH),
         Rule("length", lambda s: s.length is None and s.diameter is None,
              "is missing, and diameter as well", _ONE_LENGTH),
     )  # fmt: skip
@@ -150,7 +150,7 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene])
     except ValidationError:  # which is reported when the whole scene is checked
         return _filled(data, _ANY)
     if _get(data.get("body"), "mass") is not None:
-        raise _refused("body.mass", "is given beside [units]", "leave one of them out")
+        raise _refused("body.mass", "is given with [units]", "leave one of them out")
     scene = checked({**_filled(data, _ANY), "units": None})
     scales, speed, length = (
         scales_of(scene, units),

@@ -218,7 +218,7 @@ class _Sweep:
                     if find_spec("bokeh"):
                         self._voice.say(f"dashboard: {self._client.dashboard_link}")
                 if time.monotonic() - self._began > self._means.wall:
-                    raise Interrupted(self.left("the time is up"))
+                    raise Interrupted(self.left("the time limit is reached"))
                 self._give()
                 self._take()
 
@@ -245,7 +245,7 @@ class _Sweep:
 
     def _count_workers(self) -> None:
         if self._client.status == "closed":
-            raise OutputError(self.left("the scheduler has gone and does not come back"))
+            raise OutputError(self.left("the scheduler does not respond"))
         now = time.monotonic()
         if now > self._counted + LOOK:
             self._places, self._counted = number_of_workers(self._client), now
@@ -313,7 +313,7 @@ class _Sweep:
             return CaseOutcome(reason=f"was ended: it took longer than {limit:.0f} s", wall=spent)
         reason = f"its worker process at {worker} was killed, or a library has crashed"
         if exceeded_memory(self._client, worker):
-            reason = "was ended: it took more memory than its worker may; give fewer --jobs"
+            reason = "was ended because it exceeded the memory of its worker; give fewer --jobs"
         if tries < self._means.tries:
             self._voice.say(f"{case.name}: {reason}; it is tried again")
             self._waiting[case.identity] = case

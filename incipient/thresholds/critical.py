@@ -42,8 +42,13 @@ OTHERWISE = (
     "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
     "for a threshold; use a smaller numerics.mesh_size"
 )
-ROCKED = "before it leaves it rocks, {way}; by the load of the flow past its first pose, off by about {drift:.0%}"
-OF_ROCKING = "not computed: the grain rocks before it leaves, under a load that is that of the flow past its first pose"
+ROCKED = (
+    "before it leaves it rocks, {way}; under the load of the flow past its first pose, with an error of about "
+    "{drift:.0%}"
+)
+OF_ROCKING = (
+    "not computed: the grain rocks before it leaves, under the load of the flow past its first pose"
+)
 
 
 def find_threshold(

@@ -41,11 +41,11 @@ FARTHEST = 1e6  # largest mean flow over the scene's, and inverse of the least
 NODES = np.linspace(-4.5, 4.5, 31)  # of the quadrature over the flow's growth, in deviations
 WEIGHTS = norm.pdf(NODES) / norm.pdf(NODES).sum()
 SOURCES = {
-    NEAR_WALL: "by u'/u* near the wall (Zanke 2003)",
-    MODEL: "by k of the model as it enters, u'^2 = 2k/3; measured ones near walls are up to 1.3 times that",
+    NEAR_WALL: "from u'/u* near the wall (Zanke 2003)",
+    MODEL: "from k of the inflow, u'^2 = 2k/3; values measured near walls are up to 1.3 times as large",
 }
-NO_ERRORS = "ranges of the rates of gusts that last hold no error of the weakest gusts, searched without error bars"
-ACCELERATION = "acceleration acts by added mass and pressure gradient, without viscosity; in rates it is left out"
+NO_ERRORS = "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
+ACCELERATION = "acceleration acts through added mass and pressure gradient, without viscosity; rates neglect it"
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ def find_entrainment(
     assumed = [*_assumed(gusts, law), without or ACCELERATION]
     if left_out := [one for one in PROBABILITIES if not probabilities and one not in wanted]:
         missing = ", ".join(f"{probability:g}" for probability in left_out)
-        assumed.append(f"left out, since the data do not resolve them: probabilities {missing}")
+        assumed.append(f"omitted, since the data do not resolve them: probabilities {missing}")
     if weakest is not None and not weakest.known:
         assumed.append(NO_ERRORS)
     assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
@@ -213,7 +213,7 @@ def find_entrainment(
 
 def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
     reasons = (
-        (gusts.law in GIVEN, "the data are taken as of slow changes"),
+        (gusts.law in GIVEN, "the data are treated as slowly varying"),
         (gusts.microscale is None, "gusts.microscale is not given"),
         (setup.is_averaged, "it is computed in laminar flow only"),
         (
@@ -222,7 +222,7 @@ def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
         ),
     )
     why = next((reason for applies, reason in reasons if applies), "")
-    return why and f"the load of the flow's acceleration is left out: {why}"
+    return why and f"the load of the flow's acceleration is neglected: {why}"
 
 
 def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
@@ -234,14 +234,16 @@ def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
 
 
 def _assumed(gusts: Gusts, law: Law) -> list[str]:
-    steady = "the load is that of the steady flow as strong as the gust, of the scene's own profile"
+    steady = "the load is that of a steady flow of the gust's strength, with the scene's profile"
     if isinstance(law, Measured):
         known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
-        series = f"the velocity over its mean is as in the series in all mean flows: {known}"
+        series = f"the velocity over its mean follows the series in all mean flows: {known}"
         return [steady, series]
     if isinstance(law, Events):
-        known = f"{len(law.strengths)} in a time of {law.duration:g}, and nothing moves the grain between them"
-        events = f"the gusts over the mean velocity are those counted, in all mean flows: {known}"
+        known = f"{len(law.strengths)} in a time of {law.duration:g}, without motion between them"
+        events = (
+            f"the gusts relative to the mean velocity are those counted, in all mean flows: {known}"
+        )
         return [steady, events]
     source = SOURCES.get(str(gusts.intensity), "as given")
     random = f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}"

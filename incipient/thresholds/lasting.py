@@ -51,13 +51,13 @@ class WeakestGusts:
                 for point in points
             ]
         except (KeyError, TypeError, ValueError):
-            raise _refused("holds no gusts; search them anew with incipient gust") from None
+            raise _refused("holds no gusts; repeat incipient gust") from None
         if len(rows) < 2:
             remedy = "search more with incipient gust --durations"
-            raise _refused(f"has less than two durations; {remedy}")
+            raise _refused(f"has fewer than two durations; {remedy}")
         durations, strengths, errors = np.array(sorted(rows)).T
         if not (durations > 0.0).all() or not (strengths > errors).all():
-            raise _refused("has a strength within its error; search it anew with incipient gust")
+            raise _refused("has a strength within its error; repeat incipient gust")
         return cls(durations, strengths, errors, static, known)
 
     def require_of(self, critical: float) -> None:
@@ -109,7 +109,7 @@ def series_of(law: Law, integral_time: float | None) -> Series | Events:
     if isinstance(law, Measured):
         return Series(*law.even)
     if law.microscale is None or integral_time is None:
-        why = "is missing, by which gusts last; give it and gusts.microscale"
+        why = "is missing, which determines the duration of gusts; give it and gusts.microscale"
         raise SceneError(f"gusts.integral_time: {why}")
     if integral_time < math.sqrt(2.0) * law.microscale:
         why = f"is {integral_time:.3g}, less than the microscale {law.microscale:.3g} times the square root of two"

@@ -219,7 +219,7 @@ class Events:
 def _require_known(probability: float, known: tuple[float, float], what: str) -> None:
     if not known[0] <= probability <= known[1]:
         why = f"probability {probability:g} is outside the range of the {what}, {known[0]:.2g} to {known[1]:.2g}"
-        raise SceneError(f"gusts.points: {why}; give longer data, or a law")
+        raise SceneError(f"gusts.points: {why}; give a longer record, or a law")
 
 
 Law = Gaussian | Measured | Events

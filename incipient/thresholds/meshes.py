@@ -36,12 +36,10 @@ DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
 CHANGED = 1.1  # largest ratio of the wall cells of two flows on a common mesh
 MOST_MESHES = 6
 DIFFERING = (
-    "the critical flow differs from mesh to mesh, each made for the walls in the one before: it is {factors} "
-    "times the scene's; use a smaller numerics.mesh_size"
+    "the critical flow does not converge over meshes made for its walls: it is {factors} times the scene's; "
+    "use a smaller numerics.mesh_size"
 )
-OTHER_MESH = (
-    "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
-)
+OTHER_MESH = "all on the mesh of the scene's flow, whose wall cells are too large for these"
 
 Concluded = TypeVar("Concluded")
 
@@ -92,7 +90,7 @@ def to_accuracy(
     Raises SceneError for an invalid accuracy of thresholds.
     """
     if scene.numerics.accuracy == "verdict":
-        why = '"verdict" means nothing for a threshold; give a relative error of the critical flow such as 0.01'
+        why = '"verdict" does not apply to thresholds; give a relative error of the critical flow such as 0.01'
         raise SceneError(f"numerics.accuracy: {why}")
     if scene.numerics.accuracy_includes == "all":
         why = '"all" is for runs; leave it out, and see the error bars of the threshold'
@@ -114,7 +112,7 @@ class _DualWeightedThreshold(DualWeighted):
         self._critical = CriticalSearch(run)
         flow = self._flow = _next(self._critical, self._flow)
         if flow.rocking is not None:
-            why = "the grain rocks before it leaves its pocket, and no error bar of that is known"
+            why = "the grain rocks before it leaves its pocket, and this has no error bar"
             raise SceneError(f"numerics.accuracy: {why}; leave it out")
         if flow.is_critical:
             search, halved = self.search, run.setup.symmetric
