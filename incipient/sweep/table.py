@@ -28,12 +28,12 @@ LAST = ("reason", *COST, "versions", "id")
 
 
 def rows(path: Path | str) -> list[dict[str, Any]]:
-    """One dictionary a case, in the order in which cases came; columns as in docs/howto/sweeps.md. Not collective.
+    """One dictionary for each case, in order; columns as in docs/howto/sweeps.md.
 
     A number that a case does not have is missing, an infinite one is infinite.
 
     Raises:
-        OutputError: the file is not there, damaged, or not that of a sweep.
+        OutputError: the file is missing, damaged, or not that of a sweep.
     """
     with Store(Path(path)) as store:
         keys = store.keys()
@@ -96,12 +96,7 @@ def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, flo
 
 
 def frame(path: Path | str) -> pandas.DataFrame:
-    """Table of a sweep as a frame of pandas, with the columns of `rows`. Not collective.
-
-    Raises:
-        MissingError: pandas is not installed.
-        OutputError: as `rows`.
-    """
+    """The `rows` as a data frame of pandas. Raises MissingError without pandas, and as `rows`."""
     try:
         import pandas
     except ImportError as error:
@@ -113,18 +108,18 @@ def frame(path: Path | str) -> pandas.DataFrame:
 
 
 def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """All columns of the rows, in their order."""
+    """All columns of the rows, in order."""
     names = list(dict.fromkeys(name for row in table for name in row))
     return [name for name in names if name not in LAST] + [name for name in LAST if name in names]
 
 
 def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as the text of a CSV file; missing values are empty."""
+    """Rows as CSV text; missing values are empty."""
     return csv_text(columns(table), table)
 
 
 def write_parquet(source: Path, target: Path) -> None:
-    """Write the table as a Parquet file; raises MissingError without pandas or pyarrow, and OutputError."""
+    """Write the table as a Parquet file. Raises MissingError without pandas or pyarrow, and OutputError."""
     pyarrow("tables")
     require_ending(target, ".parquet")
     table = frame(source)
