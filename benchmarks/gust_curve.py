@@ -33,8 +33,8 @@ from tables import publish
 import incipient
 from incipient.arrays import Floats
 from incipient.parallel import world
-from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, load
+from incipient.setup.setup import Setup
 from incipient.thresholds.gusts import GustSearch
 
 ROOT = Path(__file__).parents[1]

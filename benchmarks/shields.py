@@ -43,7 +43,7 @@ from incipient.arrays import Floats
 from incipient.files import csv_text
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.pictures import style
-from incipient.planning.mean_profile import MeanProfile
+from incipient.setup.mean_profile import MeanProfile
 from incipient.survey.deposition import Spheres
 from incipient.survey.emulator import FOLDS
 from incipient.thresholds.laws import Gaussian

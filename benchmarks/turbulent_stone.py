@@ -99,7 +99,7 @@ def by_openfoam(size: float, name: str = "upwind", **changed: Any) -> Found:
     from programs import openfoam_stone
 
     from incipient.coupled.enclosed import load_of
-    from incipient.planning.flow_setup import Setup
+    from incipient.setup.setup import Setup
 
     asked = scene(1.0, **changed)
     walls, closing = Setup(asked).walls, Setup(asked).geometry.closing
@@ -178,13 +178,12 @@ def inflow_of(asked: Any, walls: Any) -> Any:
     """What enters the scene, by heights."""
     from programs.openfoam import Inflow
 
-    from incipient.planning.flow_setup import Setup
-    from incipient.planning.wall_conditions import entering
-
-    enters = entering(walls, Setup(asked).turbulence)
-    low, high = walls.floor + walls.distance, walls.ceiling
-    heights = low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS)))
-    parts = (part(heights) for part in (enters.speed, enters.energy, enters.dissipation))
+    heights = walls.ground + (walls.ceiling - walls.ground) * 0.5 * (
+        1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS))
+    )
+    x = np.zeros((3, ROWS))
+    x[walls.up] = heights
+    parts = (walls.inflow.velocity(x, 0.0)[0], *np.exp(walls.inflow.logarithms(x)))
     return Inflow(np.column_stack([heights, *parts]), asked.viscosity)
 
 

@@ -88,7 +88,7 @@ def by_incipient() -> Waves:
 
 def by_openfoam(name: str) -> Waves:
     """The waves by OpenFOAM in layers of quadrilaterals along the bed, with a scheme of `CONVECTION`."""
-    from incipient.planning.flow_setup import Setup
+    from incipient.setup.setup import Setup
 
     asked, walls = scene(), Setup(scene()).walls
     x = np.linspace(0.0, LENGTH, round(LENGTH / WAVELENGTH * COLUMNS) + 1)

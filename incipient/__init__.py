@@ -24,11 +24,10 @@ from .errors import (
 )
 
 if TYPE_CHECKING:
-    from .effects.plan import make_plan
     from .flumes import flume
     from .output.runs import resume, run
     from .output.searches import entrainment, gusts, threshold
-    from .planning.plan import Plan
+    from .planning.plan import Plan, make_plan
     from .scene import Scene, load
 
 __all__ = [
@@ -56,7 +55,7 @@ __all__ = [
 _LATER = {
     "Plan": "planning.plan",
     "flume": "flumes",
-    "make_plan": "effects.plan",
+    "make_plan": "planning.plan",
     "Scene": "scene",
     "load": "scene",
     "run": "output.runs",

@@ -38,7 +38,6 @@ OF_FREE_SURFACE = (
     "mesh.elevation",
     "coupled.surface",
     "effects.free_surface.part",
-    "planning.surface",
     "planning.surface_conditions",
 )
 OF_TURBULENCE = (
@@ -46,23 +45,11 @@ OF_TURBULENCE = (
     "forms.k_omega_sst",
     "forms.wall_friction",
     "fluid.friction",
-    "effects.turbulence.along_walls",
-    "effects.turbulence.coupled_flow",
-    "effects.turbulence.fields",
-    "effects.turbulence.continuation",
-    "effects.turbulence.in_time",
-    "effects.turbulence.k_epsilon",
-    "effects.turbulence.k_omega_flow",
-    "effects.turbulence.k_omega_sst",
-    "effects.turbulence.models",
-    "effects.turbulence.part",
+    "turbulence",
+    "effects.turbulent_flow",
     "mesh.wall_distance",
-    "planning.developed_channel",
-    "planning.resolved_walls",
-    "planning.wall_layer",
     "planning.wall_cells",
     "planning.wall_conditions",
-    "effects.turbulence.limits",
     "results.wall_report",
 )
 OF_CONTACT = ("evaluation.contact_verdict", "contact")

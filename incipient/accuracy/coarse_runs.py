@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError, MeshError
-from ..planning.boundary_layer import is_resolved
-from ..planning.flow_setup import Setup, order_of
+from ..planning.discretisation import order_of
+from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
 from ..scene import Scene
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
+from ..setup.setup import Setup
 
 # Coarse runs for the terms of the model: order, least mesh_size; in unsteady flow also the factor on the steps and the
 # least number of steps, since long steps damp waves.
@@ -82,7 +83,7 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     longer = changed(scene, numerics={"error_bars": False}, time=time)
     if on_another_mesh(scene):
         return longer, on_coarser_mesh(longer)
-    other = order_of(scene).number + (1 if order_of(scene).number < HIGHEST_ORDER else -1)
+    other = order_of(scene) + (1 if order_of(scene) < HIGHEST_ORDER else -1)
     return longer, changed(longer, numerics={"order": other})
 
 
@@ -93,7 +94,7 @@ def on_another_mesh(scene: Scene) -> bool:
     """
     if scene.is_averaged or scene.body is None:
         return scene.is_averaged
-    return order_of(scene).number == HIGHEST_ORDER or not is_resolved(Setup(scene))
+    return order_of(scene) == HIGHEST_ORDER or not is_resolved(Setup(scene))
 
 
 def ratio_of_steps(scene: Scene) -> float:
@@ -146,7 +147,7 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
         origin[1] -= 0.5 * (factor - 1.0) * domain.width
     # Without a bed the flow is also unbounded below, and a top without shear is no channel surface; a shear flow begins
     # at the bottom.
-    endless = scene.bed is None and scene.flow.kind in ("uniform", "expression")
+    endless = scene.bed is None and scene.flow.unbounded
     if scene.top == "stream" or (endless and scene.top == "slip"):
         changes["height"] = factor * domain.height
         if endless:
@@ -187,10 +188,8 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
 
 
 def is_coarse(scene: Scene) -> bool:
-    """Whether a steady scene is its own first coarse run, which is then omitted."""
-    return coarse(scene) == changed(
-        scene, numerics={"error_bars": False, "order": order_of(scene).number}
-    )
+    """Whether a scene of steady flow is its own first coarse run, which is then omitted. Not collective."""
+    return coarse(scene) == changed(scene, numerics={"error_bars": False, "order": order_of(scene)})
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:

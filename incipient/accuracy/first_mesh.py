@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..effects import known
-from ..effects.plan import make_plan, plan_of
 from ..errors import MissingError
 from ..installed import memory_of_libraries
 from ..planning import expense, meshing
-from ..planning.flow_setup import Setup, has_inertia
+from ..planning.effects import inertia
 from ..planning.layout import coarse_sizes
-from ..planning.plan import Estimate, Plan
+from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
+from ..setup.setup import Setup
 from . import next_mesh
 from .coarse_runs import changed, comparisons
 from .terms import on_more_bed
@@ -44,7 +43,7 @@ def first_mesh(scene: Scene) -> Estimate:
     setup = Setup(scene if steady else next_mesh.first(scene))
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
-    factor = next_mesh.coarsest(scene.gdim, has_inertia(scene))
+    factor = next_mesh.coarsest(scene.gdim, inertia(Setup(scene)).present)
     sized = coarse_sizes(factor, None, layout) if steady else layout
     return expense.count(sized, plan.order, steady, plan.solver.name)
 
@@ -61,7 +60,7 @@ def counted(scene: Scene) -> Estimate:
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)
     expected = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
-    more = sum((effect.memory(setup, expected.unknowns) for effect in known.EFFECTS), 0.0)
+    more = expense.memory_of_parts(setup, expected.unknowns)
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = counted(comparisons(scene)[1])
         more += other.memory_mib - memory_of_libraries()

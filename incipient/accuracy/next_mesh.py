@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
-from ..planning.flow_setup import order_of
-from ..planning.open_channel import LEVEL
+from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE, LEVEL
+from ..planning.discretisation import order_of
 from ..results.adaptation import Trial
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
@@ -94,8 +93,8 @@ class Refined:
 
 
 def refined(scene: Scene, trial: Trial, left: float) -> Refined:
-    """The refinement of an unsteady scene that is expected to leave a fraction of its error."""
-    q, order = order_in_time(scene), order_of(scene).number
+    """The refinement of an unsteady scene that is expected to leave a fraction of its error. Not collective."""
+    q, order = order_in_time(scene), order_of(scene)
     of_step, of_mesh = trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
         return halved(order)
@@ -152,7 +151,7 @@ def first(scene: Scene) -> Scene:
         longer /= 2.0
     if is_stream(scene):
         sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
-        size = sizes[min(order_of(scene).number + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size
+        size = sizes[min(order_of(scene) + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size
         cells = float(np.clip(LEVEL / size, 1.0, cells))
     return _resized(scene, cells, longer)
 

@@ -15,8 +15,8 @@ import numpy as np
 from ..errors import ConvergenceError, MeshError
 from ..installed import free_bytes
 from ..parallel import Comm
+from ..planning.discretisation import order_of
 from ..planning.expense import MEMORY_GROWTH
-from ..planning.flow_setup import order_of
 from ..planning.layout import Layout
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
@@ -150,7 +150,7 @@ class Search:
                         return self.strategy.concluded(run)
             except (ConvergenceError, MeshError) as error:
                 failures += 1
-                self.report(Trial(order_of(attempt.scene).number, 0, 0, None, 0.0, note=str(error)))
+                self.report(Trial(order_of(attempt.scene), 0, 0, None, 0.0, note=str(error)))
                 if self.best is None and failures == MOST_FAILURES:
                     raise
                 self.reason, following = f"the next mesh failed: {error}", None
@@ -174,7 +174,7 @@ class Search:
             estimate = self.strategy.estimate(run, on_mesh)
         mesh, time = run.domain.mesh, attempt.scene.time
         cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
-        size = order_of(attempt.scene).number, cells, run.fluid.space.unknowns
+        size = order_of(attempt.scene), cells, run.fluid.space.unknowns
         note = ", ".join(filter(None, (attempt.note, estimate.note)))
         how = self.elapsed() - began, None if time is None else time.step, note
         self.report(Trial(*size, estimate.error, *how, *estimate.parts))

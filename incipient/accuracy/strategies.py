@@ -13,12 +13,14 @@ import numpy as np
 
 from ..errors import IncipientError, Interrupted, MeshError
 from ..interrupt import told_where_kept
-from ..planning.flow_setup import Setup, has_inertia, order_of
+from ..planning.discretisation import order_of
+from ..planning.effects import inertia
 from ..planning.layout import coarse_sizes
 from ..planning.wall_cells import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
+from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.beside import InTurn
 from ..simulation.build import prepared
@@ -26,7 +28,7 @@ from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over, loads_of, solved
 from ..simulation.state import Accounts, Run
-from ..simulation.steady import loads_at, solve_with_parts
+from ..simulation.steady import loads_at, solve_with_turbulence
 from . import next_mesh
 from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
@@ -116,7 +118,7 @@ class Steady(Strategy):
         """The scene in elements of an order, with a tolerance for the accuracy."""
         accuracy = self.search.numerics.accuracy
         wanted = SOLVER_SHARE * (accuracy if isinstance(accuracy, float | int) else CRITICAL)
-        order = order or order_of(scene).number
+        order = order or order_of(scene)
         tolerance = float(np.clip(wanted, *TOLERANCES))
         return changed(scene, numerics={"order": order, "tolerance": tolerance})
 
@@ -198,7 +200,7 @@ class DualWeighted(Steady):
 
     def first(self, failures: int = 0) -> Attempt:
         scene = self.search.scene
-        factor = 0.5**failures * coarsest(scene.gdim, has_inertia(scene))
+        factor = 0.5**failures * coarsest(scene.gdim, inertia(Setup(scene)).present)
         return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
 
     @contextmanager
@@ -256,7 +258,8 @@ class DualWeighted(Steady):
         return max(AIM * self.search.allowed / self._plain, compared)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        before, shares, gdim = order_of(attempt.scene).number, estimate.shares, attempt.scene.gdim
+        """See `Strategy`."""
+        before, shares, gdim = order_of(attempt.scene), estimate.shares, attempt.scene.gdim
         order, excess = next_order(before, 1.0 / left, gdim, self._highest)
         together = self.search.comm.bcast(float(np.sum(shares.errors)), root=0)
         # Contributions may cancel: their sum may exceed the error.
@@ -274,7 +277,7 @@ class DualWeighted(Steady):
 
     @property
     def _highest(self) -> int:
-        return highest_order(self.search.scene.gdim, has_inertia(self.search.scene))
+        return highest_order(self.search.scene.gdim, inertia(Setup(self.search.scene)).present)
 
     @property
     def _has_one_order(self) -> bool:
@@ -318,12 +321,13 @@ class Uniform(Steady):
         return Attempt(sized, unknowns=unknowns, work=work, note=note)
 
     def solve(self, run: Run) -> LoadsOnMesh:
-        solve_with_parts(run, run.fluid, run.parts)
+        """See `Steady`."""
+        solve_with_turbulence(run, run.fluid, run.turbulence)
         return _on_mesh(run)
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
         search, walls = self.search, on_mesh.turbulence
-        doubt = "" if walls is None or walls.applicable else walls.doubt
+        doubt = "" if walls is None else walls.doubt
         computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
@@ -338,8 +342,6 @@ class Uniform(Steady):
         runs = KeptRuns(search.known.loads, search.spent, lambda each: loads_of(each, search.comm))
         term = by_coarser_mesh(run.scene, computed, runs)
         search.known.terms["discretisation"] = term
-        if doubt and walls is not None and walls.by_cells:
-            return Estimate(None, term, note=doubt)  # a finer mesh may be as the model asks
         error = relative(search.goal, on_mesh, term.with_changes(computed.unsteady))
         return Estimate(error, term, doubt)
 
@@ -375,7 +377,7 @@ class InTime(Strategy):
     def first(self, failures: int = 0) -> Attempt:
         scene = next_mesh.first(self.search.scene)
         for _ in range(failures):
-            scene = next_mesh.finer(scene, next_mesh.halved(order_of(scene).number))
+            scene = next_mesh.finer(scene, next_mesh.halved(order_of(scene)))
         return Attempt(scene)
 
     @contextmanager

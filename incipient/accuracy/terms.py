@@ -13,14 +13,14 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
-from ..planning.boundary_layer import is_resolved
-from ..planning.flow_setup import Setup, order_of
-from ..planning.meshed_bed import resolved_bed
-from ..planning.open_channel import LEVEL
+from ..planning.cells import LEVEL
+from ..planning.discretisation import far_cells, order_of
+from ..planning.meshing import is_resolved
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
 from ..scene.model import WIDEST_GAP
+from ..setup.setup import Setup
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
@@ -140,7 +140,7 @@ def _by_two_meshes(
 def _require_coarser(scene: Scene) -> None:
     if scene.is_averaged or scene.time is None:
         setup = Setup(scene)
-        by_grid = setup.far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
+        by_grid = far_cells(setup).coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
         most = coarsest(setup) / COARSER_MESH if scene.is_averaged else by_grid
         if scene.numerics.mesh_size > most:
             raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
@@ -165,7 +165,7 @@ def by_coarser_runs(
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = of_step.with_elevations_times(SAFETY)
     if of_mesh is None:
-        how = f"these on a mesh for elements of order {order_of(beside).number}"
+        how = f"these on a mesh for elements of order {order_of(beside)}"
         if on_another_mesh(scene):
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
         of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
@@ -186,7 +186,7 @@ def _order_of_mesh(scene: Scene) -> float:
     """Order in the cell size of errors of unsteady flow: one less in unresolved boundary layers."""
     if scene.is_averaged:
         return UPWINDED
-    order = order_of(scene).number
+    order = order_of(scene)
     return order_in_space(order) if is_resolved(Setup(scene)) else order
 
 
@@ -220,8 +220,8 @@ def _of_large(term: Term, computed: Loads) -> float:
 
 
 def is_stream(scene: Scene) -> bool:
-    """Whether the scene has an inflow below a free surface."""
-    return scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
+    """Whether the scene has an inflow below a free surface. Not collective."""
+    return scene.has_surface and scene.domain.kind == "channel" and not scene.flow.at_rest
 
 
 def doubt_of_stream(scene: Scene) -> str:
@@ -231,7 +231,7 @@ def doubt_of_stream(scene: Scene) -> str:
     """
     if not is_stream(scene):
         return ""
-    order, cells = order_of(scene).number, Setup(scene).far_cells
+    order, cells = order_of(scene), far_cells(Setup(scene))
     largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(order)
     most = LEVEL * scene.domain.height / largest
     if scene.numerics.mesh_size <= most:
@@ -471,4 +471,4 @@ def on_more_bed(scene: Scene) -> Scene | None:
 def _has_level_ground(setup: Setup) -> bool:
     if setup.scene.gdim != 3 or setup.scene.time is not None:
         return False
-    return resolved_bed(setup.geometry, setup.scene.placement, setup.base_flow.datum) is not None
+    return setup.geometry.resolved_bed(setup.scene.placement, setup.base_flow.datum) is not None

@@ -23,7 +23,7 @@ from ..errors import SceneError
 from ..files import plain
 from ..output.lock import locked
 from ..parallel import Comm, collectively
-from ..planning.flow_setup import order_of
+from ..planning.discretisation import order_of
 from ..planning.plan import Plan
 from ..scene import Scene
 from .drawing import tell_of_pictures
@@ -95,7 +95,7 @@ def _further_runs(scene: Scene) -> list[str]:
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return []
-    runs = [(order_of(run).number, run.time) for run in coarse_scenes(scene)]
+    runs = [(order_of(run), run.time) for run in coarse_scenes(scene)]
     named = ", ".join(f"P{k}-P{k - 1} in steps of {time.step:.3g}" for k, time in runs if time)
     said = f"  error bars take {len(runs)} more runs to the same end ({named})"
     return [f"{said}; numerics.error_bars = false leaves them out"]

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..accuracy.coarse_runs import changed
 from ..errors import SceneError
-from ..planning.flow_setup import order_of
+from ..planning.discretisation import order_of
 from ..scene import Scene
 
 RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next; steps are halved
@@ -56,7 +56,7 @@ class Rung:
 def own_rung(scene: Scene) -> Rung:
     """Resolution of the scene, defaults included."""
     step = None if scene.time is None else scene.time.step
-    return Rung(order_of(scene).number, scene.numerics.mesh_size, step)
+    return Rung(order_of(scene), scene.numerics.mesh_size, step)
 
 
 def ladder(
@@ -105,7 +105,7 @@ def ladder(
 def _orders(scene: Scene, quick: bool) -> tuple[int, ...]:
     # The cheapest order in 3-D is known (docs/contribute/defaults.md).
     if quick or scene.gdim == 3:
-        return (order_of(scene).number,)
+        return (order_of(scene),)
     return (2, 3) if scene.is_averaged or scene.time is not None else (2, 3, 4)
 
 

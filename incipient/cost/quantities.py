@@ -114,8 +114,7 @@ def _of_path(
 def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
     """Extreme loads, over all times for unsteady inflow or waves, otherwise over the last quarter."""
     assert scene.time is not None
-    changing = scene.flow.kind == "expression" and scene.flow.unsteady
-    changing = changing or (scene.has_surface and scene.flow.kind == "still")
+    changing = scene.flow.changes or (scene.has_surface and scene.flow.at_rest)
     begin = 0.0 if changing else SETTLED * scene.time.end
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])

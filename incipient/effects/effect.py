@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import Decision, EffectName
-from ..planning.flow_setup import Setup
-from ..planning.numbers import Numbers
 from ..planning.plan import Plan
 from ..results.left_out import Omission
 from ..results.loads import Forces, Torques
 from ..results.quantity import OutputQuantity
+from ..setup.setup import Setup
 from .run_part import RunPart, Solving, Stage
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..mesh.domain import Domain
     from ..restart.checkpoint import Checkpoint
 
 
@@ -47,7 +45,7 @@ class SlowestFlow:
 
 
 class Effect:
-    """One physical effect, imported only where present. The default methods do nothing.
+    """What one physical effect adds to a run. The default methods do nothing; `planning.effects` decides on it.
 
     `quantities`: output quantities of a run with the effect.
     """
@@ -55,32 +53,17 @@ class Effect:
     name: EffectName
     quantities: tuple[OutputQuantity, ...] = ()
 
-    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Decide whether the scene calls for the effect, with the reason. Not collective."""
-        raise NotImplementedError
+    def __init__(self, name: EffectName | None = None, *quantities: OutputQuantity):
+        if name is not None:
+            self.name, self.quantities = name, quantities
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """Add the effect's terms to the flow model, of the `unsteady` flow or its steady start. Not collective."""
         return model
 
-    def warnings(self, setup: Setup) -> Iterator[str]:
-        """Features of the scene that make the result less certain. Not collective.
-
-        Raises SceneError if the effect cannot be simulated in the scene.
-        """
-        return iter(())
-
-    def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
-        """Unknowns solved with a steady flow, created before its fluid. Collective."""
-        return None
-
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> RunPart | None:
         """Unknowns that move the mesh of an unsteady flow, at the start or from a checkpoint. Collective."""
         return None
-
-    def memory(self, setup: Setup, unknowns: int) -> float:
-        """Additional memory [MiB] for a flow with so many unknowns. Not collective."""
-        return 0.0
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Estimated changes by the omitted effect. Collective."""

@@ -1,25 +1,23 @@
-"""The list of all effects."""
+"""The list of what effects add to a run."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from ..planning.effects import Decision, accuracy_asked
-from ..planning.flow_setup import Setup
-from ..planning.numbers import Numbers
+from ..planning.effects import EffectName, accuracy_asked
 from ..planning.plan import Plan
 from ..results.left_out import Omission
+from ..results.of_runs import LOADS
 from ..results.quantity import OutputQuantity
 from .effect import Effect, Solved
 from .flow import (
     FlowEffect,
     InertiaEffect,
     MovingMeshEffect,
-    ThirdDimensionEffect,
     UnsteadinessEffect,
 )
 from .free_surface import FreeSurfaceEffect
-from .grain import ContactEffect, GravityEffect, TractionEffect
+from .grain import ContactEffect, GravityEffect
 from .moving_grain import FreeBodyEffect
 from .turbulence import TurbulenceEffect
 
@@ -27,7 +25,7 @@ from .turbulence import TurbulenceEffect
 EFFECTS: tuple[Effect, ...] = (
     InertiaEffect(),
     UnsteadinessEffect(),
-    TractionEffect(),
+    Effect(EffectName.TRACTION, *LOADS),
     GravityEffect(),
     ContactEffect(),
     FlowEffect(),
@@ -35,13 +33,7 @@ EFFECTS: tuple[Effect, ...] = (
     FreeBodyEffect(),
     FreeSurfaceEffect(),
     TurbulenceEffect(),
-    ThirdDimensionEffect(),
 )
-
-
-def decisions(setup: Setup, numbers: Numbers) -> tuple[Decision, ...]:
-    """Decide on all effects. Not collective."""
-    return tuple(effect.decide(setup, numbers) for effect in EFFECTS)
 
 
 def quantities(plan: Plan | None = None) -> tuple[OutputQuantity, ...]:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
     from ..coupled.part import Part
     from ..coupled.tractions import TractionProbe
-    from ..fluid import FlowModel, Fluid
-    from ..fluid.transient import Interface, TimeStep, Transient
+    from ..fluid import Fluid
+    from ..fluid.transient import TimeStep, Transient
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
     from ..restart.checkpoint import Checkpoint
@@ -53,18 +53,21 @@ class Solving(Protocol):
 class RunPart:
     """Unknowns of an effect solved with the flow in each step. Every method is collective.
 
-    The default methods add nothing. A part extends the flow model (`within`), enters the fluid
-    (`joined`), moves the mesh (`moving`) and wraps the solution of a step (`around`); after
-    remeshing another part takes over (`on`, `carry_over`).
+    A part is made for a mesh, enters the fluid on it (`joined`), and moves the mesh by what `moving` returns. On a new
+    mesh another part of the kind takes over (`on`, then `joined` with the part before).
+
+    Attributes:
+        effect: whose part it is.
     """
 
     effect: EffectName
 
-    # -- solution ---------------------------------------------------------------------------------
+    @property
+    def unknowns(self) -> int:
+        """Number of its unknowns over all ranks."""
+        raise NotImplementedError
 
-    def within(self, model: FlowModel) -> FlowModel:
-        """Add the part's terms to the flow model."""
-        return model
+    # -- solution ---------------------------------------------------------------------------------
 
     def joined(self, fluid: Fluid, before: Self | None = None) -> None:
         """Enter the fluid on its original mesh; `before` is the part on the previous mesh."""
@@ -73,32 +76,14 @@ class RunPart:
         """Boundaries moved by the part; the mesh moves to their initial positions."""
         return ()
 
-    def around(self, interface: Interface | None) -> Interface | None:
-        """Wrap the interface of the moving parts that a step solves with the flow."""
-        return interface
-
     def on(self, domain: Domain) -> Self:
-        """The part for a new mesh, not yet in a fluid."""
-        raise NotImplementedError(f"{type(self).__name__} has no new meshes")
-
-    def carry_over(self, before: Self) -> None:
-        """Take over the state from the part on the previous mesh."""
-
-    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Solve the steady flow with the part's unknowns; False if the flow does not depend on them.
-
-        `factor`: speed relative to the scene's; `onwards`: from the present state.
-        """
-        return False
-
-    def states(self) -> tuple[Any, ...]:
-        """Functions that belong to the state of a steady flow."""
-        return ()
+        """The part on a new mesh, not yet in a fluid."""
+        raise NotImplementedError
 
     def accept_step(self, step: TimeStep) -> None:
         """Record an accepted step."""
 
-    # -- output -----------------------------------------------------------------------------------
+    # -- output and checkpoints -------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
         """History columns of a step."""
@@ -107,16 +92,6 @@ class RunPart:
     def reported(self) -> dict[str, Any]:
         """Fields of `results.result.Result` by name."""
         return {}
-
-    def functions(self) -> dict[str, Any]:
-        """Functions on the mesh by file name."""
-        return {}
-
-    def unknowns(self) -> dict[str, int]:
-        """Numbers of unknowns by effect, over all ranks."""
-        return {}
-
-    # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """Fields of `restart.checkpoint.Checkpoint` by name."""

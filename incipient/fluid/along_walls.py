@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
-import dolfinx
 import numpy as np
 import ufl
-from scipy.spatial import cKDTree
+from mpi4py import MPI
 
 from .. import compat
 from ..mesh.domain import Domain
-from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
@@ -25,9 +23,9 @@ ROUNDING = 1e-6  # relative to the length of a wall: distance of coincident posi
 class AlongWall:
     """Flow along a wall at nodes (n,), by ascending x, on all ranks.
 
-    normals (n, gdim) point out of the fluid and are shorter than one in corners; lengths (n,) of
-    wall per node; velocities (n, gdim) relative to the wall; shear_velocities (n,); facets (m, 2)
-    of a resolved wall: nodes of facets, in 3-D of edges.
+    places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
+    lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
+    those that k stands for
     """
 
     places: np.ndarray
@@ -35,7 +33,6 @@ class AlongWall:
     lengths: np.ndarray
     velocities: np.ndarray
     shear_velocities: np.ndarray
-    facets: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property
     def speeds(self) -> np.ndarray:
@@ -44,36 +41,11 @@ class AlongWall:
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
-    def at_outflow(self) -> float:
-        """Mean u* at the positions farthest downstream."""
-        last = at_end(self.places[:, 0])
-        return float(np.average(self.shear_velocities[last], weights=self.lengths[last]))
-
     @property
     def _level(self) -> np.ndarray:
         """Mask (n,) of nodes off corners and steep faces."""
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
-
-    def coarse_share(self, largest: float) -> float:
-        """Fraction of the wall stress variation in under-resolved facets (in 3-D edges).
-
-        The stress (`velocities`) there changes by more than `largest` times the larger of its end
-        values and the mean. Two facets on either side of corners and ends of the wall are excluded.
-        """
-        singular = np.linalg.norm(self.normals, axis=1) < CORNER
-        if self.places.shape[1] == 3:
-            stress = np.linalg.norm(self.velocities, axis=1)
-        else:
-            across = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
-            stress = self.velocities[:, 1] * across[:, 0] - self.velocities[:, 0] * across[:, 1]
-            singular |= np.bincount(self.facets.ravel(), minlength=len(stress)) == 1
-        for _ in range(2):
-            singular[self.facets[singular[self.facets].any(axis=1)]] = True
-        ends = stress[self.facets[~singular[self.facets].any(axis=1)]]
-        change, size = np.abs(ends[:, 1] - ends[:, 0]), np.abs(stress)
-        bound = np.maximum(np.abs(ends).max(axis=1, initial=0.0), size.mean())
-        return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x with reverse flow along nearly level parts of the wall.
@@ -109,57 +81,50 @@ def at_end(x: np.ndarray) -> np.ndarray:
     return np.asarray(x >= x.max() - ROUNDING * np.ptp(x))
 
 
-def coarse_along(
-    walls: Mapping[str, AlongWall], rough: Collection[str], largest: float
-) -> float | None:
-    """Largest `coarse_share` of smooth walls, or None."""
-    shares = [
-        one.coarse_share(largest)
-        for name, one in walls.items()
-        if name not in rough and len(one.facets)
-    ]
-    return max(shares, default=None)
-
-
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
-    """Flow along a named boundary, in 3-D at cell vertices; `shear_velocity` is UFL. Collective."""
-    domain, gdim, flow = fluid.domain, fluid.space.gdim, fluid.velocity
-    # Second-order vertex functions integrate to zero over triangles, which would leave vertices without area.
-    space = (
-        fluid.space.velocity if gdim == 2 else compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
-    )
-    if gdim == 3:
-        flow = dolfinx.fem.Function(space)
-        flow.interpolate(fluid.velocity)
+    """Read the flow along a named boundary at corners of cells, each value a mean over the facets there. Collective.
+
+    `shear_velocity` is UFL. Corners at both ends of the domain are left out, where the flow meets another condition.
+    """
+    domain, gdim = fluid.domain, fluid.space.gdim
+    space = compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
     nodes = _owned_nodes(space, domain, boundary)
-    lengths, normals = _lengths_and_normals(fluid, space, boundary)
-    found = dolfinx.fem.Function(space)
-    expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
-    compat.interpolate(found, expression)
-    places = space.tabulate_dof_coordinates()[nodes, :gdim]
+
+    def forms() -> list[Any]:
+        w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
+        one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
+        v = fluid.walls.relative(ufl.split(fluid.state)[0], boundary)
+        measure = domain.measure(boundary)
+        known = one, n, v, shear_velocity * one
+        return [compat.form(ufl.inner(value, w) * measure) for value in known]
+
+    made = fluid.kept(f"flow along {boundary}", forms)
     columns = [
-        places,
-        _at(lengths, nodes, gdim)[:, :1],
-        _at(normals, nodes, gdim),
-        flow.x.array.reshape(-1, gdim)[nodes] - fluid.walls.velocities(boundary, places),
-        found.x.array.reshape(-1, gdim)[nodes, :1],
+        space.tabulate_dof_coordinates()[nodes, :gdim],
+        *(_at(one, nodes, gdim) for one in made),
     ]
     whole = _on_all_ranks(domain, columns)
-    places, lengths, normals, velocities, shears = np.split(
-        whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1
-    )
-    return AlongWall(places, normals / lengths, lengths[:, 0], velocities, shears[:, 0])
+    whole = whole[~_at_ends(domain, whole[:, 0])]
+    places, lengths, *means = np.split(whole, 5, axis=1)
+    normals, velocities, shears = (one / lengths[:, :1] for one in means)
+    return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0])
 
 
-def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> AlongWall:
-    """Shear stress along a named no-slip wall, as tangential `velocities`. Collective.
+def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
+    """Which of abscissae (n,) are the least or the largest of a mesh. Collective."""
+    mine = domain.mesh.geometry.x[:, 0]
+    low = domain.comm.allreduce(mine.min(), op=MPI.MIN)
+    high = domain.comm.allreduce(mine.max(), op=MPI.MAX)
+    return np.asarray(np.minimum(x - low, high - x) <= ROUNDING * (high - low))
 
-    In 2-D from consistent nodal tractions, off bodies averaged over two facets, without the ends of
-    the wall. In 3-D from the velocity gradient at vertices; on rough walls from consistent
-    tractions, without the ends.
+
+def along_no_slip_wall(fluid: Fluid, boundary: str) -> AlongWall:
+    """Read the shear stress along a named 2-D wall, to which the fluid sticks. Collective.
+
+    `velocities` stand for the direction, along the wall, in which the fluid pulls. Stresses are the consistent
+    tractions of the nodes, means over two facets, since triangles lean to one side and the other; the ends of the wall
+    are left out.
     """
-    if fluid.domain.gdim == 3:
-        return _along_wall_in_space(fluid, boundary, rough)
     domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
     nodes = _owned_nodes(space, domain, boundary)
     lengths, normals = _lengths_and_normals(fluid, space, boundary)
@@ -171,60 +136,14 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
         -fluid.residual()[rows],
     ]
     whole = _on_all_ranks(domain, columns)
-    places, length, normal, pull = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
-    lengths = length[:, 0]
-    ends = cKDTree(places).query(places_on_facets(domain, [boundary])[:, [0, -1]])[1]
-    facets = np.unique(np.sort(ends, axis=1), axis=0)  # several ranks may share a facet
-    if boundary != "body":
-        pull, lengths = _mean_of_facets(pull)[1:-1], _mean_of_facets(length)[1:-1, 0]
-        normal = _mean_of_facets(normal)[1:-1]
-        places = places[1:-1]
-        facets = facets[((facets > 0) & (facets <= len(places))).all(axis=1)] - 1
-    normals = normal / lengths[:, None]
+    places, *others = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
+    length, normal, pull = (_mean_of_facets(one)[1:-1] for one in others)
+    normals = normal / length
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    stress = pull / lengths[:, None]
+    stress = pull / length
     along = stress - (stress * units).sum(axis=1, keepdims=True) * units
     shear_velocities = np.sqrt(np.linalg.norm(along, axis=1))
-    return AlongWall(places, normals, lengths, along, shear_velocities, facets)
-
-
-def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
-    domain = fluid.domain
-    space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
-    nodes = _owned_nodes(space, domain, boundary)
-    w, n, one = (
-        ufl.TestFunction(space),
-        ufl.FacetNormal(domain.mesh),
-        ufl.as_vector([1.0, 0.0, 0.0]),
-    )
-    slope = ufl.dot(ufl.grad(ufl.split(fluid.state)[0]), n)
-    known = one, n, ufl.dot(slope, n) * n - slope
-
-    def forms() -> list[Any]:
-        found = [compat.form(ufl.inner(value, w) * domain.measure(boundary)) for value in known]
-        # The eddy viscosity, and with it the velocity gradient, varies within cells at rough walls.
-        return [*found[:2], compat.form(-fluid.residual_form(w, ufl.as_ufl(0)))] if rough else found
-
-    areas, normals, pulls = fluid.kept(f"pull along {boundary}", forms)
-    columns = [space.tabulate_dof_coordinates()[nodes], _at(areas, nodes, 3)[:, :1]]
-    columns += [_at(form, nodes, 3) for form in (normals, pulls)]
-    whole = _on_all_ranks(domain, columns)
-    if rough:
-        x = whole[:, 0]
-        whole = whole[~(at_end(-x) | at_end(x))]
-    places, area, normal, pull = np.split(whole, [3, 4, 7], axis=1)
-    corners = cKDTree(places).query(places_on_facets(domain, [boundary])[:, :3])[1]
-    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    along = pull / area
-    if rough:
-        units = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        along -= (along * units).sum(axis=1, keepdims=True) * units
-    else:
-        along /= fluid.reynolds
-    shear_velocities = np.sqrt(np.linalg.norm(along, axis=1))
-    return AlongWall(
-        *(places, normal / area, area[:, 0], along, shear_velocities, np.unique(edges, axis=0))
-    )
+    return AlongWall(places[1:-1], normals, length[:, 0], along, shear_velocities)
 
 
 def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:

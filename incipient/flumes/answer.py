@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..errors import SceneError
-from ..planning.mean_profile import ROUGH, SMOOTH, MeanProfile
+from ..setup.mean_profile import ROUGH, SMOOTH, MeanProfile
 from .thresholds import (
     OFTEN,
     SELDOM,

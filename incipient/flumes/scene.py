@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ..planning.flow_setup import Setup
-from ..planning.numbers import numbers_of
 from ..scene import loads
+from ..setup.numbers import numbers_of
+from ..setup.setup import Setup
 from .answer import FlumeAnswer
 
 CREST = 0.866  # height that the text below leaves for the bed [d]

@@ -11,8 +11,7 @@ from ..accuracy.run import run_scene
 from ..errors import SceneError
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, from_first, world
-from ..planning.flow_setup import order_of
-from ..planning.order import with_order
+from ..planning.discretisation import order_of, with_order
 from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene, Time, load
@@ -112,8 +111,8 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
     def loaded() -> tuple[Scene, Scene]:
         """The scenes of the directory and of the checkpoint. Raises SceneError if they are incompatible."""
         scene, before = load(directory / SCENE, overrides), loads(kept.scene)
-        if scene.numerics.order == "auto" and order_of(scene).number != order_of(before).number:
-            scene = with_order(scene, order_of(before).number)  # order of the stored flow
+        if scene.numerics.order == "auto" and order_of(scene) != order_of(before):
+            scene = with_order(scene, order_of(before))  # order of the stored flow
         _require_same(directory / SCENE, scene, before)
         _require_work(scene.time, kept, passes=scene.contact_gap < before.contact_gap)
         return scene, before
@@ -124,7 +123,7 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     now, before = (
-        dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": order_of(one).number}
+        dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": order_of(one)}
         for one in (scene, of_checkpoint)
     )
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if scene.moves else ())

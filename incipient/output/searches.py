@@ -16,7 +16,6 @@ from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import reading
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
-from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..scene import Scene
@@ -24,6 +23,7 @@ from ..scene.file import dumps
 from ..scene.fluctuations import Gusts
 from ..scene.messages import one_line, problems_of
 from ..scene.points import read_points
+from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
 from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
 from ..thresholds.gusts import CriticalGust, GustSearch, require_durations

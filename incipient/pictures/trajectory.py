@@ -24,8 +24,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ..errors import OutputError
 from ..geometry.placement import Placement
-from ..planning.flow_setup import Setup
 from ..scene import Domain, Scene
+from ..setup.setup import Setup
 from . import style
 from .contact_forces import ContactForces, contact_forces
 from .drawing import draw_bed
@@ -140,7 +140,7 @@ def _draw_domain(axes: Axes, scene: Scene, ground: np.ndarray | None) -> None:
     left, right, low, high = domain.left, domain.right, domain.bottom, domain.ceiling
     closed = domain.kind == "box"
     above = closed or scene.top == "wall"
-    below = above or scene.flow.kind == "open-channel"
+    below = above or scene.flow.wall_below
     if ground is not None:
         draw_bed(axes, ground)
     for x, y, wall in (

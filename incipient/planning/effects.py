@@ -1,20 +1,34 @@
-"""Names of the physical effects, the decisions of a plan, and the accuracy that decisions are based on."""
+"""The physical effects of a scene: one table of the decisions on them.
+
+Each decision says whether the scene calls for the effect, the number or key behind it, and what leaving the effect out
+changes where that is known. What is absent is never made: no space, no compiled form, no unknown.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ..scene import Numerics
-
-if TYPE_CHECKING:
-    from .flow_setup import Setup
-    from .numbers import Numbers
+from ..scene.grains import FRICTIONLESS, LEVEL
+from ..scene.settling import DEFAULT_FRICTION
+from ..scene.symmetry import differences
+from ..setup.numbers import Numbers, time_of_change, wall_distance
+from ..setup.setup import Setup
+from .transition import REMEDY, transition, turbulent_from
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
 USUAL_ACCURACY = 0.01
 OSEEN = 3.0 / 16.0
+# A cylinder in a uniform flow sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
+# Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
+# wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
+# within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
+SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
+SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
 
 
 class EffectName(StrEnum):
@@ -35,14 +49,27 @@ class EffectName(StrEnum):
 
 @dataclass(frozen=True)
 class Decision:
-    """Whether one physical effect is simulated, and the reason."""
+    """Whether one physical effect is simulated, and why.
+
+    forced: the scene says so, not the plan
+    expected: relative change that leaving it out makes, by its leading term, at most one; None: no estimate
+    of: the quantity that changes
+    """
 
     name: EffectName
     present: bool
     reason: str
-    forced: bool = False  # the scene says so, not the plan
-    # Relative change of the drag that the effect makes, by its leading term; None: no estimate
+    forced: bool = False
     expected: float | None = None
+    of: str = "drag"
+
+    def text(self) -> str:
+        """One line of the plan."""
+        line = f"{'yes' if self.present else ' no'}  {self.name}: {self.reason}"
+        if not self.expected:
+            return line
+        size = percent(self.expected) + (" or more" if self.expected >= 1.0 else "")
+        return f"{line}; estimated effect on {self.of} {size}"
 
 
 def accuracy_asked(numerics: Numerics) -> float:
@@ -55,8 +82,11 @@ def percent(share: float) -> str:
     return f"{100 * share:.1g}%" if share < 0.1 else f"{100 * share:.0f}%"
 
 
-def inertia_of(setup: Setup, numbers: Numbers) -> Decision:
-    """Present where Oseen's correction exceeds a fraction of the requested accuracy. Not collective.
+# -- the fluid -------------------------------------------------------------------------------------
+
+
+def inertia(setup: Setup) -> Decision:
+    """Present where Oseen's correction exceeds a fraction of the requested accuracy.
 
     Its expected influence on the drag is Oseen's correction, 3/16 Re, with the Reynolds number of diameter and speed
     (Proudman & Pearson 1957, J. Fluid Mech. 2, 237). A grain away from walls feels inertia as far as the next wall: the
@@ -64,33 +94,239 @@ def inertia_of(setup: Setup, numbers: Numbers) -> Decision:
     touches a wall in shear G, lift over drag is 0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), that is 0.07 Re
     with the speed at its top: Oseen's is the larger.
     """
-    scene, name = setup.scene, EffectName.INERTIA
+    scene, numbers, name = setup.scene, setup.numbers, EffectName.INERTIA
+    reynolds = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
+    change = _oseen(scene.flow, numbers)
     if not scene.fluid.inertia or scene.effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
-        return Decision(name, False, f"{key} = false", True, expected(scene.flow.kind, numbers))
-    reynolds_text = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
+        return Decision(name, False, f"{key} = false; {reynolds}", True, change)
     if scene.effects.inertia is True:
-        return Decision(name, True, f"effects.inertia = true; {reynolds_text}", True)
+        return Decision(name, True, f"effects.inertia = true; {reynolds}", True)
     if scene.has_surface:
-        return Decision(name, True, f"the free surface moves the fluid; {reynolds_text}")
-    if scene.flow.kind == "still" and not scene.moves:
+        return Decision(name, True, f"the free surface moves the fluid; {reynolds}")
+    if scene.flow.at_rest and not scene.moves:
         return Decision(name, False, "the fluid is at rest", expected=0.0)
-    change = expected(scene.flow.kind, numbers)
-    which = "flow Re" if numbers.grain_reynolds is None else "grain Re"
-    value = numbers.flow_reynolds if numbers.grain_reynolds is None else numbers.grain_reynolds
     if change > SHARE * accuracy_asked(scene.numerics):
-        return Decision(name, True, reynolds_text, expected=change)
-    reason = f"{which} {value:.2g}; estimated effect on drag {percent(change)}"
+        return Decision(name, True, reynolds, expected=change)
+    of_grain = numbers.grain_reynolds is not None
+    value = numbers.grain_reynolds if of_grain else numbers.flow_reynolds
+    reason = f"{'grain' if of_grain else 'flow'} Re {value:.2g}"
     return Decision(name, False, reason, expected=change)
 
 
-def expected(kind: str, numbers: Numbers) -> float:
-    """Relative change of the drag that convection makes in a kind of flow, by Oseen's term; at most one."""
+def _oseen(flow: Any, numbers: Numbers) -> float:
+    """Relative change of the drag that convection makes in a flow, by Oseen's term; at most one."""
     estimates = [OSEEN * (numbers.bed_reynolds or 0.0)]
-    if kind in ("lid", "expression"):  # not parallel: inertia changes the base flow
+    if not flow.parallel:  # inertia changes the base flow
         estimates.append(OSEEN * numbers.flow_reynolds)
     if numbers.grain_reynolds is not None:
         estimates.append(OSEEN * numbers.grain_reynolds * max(1.0, numbers.reach))
-    elif kind != "still":
+    elif not flow.at_rest:
         estimates.append(OSEEN * numbers.flow_reynolds)
     return min(max(estimates), 1.0)
+
+
+def unsteadiness(setup: Setup) -> Decision:
+    """Present with [time], unless the scene requires a quasi-steady flow."""
+    scene, name = setup.scene, EffectName.UNSTEADINESS
+    time = scene.time
+    if time is None:
+        return Decision(
+            name, False, "; ".join(filter(None, ("no [time] section", shedding(setup))))
+        )
+    change = _of_changes(setup)
+    if scene.effects.unsteadiness is False:
+        reason = "effects.unsteadiness = false: quasi-steady flow"
+        return Decision(name, False, reason, True, change)
+    reason = f"until t = {time.end:g}"
+    if time.until_steady is not None:
+        reason += f", or until it changes by {time.until_steady:g} per unit of time"
+    small = SHARE * accuracy_asked(scene.numerics)
+    if change is not None and change < small and not scene.moves:
+        reason += "; effects.unsteadiness = false would do"
+    return Decision(name, True, reason, scene.effects.unsteadiness is True, change)
+
+
+def shedding(setup: Setup) -> str:
+    """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
+    reynolds, scene = setup.numbers.grain_reynolds, setup.scene
+    least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
+    if reynolds is None or reynolds <= least or wall_distance(setup) < SHEDDING_CLEARANCE:
+        return ""
+    if not scene.fluid.inertia or scene.effects.inertia is False:
+        return ""
+    return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices from {least:g} on"
+
+
+def _of_changes(setup: Setup) -> float | None:
+    """Relative change of the drag on a held grain as the base flow changes, at most one; None: it is steady.
+
+    It is the force of an unsteady base flow on a fixed sphere, over the drag of Stokes: the history force,
+    a/sqrt(nu T), and the pressure that accelerates base flow and displaced fluid with the added mass, a^2/(3 nu T).
+    Here a is the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids 26, 883; the history
+    force is that in a flow that oscillates: one that grows steadily for a time T has 2/sqrt(pi) times as much).
+    """
+    base_flow, grain = setup.base_flow, setup.geometry.grain
+    period = time_of_change(base_flow, setup.scene.time)
+    if period is None or grain is None:
+        return None
+    diffusion = (0.5 * grain.size) ** 2 / (base_flow.viscosity * period)
+    return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
+
+
+def flow(setup: Setup) -> Decision:
+    """Present unless the fluid is at rest and stays so."""
+    scene = setup.scene
+    words = scene.flow.words
+    if scene.flow.at_rest and scene.has_surface:
+        words = "the fluid starts from rest"
+    elif scene.gusts:
+        words += "; without [gusts], which incipient entrainment adds"
+    return Decision(EffectName.FLOW, not scene.flow.at_rest or scene.has_surface, words)
+
+
+def moving_mesh(setup: Setup) -> Decision:
+    """Present with a grain that moves or a free surface."""
+    scene, reason = setup.scene, "nothing moves"
+    if scene.moves:
+        reason = "the mesh follows the grain"
+        if scene.body is not None and scene.body.shape in ("disc", "sphere"):
+            reason += f"; it need not turn with a {scene.body.shape}"
+    elif scene.has_surface:
+        reason = "the mesh rises and falls with the free surface"
+    forced = scene.effects.moving_mesh != "auto"
+    return Decision(EffectName.MOVING_MESH, scene.moves or scene.has_surface, reason, forced)
+
+
+def free_surface(setup: Setup) -> Decision:
+    """Present with domain.top = "free-surface"; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli)."""
+    scene, name, froude = setup.scene, EffectName.FREE_SURFACE, setup.numbers.froude
+    reason = f'domain.top = "{scene.top}"'
+    if scene.has_surface:
+        speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
+        reason += f"; long waves travel at {speed:.3g}"
+        if pinned := setup.pinned_sides:
+            reason += f"; the fluid sticks to {' and '.join(pinned)}, where its elevation stays"
+        return Decision(name, True, reason + _ends(setup))
+    if scene.top != "slip" or froude is None:
+        return Decision(name, False, reason)
+    reason += f"; Froude number {froude:.2g}, at which a surface would rise"
+    return Decision(name, False, reason, expected=0.5 * froude**2, of="depth")
+
+
+def _ends(setup: Setup) -> str:
+    """The conditions at the ends of a channel with a free surface; empty for a box."""
+    if setup.scene.domain.kind == "box":
+        return ""
+    from ..setup.waves import wave_of
+
+    surface, number, wave = setup.surface, setup.froude, wave_of(setup)
+    text = f"; Froude number {number:.2g}" if number else ""
+    text += f"; the level is {'the still one' if number >= 1.0 else 'free'} at the inflow, "
+    beyond = "that of the still fluid beyond the outflow"
+    text += beyond if surface.outflow == "open" else "and a wall at the right end"
+    if wave is not None:
+        text += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
+    return text + (f"; waves die out over the last {surface.sponge:g}" if surface.sponge else "")
+
+
+def third_dimension(setup: Setup) -> Decision:
+    """Present with domain.width; half of the domain is computed where the flow is mirror-symmetric."""
+    scene, name = setup.scene, EffectName.THIRD_DIMENSION
+    if scene.gdim == 2:
+        return Decision(name, False, "the scene is two-dimensional")
+    if setup.symmetric:
+        part = f"half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
+    elif scene.domain.symmetric is False:
+        part = "the whole of it is computed: domain.symmetric = false"
+    else:
+        part = f"the whole of it is computed: {next(differences(scene), '')}"
+    reason = f"the scene is three-dimensional; {part}"
+    return Decision(name, True, reason, scene.effects.third_dimension is True)
+
+
+def turbulent(setup: Setup) -> Decision:
+    """Present where the scene asks for it; otherwise the plan says where the flow may be turbulent."""
+    scene, name = setup.scene, EffectName.TURBULENCE
+    if scene.is_averaged:
+        model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.turbulence.model]
+        reason = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
+        return Decision(name, True, reason, True)
+    off, reynolds = scene.effects.turbulence is False, setup.numbers.flow_reynolds
+    reason = "effects.turbulence = false" if off else "only with effects.turbulence = true"
+    if scene.flow.kind == "log-law":
+        reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
+        if reynolds < (least := turbulent_from(scene.flow)):
+            reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {least:g}"
+    elif above := transition(setup):
+        reason += f"; {above.text()}; {REMEDY}"
+    return Decision(name, False, reason, off)
+
+
+# -- the grain -------------------------------------------------------------------------------------
+
+
+def traction(setup: Setup) -> Decision:
+    """Present with a grain."""
+    there = setup.scene.body is not None
+    reason = "of the fluid on the grain" if there else "no [body] section"
+    return Decision(EffectName.TRACTION, there, reason)
+
+
+def gravity(setup: Setup) -> Decision:
+    """Present with [gravity]."""
+    scene, name = setup.scene, EffectName.GRAVITY
+    if scene.gravity is None:
+        return Decision(name, False, "no [gravity] section")
+    if scene.effects.gravity is False:
+        return Decision(name, False, "effects.gravity = false", True)
+    reason = "on the free surface; " if scene.has_surface else ""
+    reason += "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
+    return Decision(name, True, reason, scene.effects.gravity is True)
+
+
+def contact(setup: Setup) -> Decision:
+    """Present where a grain rests on a bed."""
+    scene, body, name = setup.scene, setup.scene.body, EffectName.CONTACT
+    if body is None or not scene.rests:
+        return Decision(name, False, "no grain rests on a bed")
+    if scene.effects.contact is False:
+        return Decision(name, False, "effects.contact = false: no verdict", True)
+    reason = "the grain rests on the bed"
+    if body.settle == FRICTIONLESS:
+        reason += ", where it settled without friction"
+    elif body.settle:
+        friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
+        reason += f", where it settled with friction {friction:g}"
+        level, other = " on the level bed", ' (settle = "frictionless" gives one rest to compare)'
+        reason += level if body.settle == LEVEL else other
+    return Decision(name, True, reason, scene.effects.contact is True)
+
+
+def free_body(setup: Setup) -> Decision:
+    """Present with body.motion = "free" or "released"."""
+    body, numbers, name = setup.scene.body, setup.numbers, EffectName.FREE_BODY
+    if body is None:
+        return Decision(name, False, "no [body] section")
+    reason = f'body.motion = "{body.motion}"'
+    if body.locked:
+        reason += f" but for {', '.join(body.locked)}"
+    if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
+        reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
+    return Decision(name, body.is_free, reason, setup.scene.effects.free_body != "auto")
+
+
+# The effects in the order in which plans and results show them.
+TABLE: tuple[Callable[[Setup], Decision], ...] = (
+    inertia,
+    unsteadiness,
+    traction,
+    gravity,
+    contact,
+    flow,
+    moving_mesh,
+    free_body,
+    free_surface,
+    turbulent,
+    third_dimension,
+)

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..arrays import Integers, unordered_keys
 from ..installed import memory_of_libraries
-from .flow_setup import Setup
+from ..setup.setup import Setup
+from .discretisation import LOWEST_ORDER
 from .layout import Layout
-from .linear import LOWEST_ORDER
 from .plan import Estimate
 
 # Bytes per n log2 n of n unknowns; fitted, see docs/validation/performance.md.
@@ -25,6 +25,9 @@ FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
 OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
+# Bytes per unknown of a 3-D flow, of both quantities of a model of turbulence and what solves them together with the
+# flow: 2.3 GB of 105,000 unknowns past a grain of a random bed (docs/contribute/defaults.md).
+OF_TURBULENCE = 17000.0
 
 
 def count(
@@ -113,9 +116,13 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
     return memory_of_libraries() + size / 2**20
 
 
-def memory_of_surface(unknowns: int, started: bool) -> float:
-    """MiB that a free 3-D surface adds to those of a flow with so many unknowns. Not collective.
-
-    started: whether the run starts from a steady flow
-    """
+def memory_of_parts(setup: Setup, unknowns: int) -> float:
+    """MiB that a free surface or a model of turbulence adds to those of a 3-D flow with so many unknowns."""
+    scene = setup.scene
+    if scene.gdim == 2:
+        return 0.0
+    turbulence = OF_TURBULENCE * unknowns / 2**20 if scene.is_averaged else 0.0
+    if not scene.has_surface:
+        return turbulence
+    started = scene.time is not None and scene.time.start != "rest"
     return OF_SURFACE + unknowns * (OF_RISING + OF_START * started) / 2**20

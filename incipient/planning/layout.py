@@ -7,16 +7,13 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..errors import SceneError
-from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.space.beds import SmoothTerrain
 from ..installed import required
 from ..meshes import Grid, Region, SizeField, Sizes, SolidRegion
 from ..meshes.expected import expected_cells
-from .scene_geometry import Place
+from ..setup.geometry import Stance
 
 if TYPE_CHECKING:
     from ..meshes.simplices import Simplices
@@ -28,22 +25,18 @@ STEEP = 2.5
 STEEPEST = 0.35  # growth of coarse cells with distance
 
 
-@dataclass(frozen=True)
-class Layout:
-    """The scene's geometry in place, ready to be drawn."""
+@dataclass(frozen=True, kw_only=True)
+class Layout(Stance):
+    """A scene's geometry with the grain in place, ready to be drawn.
+
+    max_cells: triangles, in 3-D tetrahedra, expected above which no mesh is made
+    closing: the closed space about the contacts of a grain, where it is narrower than the gap; None: it is open
+    """
 
     shape: Region | SolidRegion | Grid
     sizes: Sizes
     geometry_order: int
-    resting: Placement | None = (
-        None  # the grain where it touches the bed (or is held), None without a grain
-    )
-    placement: Placement | None = None  # the grain where the flow is computed: lifted by the gap
-    # Smallest distance of grain and bed in the computed flow [length], inf without contact
-    gap: float = np.inf
-    gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
-    max_cells: float = np.inf  # triangles, in 3-D tetrahedra, expected above which no mesh is made
-    # The closed space about the contacts of a grain, where it is narrower than the gap; None: it is open
+    max_cells: float
     closing: Closing | None = None
 
     @property

@@ -3,23 +3,28 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from ..geometry.placement import Placement
+from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve, Line
-from ..meshes import Away, Grid, Near, Region, Sizes, SolidRegion, graded_ends
+from ..meshes import Away, Grid, Near, Region, Sizes, graded_ends
+from ..setup.geometry import Geometry, Stance, point
+from ..setup.numbers import time_of_change
+from ..setup.setup import Setup
 from . import meshing_in_space as in_space
-from .boundary_layer import GRAIN_CELL
-from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating
-from .flow_setup import Setup
+from .cells import CLOSED, FAR_CELL, FEWEST, corners
+from .discretisation import far_cells, velocity_order
 from .layout import Layout
 from .plan import Plan
-from .scene_geometry import Geometry, Stance, point
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike
 # (docs/contribute/defaults.md).
+GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain
 BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
 GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners
@@ -27,86 +32,64 @@ GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters (docs/contribute/defaults.md).
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
-# At corners of a bed with layers of thin cells: cells along the walls, over the first layer's thickness.
-BED_CORNER_CELL, BED_CORNER_GROWTH = 20.0, 0.25
 # At an inflow given by formulas: which part of the discharge a cell's interpolation may miss, of a reattachment length
 # behind a step at Re 800 eight times as much; the least cell over the usual one; parts of a cell; instants.
 MISSED, FINEST, UNEVEN, INFLOW_SAMPLES = 1e-4, 1e-3, 0.382, 9
-# Along the bed below the mean profile of a log-law flow, in thicknesses of its layer next to the bed.
+# Along the bed below a base flow that bends next to it, in thicknesses of that layer.
 PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 GRID_GRADING = 0.05  # of the cells of an empty box: spacing at walls over that in the middle
 
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
-    if setup.has_wall_layer and setup.walls.plane:
+    scene, geometry, order = setup.scene, setup.geometry, plan.order
+    common = partial(Layout, geometry_order=plan.geometry_order, max_cells=scene.numerics.max_cells)
+    if setup.is_averaged and setup.walls.plane:
         from .wall_cells import channel_grid
 
-        grid = channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
-        return _grid_layout(setup, plan, grid)
-    if setup.resolves_walls and setup.resolved_walls.plane:
-        rows = setup.resolved_walls.channel_rows(
-            setup.geometry, setup.sides, plan.order, plan.mesh_size
-        )
-        return _grid_layout(setup, plan, rows)
-    if setup.scene.is_empty_box:
-        return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
-    if setup.scene.closes_contacts and moved is None:
-        return _closed_layout(setup, plan)
-    stance = _stance(setup, moved)
-    if setup.geometry.gdim == 3:
-        region, sizes = (
-            in_space.region(setup, stance.placement),
-            in_space.sizes(setup, plan.order, stance),
-        )
-        return _layout(setup, plan, stance, region, sizes)
-    holes = {} if stance.placement is None else {"body": _outline(setup.geometry, stance.placement)}
-    domain = setup.geometry.domain
-    bottom = _bottom(setup.geometry, ((domain.left, domain.right),))
-    planar = Region(bottom, setup.ceiling, holes, setup.sides.around)
-    finer = _finer(setup, plan.order, holes.get("body", ()), stance)
-    return _layout(setup, plan, stance, planar, _sizes(setup, plan.order, finer))
+        return common(shape=channel_grid(setup, order, plan.mesh_size), sizes=Sizes(1.0))
+    if scene.is_empty_box:
+        cell = plan.mesh_size * far_cells(setup).largest
+        return common(shape=_box(setup, cell), sizes=Sizes(1.0))
+    closing = geometry.closing if scene.closes_contacts and moved is None else None
+    stance = _stance(setup, moved) if closing is None else _closed(setup, closing)
+    if geometry.gdim == 3:
+        shape: Any = in_space.region(setup, stance.placement)
+        sizes = in_space.sizes(setup, order, stance)
+    else:
+        shape, outline = _region(setup, stance.placement, closing)
+        sizes = _sizes(setup, order, outline, stance, closing)
+    sized = sizes.scaled(plan.mesh_size)
+    return common(shape=shape, sizes=sized, closing=closing, **vars(stance))
 
 
-def _layout(
-    setup: Setup, plan: Plan, stance: Stance, shape: Region | SolidRegion, sizes: Sizes
-) -> Layout:
-    """The layout of a region that is meshed freely."""
-    return Layout(
-        shape,
-        sizes.scaled(plan.mesh_size),
-        plan.geometry_order,
-        *(stance.resting, stance.placement, stance.gap, stance.gap_ends),
-        setup.scene.numerics.max_cells,
-    )
+def _closed(setup: Setup, closing: Closing) -> Stance:
+    """The resting grain, whose gap is the width up to which the space next to its contacts is closed."""
+    resting = setup.geometry.placement
+    return Stance(resting, resting, closing.width, (closing.left.start, closing.left.end))
 
 
-def _grid_layout(setup: Setup, plan: Plan, grid: Grid) -> Layout:
-    """The layout of a grid, in which there is no grain."""
-    return Layout(grid, Sizes(1.0), plan.geometry_order, max_cells=setup.scene.numerics.max_cells)
-
-
-def _closed_layout(setup: Setup, plan: Plan) -> Layout:
-    """The layout where the space next to the contacts of a resting grain is closed."""
-    geometry = setup.geometry
-    closing, domain, resting = geometry.closing, geometry.domain, geometry.placement
-    lines = (closing.left, closing.right)
-    bottom = _bottom(
-        geometry, ((domain.left, lines[0].start[0]), (lines[1].start[0], domain.right))
-    )
-    standing = {"body": closing.outline} | {
-        name: (line,) for name, line in zip(CLOSED, lines, strict=True)
-    }
-    region = Region(bottom, setup.ceiling, {}, setup.sides.around, standing)
-    ends = tuple(end for line in lines for end in (line.start, line.end))
-    finer = (
-        *_finer(setup, plan.order, closing.outline, Stance(resting, resting)),
-        Near(GAP_CELL[plan.order] * closing.width, GAP_GROWTH, points=ends, needed=True),
-    )
-    stance = Stance(resting, resting, closing.width, (closing.left.start, closing.left.end))
-    return replace(
-        _layout(setup, plan, stance, region, _sizes(setup, plan.order, finer)), closing=closing
-    )
+def _region(
+    setup: Setup, placement: Placement | None, closing: Closing | None
+) -> tuple[Region, tuple[Curve, ...]]:
+    """The 2-D region that is meshed, and the outline of the grain in it."""
+    geometry, domain = setup.geometry, setup.geometry.domain
+    reaches: tuple[tuple[float, float], ...] = ((domain.left, domain.right),)
+    outline: tuple[Curve, ...] = ()
+    holes, standing = dict[str, tuple[Curve, ...]](), dict[str, tuple[Curve, ...]]()
+    if closing is not None:
+        lines, outline = (closing.left, closing.right), closing.outline
+        reaches = (domain.left, lines[0].start[0]), (lines[1].start[0], domain.right)
+        standing = {"body": outline} | {
+            name: (line,) for name, line in zip(CLOSED, lines, strict=True)
+        }
+    elif placement is not None:
+        outline = tuple(curve.moved(placement) for curve in geometry.grain.drawn())
+        holes = {"body": outline}
+    bottom: tuple[Curve, ...] = (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
+    if geometry.bed is not None:
+        bottom = tuple(curve for reach in reaches for curve in geometry.bed.curves(*reach))
+    return Region(bottom, setup.ceiling, holes, setup.sides.around, standing), outline
 
 
 def _stance(setup: Setup, moved: Placement | None) -> Stance:
@@ -119,55 +102,40 @@ def _stance(setup: Setup, moved: Placement | None) -> Stance:
     return replace(stance, gap=near.distance, gap_ends=ends)
 
 
-def _outline(geometry: Geometry, placement: Placement) -> tuple[Curve, ...]:
-    return tuple(curve.moved(placement) for curve in geometry.grain.drawn())
-
-
-def _bottom(geometry: Geometry, reaches: tuple[tuple[float, float], ...]) -> tuple[Curve, ...]:
-    """The lower side along stretches of the abscissa: the bed, or a straight line."""
-    domain, bed = geometry.domain, geometry.bed
-    if bed is None:
-        return (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
-    return tuple(curve for reach in reaches for curve in bed.curves(*reach))
-
-
-def _sizes(setup: Setup, order: int, finer: tuple[Near, ...]) -> Sizes:
-    layers = setup.resolved_walls.thin_layers(order) if setup.resolves_walls else None
-    return Sizes(FAR_CELL[order] * setup.geometry.domain.height, finer, layers=layers)
-
-
-def _finer(
-    setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance
-) -> tuple[Near, ...]:
-    """Where cells are smaller than away from everything."""
-    geometry, layered = setup.geometry, setup.has_wall_layer
+def _sizes(
+    setup: Setup,
+    order: int,
+    outline: tuple[Curve, ...],
+    stance: Stance,
+    closing: Closing | None,
+) -> Sizes:
+    """Cell sizes in 2-D for mesh_size = 1: where they are smaller than away from everything."""
+    geometry, domain, layers = setup.geometry, setup.geometry.domain, None
+    far = FAR_CELL[order] * domain.height
+    open_gap = stance if closing is None else Stance(stance.resting, stance.placement)
     near = [
-        *_along_grain(geometry, order, outline, stance),
+        *_along_grain(geometry, order, outline, open_gap),
         *_along_bed(geometry, order, stance, setup.is_averaged),
     ]
-    if setup.base_flow.flow.kind == "log-law":
-        layer = setup.base_flow.mean_profile.layer
+    if math.isfinite(layer := setup.base_flow.layer):
         near.append(Near(PROFILE_CELL[order] * layer, GROWTH, boundary=setup.sides.bottom))
-    if layered:
-        from .wall_cells import cells
+    if setup.is_averaged:
+        from . import wall_cells
 
         placement = stance.placement if geometry.moves else geometry.placement
-        near.extend(cells(setup.walls, geometry, order, placement))
-    if setup.resolves_walls:
-        placed = (
-            ()
-            if stance.placement is None
-            else (geometry.grain.size, point(stance.placement.centre))
-        )
-        near.extend(setup.resolved_walls.cells(*placed))
-        near.extend(_at_bed_corners(setup))
-    if setup.base_flow.flow.kind == "expression":
+        near.extend(wall_cells.cells(setup, order, placement))
+        layers = wall_cells.layers(setup, order, math.inf)
+    if setup.scene.flow.by_formulas:
         near.extend(_at_inflow(setup, order))
-    if setup.base_flow.flow.kind == "lid":
-        domain = geometry.domain
+    if setup.scene.flow.moves_top:
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
         near.append(Near(0.1 * FAR_CELL[order] * domain.height, GROWTH, points=upper))
-    return tuple(near)
+    if closing is not None:
+        ends = tuple(
+            end for line in (closing.left, closing.right) for end in (line.start, line.end)
+        )
+        near.append(Near(GAP_CELL[order] * closing.width, GAP_GROWTH, points=ends, needed=True))
+    return Sizes(far, tuple(near), layers=layers)
 
 
 def _along_grain(
@@ -196,17 +164,6 @@ def _along_bed(geometry: Geometry, order: int, stance: Stance, layered: bool) ->
     if stance.placement is not None and not layered:
         away = Away(point(stance.placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
     return [Near(BED_CELL[order] * bed.feature, GROWTH, boundary="bed", away=away)]
-
-
-def _at_bed_corners(setup: Setup) -> Iterator[Near]:
-    """Cells where thin layers meet at a corner of the bed, and where a flow leaves one that sticks out."""
-    geometry, walls = setup.geometry, setup.resolved_walls
-    if geometry.bed is None:
-        return
-    bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
-    if sharp := corners(bed[:-1], bed[1:]):
-        yield Near(BED_CORNER_CELL * walls.first, BED_CORNER_GROWTH, points=sharp)
-    yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > walls.along)
 
 
 def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
@@ -246,3 +203,26 @@ def _box(setup: Setup, cell: float) -> Grid:
     ends = tuple(graded_ends(max(FEWEST[2], round(side / cell)), GRID_GRADING) for side in sides)
     extents = (domain.left, domain.right), (domain.bottom, domain.ceiling)
     return Grid(extents, ends, setup.sides.of_rectangle)
+
+
+def is_resolved(setup: Setup) -> bool:
+    """Whether a cell at the grain, of second order, is within the boundary layer of an unsteady flow.
+
+    The layer has the thickness sqrt(nu t): t is the time since the start or, where they are shorter, the times in which
+    the flow changes or passes the grain. Of higher orders as many nodes are within it.
+    """
+    scene, grain, viscosity = setup.scene, setup.geometry.grain, setup.base_flow.viscosity
+    if scene.time is None or grain is None:
+        return True
+    reynolds, change = setup.numbers.grain_reynolds, time_of_change(setup.base_flow, scene.time)
+    times = [scene.time.end]
+    if change is not None:
+        times.append(change)
+    if reynolds and not setup.base_flow.creeping:
+        times.append(grain.size**2 / (viscosity * reynolds))
+    order = velocity_order(setup)[0]
+    cell = GRAIN_CELL[order]
+    if scene.gdim == 3:
+        cell = in_space.thinner(setup) * in_space.GRAIN_CELL[order]
+    between_nodes = scene.numerics.mesh_size * cell * grain.size / order
+    return 2.0 * between_nodes <= math.sqrt(viscosity * min(times))

@@ -9,16 +9,18 @@ from ..geometry.placement import Placement
 from ..geometry.space.beds import Plane, Terrain
 from ..geometry.space.grains import Box
 from ..meshes import Away, Grid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
-from .boundary_layer import GRAIN_CELL_IN_SPACE, thinner
+from ..setup.geometry import Geometry, SideNames, Stance, point
+from ..setup.numbers import speed_past_grain
+from ..setup.setup import Setup
 from .cells import FEWEST, layer_ends
-from .flow_setup import Setup
-from .meshed_bed import resolved_bed
-from .scene_geometry import Geometry, Stance, point
-from .sides import SideNames
+from .discretisation import far_cells
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/contribute/defaults.md).
+GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}  # of the grain
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
+# The boundary layer of a held grain thins as Re^-1/2: from this Reynolds number on cells at the grain do, to this part.
+LAYERED, THINNEST = 50.0, 0.2
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 # Cells behind a held grain with such a layer, how far from its centre, and how far in time, over the grain's size.
 WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
@@ -64,7 +66,7 @@ def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
     """The region where the bed is resolved; None: everywhere, as for a moving grain."""
     if setup.geometry.moves:
         return None
-    return resolved_bed(setup.geometry, placement, setup.base_flow.datum)
+    return setup.geometry.resolved_bed(placement, setup.base_flow.datum)
 
 
 def cut_at_inflow(setup: Setup) -> bool:
@@ -88,23 +90,36 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup, order, stance)]
     if layer < 1.0:
         near.extend(_in_wake(setup, setup.geometry.placement))
-    if setup.has_wall_layer:
-        from .wall_cells import cells
-
-        near.extend(cells(setup.walls, setup.geometry, order, setup.geometry.placement))
     layers = None
-    if setup.resolves_walls:
-        placement = setup.geometry.placement
-        near += [*_in_wake(setup, placement), *_at_plane_walls(setup, placement)]
-        layers = setup.resolved_walls.layers(order, min(one.size for one in near if one.boundary))
-    far = setup.far_cells.largest_in_space(order)
+    if setup.is_averaged:
+        from . import wall_cells
+
+        near.extend(wall_cells.cells(setup, order, setup.geometry.placement))
+        if setup.walls.is_resolved:
+            placement = setup.geometry.placement
+            near += [*_in_wake(setup, placement), *_at_plane_walls(setup, placement)]
+            along = min(one.size for one in near if one.boundary)
+            layers = wall_cells.layers(setup, order, along)
+    far = far_cells(setup).largest_in_space(order)
     return Sizes(far, tuple(near), gap_part=GAP_CELL[order], layers=layers)
+
+
+def thinner(setup: Setup) -> float:
+    """The factor by which the boundary layer of a held grain makes the cells at it smaller."""
+    geometry, base_flow = setup.geometry, setup.base_flow
+    if geometry.grain is None or geometry.moves or base_flow.creeping or setup.is_averaged:
+        return 1.0
+    reynolds = speed_past_grain(setup) * geometry.grain.size / base_flow.viscosity
+    return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
 
 
 def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]:
     """Cells along walls that have no forms and are resolved, with layers between the walls and them."""
-    walls, bed, grain = setup.resolved_walls, setup.geometry.bed, setup.geometry.grain
-    largest, size, away = walls.largest_row, walls.largest_row, None
+    from .wall_cells import LARGEST_ROW
+
+    walls, bed, grain = setup.walls, setup.geometry.bed, setup.geometry.grain
+    size = largest = LARGEST_ROW * walls.depth
+    away = None
     if grain is not None and placement is not None:
         size = min(PLANE_CELL * grain.size, largest)
         away = Away(point(placement.centre), BED_GROWTH, largest)
@@ -135,7 +150,7 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -
     grain = geometry.grain
     if grain is None:
         return []
-    size = layer * GRAIN_CELL_IN_SPACE[order] * grain.size
+    size = layer * GRAIN_CELL[order] * grain.size
     edged = isinstance(grain, Box) and grain.edge_radius == 0.0
     near = [Near(EDGE_CELL * size if edged else size, GROWTH, boundary="body")]
     if stance.gap < 4.0 * size and stance.gap_ends is not None and stance.placement is not None:

@@ -1,15 +1,34 @@
-"""The plan of a computation as data: effects simulated and left out, discretisation, expense."""
+"""The plan of a scene: effects simulated and left out, discretisation, expense.
+
+The plan decides what is built. A sub-problem or a term that it does not name is never made: no space, no
+compiled form, no unknown.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .datum import Datum
+from ..geometry.plane.curves import Line
+from ..geometry.space.grains import Box, Triangulated
+from ..scene import Scene
+from ..scene.units import nominal_diameter
+from ..setup.geometry import Geometry
+from ..setup.numbers import Numbers
+from ..setup.setup import Setup
+from . import doubts, effects
+from .discretisation import (
+    NO_CONVECTION,
+    Method,
+    Stabilisation,
+    method_of,
+    stabilisation_of,
+    velocity_order,
+)
 from .effects import Decision, EffectName
-from .linear import Method
-from .numbers import Numbers
-from .stabilisation import NO_CONVECTION, Stabilisation
+
+GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
 
 
 @dataclass(frozen=True)
@@ -19,6 +38,18 @@ class Estimate:
     cells: int
     unknowns: int
     memory_mib: float
+
+
+@dataclass(frozen=True)
+class Datum:
+    """The height at which the profile of a scene's flow starts, the same over the whole bed."""
+
+    height: float  # y, in 3-D z, in the scene [length]
+    reason: str  # what the height is of the bed, in words
+
+    def text(self, axis: str) -> str:
+        """One line of the plan; `axis` is the name of the coordinate that counts heights."""
+        return f"datum {axis} = {self.height:g}: {self.reason}"
 
 
 @dataclass(frozen=True)
@@ -56,7 +87,7 @@ class Plan:
 
     def text(self) -> str:
         """The plan as a few lines for a reader."""
-        lines = [f"  {'yes' if e.present else ' no'}  {e.name}: {e.reason}" for e in self.effects]
+        lines = [f"  {effect.text()}" for effect in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
         if self.grain:
@@ -87,3 +118,132 @@ class Plan:
         if not self.sought:
             return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}", *why]
         return [f"  {self.sought}", f"  {elements} at first, {solved}", *why]
+
+
+def make_plan(scene: Scene) -> Plan:
+    """Decide from the scene alone; nothing is meshed or computed. Not collective.
+
+    Raises:
+        SceneError: an effect that is present cannot be simulated in the scene.
+    """
+    return plan_of(Setup(scene))
+
+
+def plan_of(setup: Setup) -> Plan:
+    """The plan of a scene whose parts have been made, as by `make_plan`. Not collective."""
+    scene = setup.scene
+    decisions = tuple(decide(setup) for decide in effects.TABLE)
+    order, why_order = velocity_order(setup)
+    present = {decision.name for decision in decisions if decision.present}
+    inert, unsteady = EffectName.INERTIA in present, EffectName.UNSTEADINESS in present
+    convection = scene.numerics.convection if unsteady else "implicit"
+    scheme = "steady" if scene.time is None else scene.time.scheme if unsteady else "quasi-steady"
+    return Plan(
+        effects=decisions,
+        order=order,
+        why_order=why_order,
+        geometry_order=_geometry_order(setup),
+        mesh_size=scene.numerics.mesh_size,
+        convection=convection if inert else "no",
+        scheme=scheme,
+        reynolds=1.0 / scene.viscosity,
+        solver=method_of(setup, slow=not (inert or unsteady), unsteady=unsteady),
+        numbers=setup.numbers,
+        stabilisation=stabilisation_of(setup, inert),
+        sought=_sought(setup),
+        warnings=tuple(text for doubt in doubts.DOUBTS for text in doubt(setup)),
+        datum=datum_of(setup),
+        grain=grain_size(scene),
+    )
+
+
+def _sought(setup: Setup) -> str:
+    """The purpose for which the run chooses mesh and order and, if unsteady, the time steps."""
+    scene, numerics = setup.scene, setup.scene.numerics
+    if numerics.accuracy is None:
+        return ""
+    everything = numerics.accuracy_includes == "all"
+    chosen = ("gap, domain, " if everything else "") + (
+        "mesh and order" if scene.time is None else "steps, mesh and order"
+    )
+    chosen = f"{chosen} are"
+    if scene.is_averaged:
+        chosen = "gap, domain and mesh are" if everything else "the mesh is"
+    of = "of discretisation, gap and domain" if everything else "of discretisation"
+    aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
+    if numerics.accuracy == "verdict":
+        aim = "until the verdict is decided"
+    budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))
+    limits = [f"{limit:g} {unit}" for limit, unit in budgets if limit is not None]
+    beyond = f", within {' and '.join(limits)}" if limits else ""
+    return f"numerics.accuracy: {chosen} chosen by the run, {aim}{beyond}"
+
+
+def _geometry_order(setup: Setup) -> int:
+    """Straight cells where every boundary is straight, otherwise curved ones to match the velocity."""
+    scene, geometry = setup.scene, setup.geometry
+    if scene.numerics.geometry_order is not None:
+        return scene.numerics.geometry_order
+    if scene.has_surface:  # a wave is curved
+        return GEOMETRY_ORDER[velocity_order(setup)[0] if scene.gdim == 2 else 2]
+    if scene.gdim == 3:
+        return 1 if _has_flat_faces(geometry) else GEOMETRY_ORDER[2]
+    curves = list(geometry.grain.drawn()) if geometry.grain is not None else []
+    if geometry.bed is not None:
+        curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
+    # Cells in layers are of order two at most.
+    order = 2 if setup.scene.resolves_walls else velocity_order(setup)[0]
+    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[order]
+
+
+def _has_flat_faces(geometry: Geometry) -> bool:
+    """Whether every boundary of a 3-D geometry is made of planes."""
+    grain, bed = geometry.grain, geometry.bed
+    level = bed is None or not math.isfinite(bed.feature)
+    sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
+    return level and (grain is None or sharp or isinstance(grain, Triangulated))
+
+
+def datum_of(setup: Setup) -> Datum | None:
+    """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective.
+
+    A flow with wall layers enters at the bed's own height.
+    """
+    scene = setup.scene
+    level = getattr(scene.flow, "datum", None)
+    if level is None or scene.bed is None or scene.is_averaged:
+        return None
+    why = f"{_words(setup, level)}; the {scene.flow.kind} flow starts there"
+    return Datum(setup.base_flow.datum, why)
+
+
+def _words(setup: Setup, level: float | str) -> str:
+    bed, scene = setup.geometry.bed, setup.scene
+    assert bed is not None
+    if setup.base_flow.effective:
+        height = setup.base_flow.effective_height
+        by_inertia = height.height - height.creeping
+        share = f", of it {by_inertia:.2g} by inertia" if by_inertia > 0.0 else ""
+        return f"the effective height of the bed, computed from its shape{share}"
+    if level == "mean":
+        return "the mean height of the bed"
+    if not isinstance(level, str):
+        return f"flow.datum = {level:g}"
+    if bed.crest > setup.base_flow.datum:
+        return (
+            "the crests of the bed, which are as high in every third of the domain; "
+            f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"
+        )
+    return "the crest of the bed"
+
+
+def grain_size(scene: Scene) -> str:
+    """The diameters of a scanned grain, or of one with known units, in words; otherwise empty."""
+    grain, body, scales = scene.grain, scene.body, scene.scales
+    if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):
+        return ""
+    said = f"grain: largest diameter {grain.size:.6g}, nominal {nominal_diameter(grain):.6g}"
+    if body.shape == "mesh" and body.size is not None:
+        own = body.model_copy(update={"size": None}).new_grain().size
+        said += f"; by its file {own:.6g}, of which body.size makes {body.size:.6g}"
+    return said if scales is None else f"{said}; one unit of length is {scales.length:.6g} m"

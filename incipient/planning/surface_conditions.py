@@ -19,13 +19,13 @@ from ..fluid.conditions import (
     Sponge,
 )
 from ..scene.expression import Expression
-from .base_flow import BaseFlow
-from .flow_setup import Setup
-from .open_channel import LEVEL, froude, wave_of
-from .surface import sticking
+from ..setup.base_flow import BaseFlow
+from ..setup.setup import Setup
+from .cells import LEVEL
+from .discretisation import far_cells
 
 if TYPE_CHECKING:
-    from .waves import StokesWave
+    from ..setup.waves import StokesWave
 
 Profile = Callable[[Floats, float], Floats]
 
@@ -62,20 +62,22 @@ def free_surface(setup: Setup) -> FreeSurface:
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if surface.pressure == "0" else Expression(surface.pressure, "surface.pressure")
     top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
-    return FreeSurface(top, gravity, origin, pressure, sticking(setup), sponge(setup))
+    return FreeSurface(top, gravity, origin, pressure, setup.pinned_sides, sponge(setup))
 
 
 def ends(setup: Setup) -> list[Condition]:
     """The conditions at both ends of a channel with a free surface. Not collective."""
-    scene, cells = setup.scene, setup.far_cells
-    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(setup.order.number)
+    scene, cells = setup.scene, far_cells(setup)
+    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(cells.order)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
+    from ..setup.waves import wave_of
+
     wave, base_flow = wave_of(setup), setup.base_flow
     if wave is None:
         along, coming = (lambda x, t: base_flow.entering(x, t)[0]), None
     else:
         along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
-    entering = Entering(setup.sides.left, 0, along, level, froude(setup) >= 1.0, coming)
+    entering = Entering(setup.sides.left, 0, along, level, setup.froude >= 1.0, coming)
     right = setup.sides.right
     return [entering, Open(right) if setup.surface.outflow == "open" else Slip(right, axis=0)]
 

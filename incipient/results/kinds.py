@@ -79,7 +79,6 @@ _THRESHOLD = (
         error="errors.shear_reynolds",
     ),
     OutputQuantity("reason", "why there is no critical flow", column="note"),
-    OutputQuantity("applicable", "the walls are as the model asks", column="applicable"),
 )
 _GUST = (
     OutputQuantity(
@@ -92,7 +91,6 @@ _ENTRAINMENT = (
     OutputQuantity("threshold.shields", "Shields number of steady flow", column="shields"),
     *map(_scene_probability, ("probability", "low", "high")),
     OutputQuantity("scene.rate", "upcrossings in unit time", column="rate"),
-    OutputQuantity("threshold.applicable", "the walls are as the model asks", column="applicable"),
 )
 
 RUN = ResultKind(

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats
 from ..errors import SceneError
-from ..planning.flow_setup import Setup
 from ..planning.plan import Plan
 from ..scene import Scene
+from ..setup.setup import Setup
 from .adaptation import Adaptation
 from .cost_of_effects import cost_lines
 from .elevations import Elevations

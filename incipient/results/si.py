@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..planning.flow_setup import WITH_BED_STRESS, Setup
 from ..scene import Scene
 from ..scene.units import nominal_diameter
+from ..setup.setup import Setup
 from .quantity import load_words
 
 # Quantities of a flow with units and labels.
@@ -41,7 +41,7 @@ def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
     for name in ("shear_rate", "velocity"):
         if getattr(units, name) is not None:
             values[name] = factor * getattr(units, name)
-    if scene.flow.kind in WITH_BED_STRESS:
+    if scene.flow.stresses_bed:
         values["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
         values["shear_velocity"] = float(np.sqrt(values["bed_stress"] / scales.density))
     if scene.time is not None:

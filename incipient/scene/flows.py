@@ -1,10 +1,11 @@
 """The section [flow]."""
 
 import sys
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, field_validator
 
+from .domain import Top
 from .expression import Expression
 from .gust import Gust
 from .section import (
@@ -34,7 +35,64 @@ Datum = Annotated[
 ]
 
 
-class Profile(Section):
+class FlowSection(Section):
+    """A kind of flow, and what the rest of the program asks of it; a kind overrides what differs.
+
+    Attributes:
+        top, tops: the upper side with domain.top = "auto", and the values that domain.top may have (empty: all).
+        closed: whether the domain is a box (True), a channel (False), or either (None).
+        at_rest: whether the fluid is at rest without a grain.
+        parallel: whether convection leaves the flow as it is.
+        below_surface, modelled: whether it may be the flow below a free surface, or of a turbulence model.
+        wall_below: whether the lower side is a wall even though the upper one is none.
+        unbounded: whether without a bed it extends beyond the domain above and below.
+        stresses_bed: whether its stress on a bed is known.
+        keeps_shape: whether a faster flow has the same profile.
+        moves_top, by_formulas: whether the upper side slides; whether cells at the inflow resolve its velocity.
+        scaled_by: the key of [units] that gives its speed.
+        duct: of a flow between side walls, the height of the duct over the depth; 0: the sides do not change it.
+    """
+
+    top: ClassVar[Top] = "stream"
+    tops: ClassVar[tuple[Top, ...]] = ()
+    closed: ClassVar[bool | None] = False
+    at_rest: ClassVar[bool] = False
+    parallel: ClassVar[bool] = True
+    below_surface: ClassVar[bool] = False
+    modelled: ClassVar[bool] = False
+    wall_below: ClassVar[bool] = False
+    unbounded: ClassVar[bool] = False
+    stresses_bed: ClassVar[bool] = False
+    keeps_shape: ClassVar[bool] = True
+    moves_top: ClassVar[bool] = False
+    by_formulas: ClassVar[bool] = False
+    scaled_by: ClassVar[str] = "velocity"
+    duct: ClassVar[float] = 0.0
+
+    @property
+    def changes(self) -> bool:
+        """Whether the flow changes in time."""
+        return False
+
+    @property
+    def words(self) -> str:
+        """The flow in the plan."""
+        return f"{self.kind} flow"  # type: ignore[attr-defined]
+
+    def reference_velocity(self, length: float) -> float:
+        """V of the Reynolds number with a reference length."""
+        return self.velocity  # type: ignore[attr-defined]
+
+    def speed(self, z: Any, depth: float) -> Any:
+        """Speed at heights z above the datum (floats, arrays or UFL) where the depth above it is given."""
+        return self.reference_velocity(depth) + 0.0 * z
+
+    def shear_rate(self, depth: float) -> float:
+        """Shear rate at the datum; zero where no formula gives it."""
+        return 0.0
+
+
+class Profile(FlowSection):
     """Common keys of flows with a given profile."""
 
     datum: Datum = key(
@@ -53,31 +111,75 @@ class Driven(Profile):
         examples=[{"start": 1.0, "duration": 0.5, "strength": 2.0}],
     )
 
+    @property
+    def changes(self) -> bool:
+        """Whether there is a gust."""
+        return self.gust is not None
+
 
 class Shear(Driven):
     """Linear shear flow, u = rate (y - y of the datum); in 3-D with z instead of y."""
 
+    stresses_bed = True
+    scaled_by = "shear_rate"
     kind: Literal["shear"] = key("Kind of flow", "shear")
     rate: Positive = key("Shear rate [1/time]; V = rate L", 1.0)
+
+    def reference_velocity(self, length: float) -> float:
+        """The velocity at that height."""
+        return self.rate * length
+
+    def speed(self, z: Any, depth: float) -> Any:
+        """A straight line."""
+        return self.rate * z
+
+    def shear_rate(self, depth: float) -> float:
+        """The same at all heights."""
+        return self.rate
 
 
 class Poiseuille(Driven):
     """Parabolic flow between two walls."""
 
+    top = "wall"
+    tops = ("auto", "wall")
+    modelled = stresses_bed = True
+    duct = 1.0
     kind: Literal["poiseuille"] = key("Kind of flow", "poiseuille")
     velocity: Positive = key("Mean velocity V [length/time]", 1.0)
+
+    def speed(self, z: Any, depth: float) -> Any:
+        """A parabola."""
+        return 6 * self.velocity * z * (depth - z) / depth**2
+
+    def shear_rate(self, depth: float) -> float:
+        """That of the parabola."""
+        return 6.0 * self.velocity / depth
 
 
 class OpenChannel(Driven):
     """Half of a parabolic flow, without shear at the top."""
 
+    top = "slip"
+    tops = ("auto", "slip", "stream", "free-surface")
+    below_surface = modelled = wall_below = stresses_bed = True
+    duct = 2.0
     kind: Literal["open-channel"] = key("Kind of flow", "open-channel")
     velocity: Positive = key("Mean velocity V [length/time]", 1.0)
+
+    def speed(self, z: Any, depth: float) -> Any:
+        """Half a parabola."""
+        return 1.5 * self.velocity * z * (2 * depth - z) / depth**2
+
+    def shear_rate(self, depth: float) -> float:
+        """That of the parabola."""
+        return 3.0 * self.velocity / depth
 
 
 class Uniform(Driven):
     """Uniform flow above the datum."""
 
+    below_surface = unbounded = True
     kind: Literal["uniform"] = key("Kind of flow", "uniform")
     velocity: Positive = key("Velocity V of the flow [length/time]", 1.0)
 
@@ -85,23 +187,42 @@ class Uniform(Driven):
 class LogLaw(Profile):
     """Logarithmic mean profile of channels, in a flow that is computed as laminar."""
 
+    tops = ("auto", "slip", "stream")
+    wall_below = stresses_bed = True
+    keeps_shape = False
     kind: Literal["log-law"] = key("Kind of flow", "log-law")
     shear_velocity: Positive = key("Shear velocity V = u* = sqrt(tau_b / rho) [length/time]", 1.0)
     roughness: NotNegative = key(
         "Equivalent sand roughness k_s of the bed under the mean profile [length]", 0.0
     )
 
+    @property
+    def words(self) -> str:
+        """What is computed."""
+        return "mean profile of a turbulent flow, kept by a force instead of its turbulent stress"
 
-class Lid(Section):
-    """Box with a sliding top."""
+    def reference_velocity(self, length: float) -> float:
+        """u*."""
+        return self.shear_velocity
 
+
+class Lid(FlowSection):
+    """A box whose top slides."""
+
+    top = "wall"
+    tops = ("auto", "wall")
+    closed = moves_top = True
+    parallel = False
     kind: Literal["lid"] = key("Kind of flow", "lid")
     velocity: Positive = key("Velocity V of the lid [length/time]", 1.0)
 
 
-class ExpressionFlow(Section):
-    """Velocity at the inflow and at the top, given by formulas."""
+class ExpressionFlow(FlowSection):
+    """A velocity given by formulas, on the inflow and on the top."""
 
+    closed = None
+    parallel = False
+    unbounded = by_formulas = True
     kind: Literal["expression"] = key("Kind of flow", "expression")
     components: Words = key(
         "Two formulas in x, y and t for the velocity; in 3-D three in x, y, z and t [length/time]"
@@ -118,18 +239,39 @@ class ExpressionFlow(Section):
         return components
 
     @property
-    def unsteady(self) -> bool:
+    def changes(self) -> bool:
+        """Whether a component depends on time."""
         return any("t" in Expression(text).variables for text in self.components)
 
 
-class Still(Section):
+class Still(FlowSection):
     """Fluid at rest."""
 
+    top = "wall"
+    closed = None
+    at_rest = below_surface = True
     kind: Literal["still"] = key("Kind of flow", "still")
     velocity: Positive = key("Velocity V used for scaling only [length/time]", 1.0)
+
+    @property
+    def words(self) -> str:
+        """No flow."""
+        return "the fluid is at rest"
+
+    def speed(self, z: Any, depth: float) -> Any:
+        """None."""
+        return 0.0 * z
 
 
 Flow = Annotated[
     Shear | Poiseuille | OpenChannel | Uniform | LogLaw | Lid | ExpressionFlow | Still,
     Field(discriminator="kind"),
 ]
+
+
+def kinds(fact: str) -> tuple[str, ...]:
+    """The kinds of flow of which an attribute of their section is true."""
+    sections = get_args(get_args(Flow)[0])
+    return tuple(
+        section.model_fields["kind"].default for section in sections if getattr(section, fact)
+    )

@@ -16,7 +16,7 @@ from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
-from .flows import Flow, LogLaw, Shear
+from .flows import Flow
 from .fluctuations import Gusts
 from .grains import FRICTIONLESS, LEVEL
 from .mass import mass, mean_density
@@ -36,16 +36,6 @@ from .units import Scales, Units, scales_of, with_units
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
 
-_TOPS: dict[str, Top] = {
-    "shear": "stream",
-    "uniform": "stream",
-    "expression": "stream",
-    "poiseuille": "wall",
-    "open-channel": "slip",
-    "log-law": "stream",
-    "lid": "wall",
-    "still": "wall",
-}
 _DEFAULT_GAP = 0.01
 # Gaps [grain sizes]: above the first the plan warns, above the second the flow is no more that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
@@ -241,15 +231,14 @@ class Scene(Section):
 
     @property
     def has_centrelines(self) -> bool:
-        """Whether the result includes velocities on centrelines: a lid-driven box without a grain."""
-        return self.flow.kind == "lid" and self.body is None
+        """Whether the velocities on the centrelines of a lid-driven box without a grain are of interest."""
+        return self.flow.moves_top and self.body is None
 
     @property
     def has_separation(self) -> bool:
-        """Whether the result includes x of laminar separation and reattachment: along a bed in 2-D, without a grain."""
-        flows = self.flow.kind not in ("still", "lid") and not (
-            self.has_surface or self.is_averaged
-        )
+        """Whether x of laminar separation and reattachment along the bed are of interest: in 2-D, without a grain."""
+        flows = not (self.flow.at_rest or self.flow.moves_top)
+        flows = flows and not (self.has_surface or self.is_averaged)
         return self.gdim == 2 and self.bed is not None and self.body is None and flows
 
     @property
@@ -270,7 +259,8 @@ class Scene(Section):
 
     @property
     def top(self) -> Top:
-        return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
+        """The upper boundary; "auto" follows from the flow."""
+        return self.flow.top if self.domain.top == "auto" else self.domain.top
 
     @property
     def sides(self) -> Sides:
@@ -398,14 +388,8 @@ class Scene(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: shear rate times L, u* of a log law, otherwise the flow's velocity."""
-        if isinstance(self.flow, LogLaw):
-            return self.flow.shear_velocity
-        return (
-            self.flow.rate * self.reference_length
-            if isinstance(self.flow, Shear)
-            else self.flow.velocity
-        )
+        """V of the Reynolds number: of shear rate times L, of a log-law u*, otherwise the velocity of the flow."""
+        return self.flow.reference_velocity(self.reference_length)
 
     @property
     def viscosity(self) -> float:

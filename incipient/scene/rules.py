@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from .expression import Expression
-from .flows import ExpressionFlow
+from .flows import kinds
 from .messages import Problem, either
 from .numerics import OF_SURFACE, OF_WALLS
 from .section import Rule, Text
@@ -21,22 +21,12 @@ if TYPE_CHECKING:
     from .model import Scene
 
 # Base flows below a free surface: profiles without shear on it, or none.
-STREAMS = ("open-channel", "uniform", "still")
-TURBULENT = (
-    "poiseuille",
-    "open-channel",
-)  # base flows of channels that models of turbulence are for
+STREAMS = kinds("below_surface")
+TURBULENT = kinds("modelled")  # base flows of channels that models of turbulence are for
 FEWEST_STEPS = 2  # of time, in the duration of a gust
 TOUCHES = 'body.motion = "released", or "free" with body.on_contact = "touch"'
 # u* k_s/nu up to which the mean profile follows the measured one (docs/contribute/defaults.md).
 _ROUGHEST = 500.0
-_THROUGH = ("shear", "poiseuille", "uniform", "open-channel", "log-law")
-_TOPS = {
-    "poiseuille": ("auto", "wall"),
-    "open-channel": ("auto", "slip", "stream", "free-surface"),
-    "log-law": ("auto", "slip", "stream"),
-    "lid": ("auto", "wall"),
-}
 _IN_3D = {"body": '"sphere"', "bed": '"spheres"'}
 _NOT_MODELLED = "with turbulence is not simulated by this version"
 _NO_FLUCTUATIONS = "with turbulence in 3-D is retired: a model of the mean flow has no fluctuations"
@@ -60,7 +50,7 @@ def contradictions(scene: Scene) -> Iterator[Problem]:
 
 
 def _unsteady(s: Scene) -> bool:
-    return isinstance(s.flow, ExpressionFlow) and s.flow.unsteady
+    return s.flow.by_formulas and s.flow.changes
 
 
 def _surface(s: Scene) -> Surface:
@@ -88,8 +78,8 @@ def _channel(s: Scene) -> bool:
 
 
 def _stream(s: Scene) -> bool:
-    """Whether the scene is a channel with a free surface."""
-    return _channel(s) and s.flow.kind in STREAMS
+    """Whether there is a free surface above a flow that may be below one."""
+    return _channel(s) and s.flow.below_surface
 
 
 def _boxed(s: Scene) -> bool:
@@ -191,7 +181,7 @@ def _for_accuracy(key: str, why: str) -> Rule:
 
 def _for_boxes(key: str) -> Rule:
     return Rule(f"surface.{key}",
-                lambda s: s.has_surface and _boxed(s) and s.flow.kind == "still" and _surface(s).changed(key),
+                lambda s: s.has_surface and _boxed(s) and s.flow.at_rest and _surface(s).changed(key),
                 "is read only in a channel but the domain is a box",
                 'leave it out or use domain.kind = "channel"')  # fmt: skip
 
@@ -219,21 +209,21 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     _of_dimension("body", "shape"),
     _of_dimension("bed", "kind"),
     (
-        Rule("flow.components", lambda s: s.flow.kind == "expression" and len(s.flow.components) != s.gdim,
+        Rule("flow.components", lambda s: s.flow.by_formulas and len(s.flow.components) != s.gdim,
              lambda s: f"has {len(s.flow.components)} items",
              lambda s: "give two, as in [x, y]" if s.gdim == 2 else "give three, as in [x, y, z]"),
     ),
     # Flow and domain.
     (
-        Rule("flow.kind", lambda s: s.flow.kind == "lid" and not _boxed(s),
+        Rule("flow.kind", lambda s: s.flow.closed is True and not _boxed(s),
              "a lid closes a box but the domain is a channel", 'set domain.kind = "box"'),
-        Rule("flow.kind", lambda s: s.flow.kind in _THROUGH and _boxed(s),
+        Rule("flow.kind", lambda s: s.flow.closed is False and _boxed(s),
              '"{s.flow.kind}" flows through but a box is closed',
              'set domain.kind = "channel", or use "lid" or "still"'),
-        Rule("domain.top", lambda s: _boxed(s) and s.domain.top == "stream" and s.flow.kind != "expression",
+        Rule("domain.top", lambda s: _boxed(s) and s.domain.top == "stream" and not s.flow.by_formulas,
              "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"'),
-        Rule("domain.top", lambda s: s.domain.top not in _TOPS.get(s.flow.kind, (s.domain.top,)),
-             '"{s.domain.top}" contradicts the flow "{s.flow.kind}"', lambda s: f"use {either(_TOPS[s.flow.kind])}"),
+        Rule("domain.top", lambda s: s.flow.tops and s.domain.top not in s.flow.tops,
+             '"{s.domain.top}" contradicts the flow "{s.flow.kind}"', lambda s: f"use {either(s.flow.tops)}"),
     ),
     (
         Rule("flow.roughness", lambda s: _roughness(s) > _ROUGHEST,
@@ -278,7 +268,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
                       "an unsteady flow but effects.unsteadiness is false", "leave that out"),
     ),
     (
-        _never_steady(lambda s: s.flow.kind == "still", "a flow but the fluid is still", "use another flow.kind"),
+        _never_steady(lambda s: s.flow.at_rest, "a flow but the fluid is still", "use another flow.kind"),
     ),
     (_never_steady(_unsteady, "a steady flow but flow.components depend on t", "leave t out"),),
     (_never_steady(_gust, "a steady flow but flow.gust changes it", "leave that out"),),
@@ -313,7 +303,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
         Rule("numerics.accuracy_of", lambda s: s.body is None and not s.is_averaged and s.accuracy_of not in OF_SURFACE,
              '"{s.numerics.accuracy_of}" needs a grain but there is none', 'add a section [body] or use "elevation"'),
         Rule("numerics.accuracy",
-             lambda s: s.body is not None and s.flow.kind == "still" and not (s.body.moves or s.has_surface),
+             lambda s: s.body is not None and s.flow.at_rest and not (s.body.moves or s.has_surface),
              "is relative but a fluid at rest exerts no force", "leave it out"),
         Rule("numerics.accuracy", lambda s: s.body is not None and _verdict(s) and _needs_verdict(s),
              f"a verdict {_NEEDS}", _GIVE),
@@ -433,12 +423,12 @@ RULES: tuple[tuple[Rule, ...], ...] = (
              "a free surface needs gravity", "add a section [gravity]"),
     ),
     (
-        Rule("flow.kind", lambda s: _channel(s) and s.flow.kind not in STREAMS,
-             '"{s.flow.kind}" is not possible below a free surface, which has no shear', f"use {either(STREAMS)}"),
-        Rule("flow.kind", lambda s: s.has_surface and _boxed(s) and s.flow.kind != "still",
+        Rule("flow.kind", lambda s: _channel(s) and not s.flow.below_surface,
+             '"{s.flow.kind}" is no flow below a free surface, on which there is no shear', f"use {either(STREAMS)}"),
+        Rule("flow.kind", lambda s: s.has_surface and _boxed(s) and not s.flow.at_rest,
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),
-        Rule("flow.kind", lambda s: _stream(s) and _surface(s).outflow == "wall" and s.flow.kind != "still",
+        Rule("flow.kind", lambda s: _stream(s) and _surface(s).outflow == "wall" and not s.flow.at_rest,
              '"{s.flow.kind}" flows through but surface.outflow is "wall"', 'use "still"'),
     ),
     (
@@ -486,7 +476,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
              "describes turbulence, but effects.turbulence is not true",
              "set effects.turbulence = true or leave the section out"),
         Rule("turbulence.upstream_roughness",
-             lambda s: s.resolves_walls and s.body is None and not _forms(s) and s.turbulence.upstream_roughness,
+             lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not _forms(s),
              "is read only past grains and bedforms: its inflow is not in equilibrium over a smooth planar bed",
              "leave it out"),
     ),
@@ -503,7 +493,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
                        f'"{FREE}" {_NOT_MODELLED}', 'use "auto", a lid without friction'),
     ),
     (
-        _of_turbulence("flow.kind", lambda s: s.flow.kind not in TURBULENT, f'"{{s.flow.kind}}" {_NOT_MODELLED}',
+        _of_turbulence("flow.kind", lambda s: not s.flow.modelled, f'"{{s.flow.kind}}" {_NOT_MODELLED}',
                        f"use {either(TURBULENT)}, or judge forces of another program (incipient judge --forces)"),
         _of_turbulence("domain.top", lambda s: s.domain.top == "stream",
                        '"stream" contradicts turbulence below it', 'use "auto"'),

@@ -14,6 +14,7 @@ from ..arrays import Floats
 from ..errors import SceneError
 from .domain import Domain
 from .expression import Expression, expressions, of_time
+from .flows import ExpressionFlow
 from .messages import Problem, split
 from .surface import Surface
 
@@ -47,7 +48,7 @@ def differences(scene: Scene) -> Iterator[str]:
         yield from _of_motion(scene.body, _times(time))
     if scene.bed_shape is not None and np.isfinite(scene.bed_shape.feature):
         yield from _of_bed(scene.bed_shape, domain)
-    if scene.flow.kind == "expression":
+    if isinstance(scene.flow, ExpressionFlow):
         formulas = expressions(scene.flow.components, "flow.components")
         if _differ(formulas, domain, time, MIRRORED):
             yield "the flow is not its mirror image"

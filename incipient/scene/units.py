@@ -124,7 +124,7 @@ def scales_of(scene: Scene, units: Units) -> Scales:
         raise _refused(
             "units", "are those of a scene with a grain, and there is none", "add a section [body]"
         )
-    kind, shear = scene.flow.kind, scene.flow.kind == "shear"
+    kind, shear = scene.flow.kind, scene.flow.scaled_by == "shear_rate"
     needed, other = ("shear_rate", "velocity") if shear else ("velocity", "shear_rate")
     speed = getattr(units, needed)
     if speed is None:
@@ -132,7 +132,7 @@ def scales_of(scene: Scene, units: Units) -> Scales:
     if getattr(units, other) is not None:
         raise _refused(f"units.{other}", f'is not of the flow "{kind}"', f"give {needed} only")
     length = units.metres(scene.grain)
-    stated = scene.flow.rate if scene.flow.kind == "shear" else scene.reference_velocity
+    stated = scene.flow.reference_velocity(1.0)
     time = stated / speed if shear else length * stated / speed
     return Scales(length, time, units.fluid_density, scene.gdim)
 

@@ -235,7 +235,7 @@ def _unknowns(run: Run) -> dict[str, int]:
         mesh = run.fluid.domain.mesh
         counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
     for part in run.parts:
-        counted |= part.unknowns()
+        counted[part.effect] = part.unknowns
     if run.contacts is not None:
         counted[EffectName.CONTACT] = gdim * len(run.contacts.points)
     return counted

@@ -8,18 +8,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..effects import known
-from ..effects.plan import plan_of
 from ..installed import required
 from ..parallel import Comm, collectively
 from ..planning import meshing
 from ..planning.cells import CLOSED
-from ..planning.conditions import conditions
 from ..planning.effects import EffectName
-from ..planning.flow_setup import Setup
 from ..planning.layout import Layout
-from ..planning.plan import Plan
+from ..planning.plan import Plan, plan_of
 from ..progress import Silent
 from ..scene import Scene
+from ..setup.setup import Setup
 from .recorder import Recorder
 from .state import Accounts, Run
 
@@ -65,6 +63,7 @@ def prepared(
         _load_libraries(comm, draws=checkpoint is None)
         from ..fluid.flow import build_fluid
         from ..mesh import domain
+        from ..planning.conditions import conditions
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
         contacts = _contacts(setup, plan, accounts)
@@ -79,12 +78,12 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(setup, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            optional = [
-                effect.part_at_start(setup, made, accounts.ledger.stage) for effect in known.EFFECTS
-            ]
-            parts = [part for part in optional if part is not None]
-            for part in parts:
-                model = part.within(model)
+            parts = []
+            if setup.is_averaged:
+                from ..effects.turbulent_flow import TurbulentFlow
+
+                parts = [TurbulentFlow(setup, made, accounts.ledger.stage)]
+                model = parts[0].within(model)
             newest = [build_fluid(made, model, conditions(meshed), plan.reynolds)]
             # Another fluid may replace it.
             stack.push(lambda *exception: newest[0].__exit__(*exception))

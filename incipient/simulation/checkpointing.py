@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 
 from ..fluid.transient import Transient
-from ..planning.order import with_order
+from ..planning.discretisation import with_order
 from ..restart.checkpoint import Checkpoint, Progress
 from ..restart.redistribution import stored_flow, stored_mesh
 from ..scene.file import dumps

@@ -14,10 +14,10 @@ from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
 from ..mesh import domain
 from ..planning import meshing
+from ..planning.discretisation import of_steady
 from ..planning.effects import EffectName
-from ..planning.flow_setup import Setup
-from ..planning.tolerance import of_steady
-from .state import Run
+from ..setup.setup import Setup
+from .state import Run, part_of
 
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
@@ -45,7 +45,10 @@ class March:
         kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
         asked = run.scene.numerics.tolerance
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
-        order, interface = 2 if self._time.scheme == "bdf2" else 1, _interface(self.coupling, parts)
+        order = 2 if self._time.scheme == "bdf2" else 1
+        interface: Interface | None = self.coupling
+        if run.turbulence is not None:
+            interface = run.turbulence.around(interface)
         self.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
         run.march, run.parts = self, tuple(parts)
         if checkpoint is not None:
@@ -135,9 +138,9 @@ class March:
             higher = {"domain": scene.domain.model_copy(update={"height": height})}
             laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
             made = domain.build(run.comm, laid_out.mesh)
-            parts, model = [part.on(made) for part in run.parts], old.model
-            for part in parts:
-                model = part.within(model)
+            parts = [part.on(made) for part in run.parts]
+            turbulence = part_of(parts, EffectName.TURBULENCE)
+            model = old.model if turbulence is None else turbulence.within(old.model)
             fluid = Fluid(made, model, old.conditions, old.reynolds)
             fluid.watch = old.watch
             try:
@@ -150,20 +153,12 @@ class March:
             except IncipientError:
                 fluid.destroy()
                 raise
-            interface = _interface(coupling, parts)
-            for part, one in zip(parts, run.parts, strict=True):
-                part.carry_over(one)
-            self.coupling = coupling
+            self.coupling, interface = coupling, coupling
+            if turbulence is not None:
+                interface = turbulence.around(coupling)
+                turbulence.carry_over(run.turbulence)
             transient.continue_on(fluid, interface, past)
             grain.remeshings.append(done)
             run.take_mesh(fluid, parts)
         projected = f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
         run.voice.say(f"t = {done.time:.6g}: remeshed with {done.cells} cells; {projected}")
-
-
-def _interface(coupling: Coupling | None, parts: Sequence[RunPart]) -> Interface | None:
-    """Interface of a monolithic step; None: the flow alone."""
-    interface: Interface | None = coupling
-    for part in parts:
-        interface = part.around(interface)
-    return interface

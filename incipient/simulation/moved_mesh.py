@@ -18,9 +18,9 @@ from ..geometry.space.beds import Plane
 from ..mesh.motion import LEAST_QUALITY, MeshMotion, Potentials, stretched
 from ..meshes import SYMMETRY
 from ..planning.conditions import conditions
-from ..planning.flow_setup import Setup
 from ..results.errorbars import Loads
 from ..scene import Scene
+from ..setup.setup import Setup
 from .state import Run
 
 # Tolerance of the flows, whose loads differ by per cents.

@@ -68,6 +68,6 @@ def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None
             "pressure": fluid.pressure,
             "vorticity": vorticity(fluid),
         }
-        for part in run.parts:
-            fields |= part.functions()
+        if run.turbulence is not None:
+            fields |= run.turbulence.functions()
         recorder.fields(fluid.time, fields, probe.field() if probe else None)

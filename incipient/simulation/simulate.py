@@ -19,7 +19,7 @@ from .assemble import completed, outcome
 from .build import prepared
 from .recorder import Recorder, record_fields
 from .state import Accounts, Run
-from .steady import loads_at, solve_with_parts
+from .steady import loads_at, solve_with_turbulence
 
 if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
@@ -91,7 +91,7 @@ def _solve(
 ) -> None:
     try:
         if run.scene.time is None:
-            solve_with_parts(run, run.fluid, run.parts)
+            solve_with_turbulence(run, run.fluid, run.turbulence)
             record_fields(recorder, run, 0, last=True)
         else:
             from .time_loop import TimeLoop

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, cast
 from ..effects.run_part import RunPart
 from ..parallel import Comm
 from ..planning.effects import EffectName
-from ..planning.flow_setup import Setup
 from ..planning.layout import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
@@ -18,6 +17,7 @@ from ..results.cost_of_effects import Corrections
 from ..results.elevations import Elevations
 from ..results.errorbars import Loads, Term
 from ..results.timing import Ledger
+from ..setup.setup import Setup
 from .steadiness import Steadiness
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
     from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
-    from ..effects.turbulence.part import TurbulentFlow
+    from ..effects.turbulent_flow import TurbulentFlow
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
@@ -92,8 +92,9 @@ class Run:
 
     @property
     def states(self) -> list[Any]:
-        """State functions of a steady flow and its parts."""
-        return [self.fluid.state, *(state for part in self.parts for state in part.states())]
+        """The state functions of a steady flow and its turbulence."""
+        turbulence = [] if self.turbulence is None else [self.turbulence.fields.state]
+        return [self.fluid.state, *turbulence]
 
     @property
     def domain(self) -> Domain:
@@ -131,8 +132,8 @@ class Run:
         return None if self.surface is None else self.surface.elevations
 
     def part(self, effect: EffectName) -> Any:
-        """Part of an effect on the newest mesh, or None."""
-        return next((part for part in self.parts if part.effect == effect), None)
+        """The part of an effect on the newest mesh, or None."""
+        return part_of(self.parts, effect)
 
     def wall_report(self) -> WallReport | None:
         """Flow along walls with wall functions, or None. Collective."""
@@ -142,9 +143,9 @@ class Run:
         """Intervals of x with reverse laminar flow along the bed; None: undetermined. Collective."""
         if not self.scene.has_separation:
             return None
-        from ..fluid.along_walls import along_resolved_wall
+        from ..fluid.along_walls import along_no_slip_wall
 
-        return along_resolved_wall(self.fluid, self.setup.sides.bottom).backward()
+        return along_no_slip_wall(self.fluid, self.setup.sides.bottom).backward()
 
     @property
     def is_steady(self) -> bool:
@@ -177,3 +178,8 @@ class Run:
         """Context manager that reports and times a stage. Not collective."""
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)
+
+
+def part_of(parts: Sequence[RunPart], effect: EffectName) -> Any:
+    """The part of an effect, or None."""
+    return next((part for part in parts if part.effect == effect), None)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..effects.run_part import RunPart
-from ..planning.conditions import conditions
+from ..planning.discretisation import of_steady, stabilisation_of
 from ..planning.effects import EffectName
-from ..planning.stabilisation import stabilisation_of
-from ..planning.tolerance import of_steady
 from ..results.loads import Forces, Torques
 from .build import probe_of
 from .loads import loads
 from .state import Run
 
 if TYPE_CHECKING:
+    from ..effects.turbulent_flow import TurbulentFlow
     from ..fluid import Fluid
 
 # Reynolds number above which continuation begins at a fraction.
@@ -48,10 +45,12 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     )
 
 
-def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-    """Solve for the steady flow of a fluid with its parts. Collective; raises ConvergenceError."""
-    if not any(part.solve(run) for part in parts):
+def solve_with_turbulence(run: Run, fluid: Fluid, turbulence: TurbulentFlow | None) -> None:
+    """Solve for the steady flow of a fluid, with its turbulence if any. Collective; raises ConvergenceError."""
+    if turbulence is None:
         solve_steadily(run, fluid)
+    else:
+        turbulence.solve(run)
 
 
 def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
@@ -62,7 +61,8 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torqu
 
     Raises ConvergenceError; the fluid keeps the last converged flow.
     """
-    if any(part.solve(run, factor, onwards=start > 0.0) for part in run.parts):
+    if run.turbulence is not None:
+        run.turbulence.solve(run, factor, onwards=start > 0.0)
         return loads(run, surface=False, speed=factor)
     make_as_fast(run, factor)
     way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
@@ -75,6 +75,8 @@ def make_as_fast(run: Run, factor: float) -> None:
     _stabilise(run, factor)
     run.fluid.reynolds = factor * run.plan.reynolds
     if run.setup.base_flow_at(0.0).datum != run.setup.base_flow.datum:
+        from ..planning.conditions import conditions
+
         run.fluid.let_in(conditions(run.setup, speed=factor))
 
 

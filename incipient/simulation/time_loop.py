@@ -22,7 +22,7 @@ from .march import March
 from .recorder import Recorder, record_fields
 from .state import Run
 from .steadiness import Steadiness
-from .steady import solve_steadily, solve_with_parts
+from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
     from ..fluid.transient import TimeStep
@@ -75,26 +75,25 @@ class TimeLoop:
             self._start_from(inertia=start == "steady")
 
     def _start_from(self, inertia: bool) -> None:
-        """Start from the steady flow around the fixed grain."""
+        """Set the state of fluid and turbulence to the steady flow around the fixed grain."""
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.setup, held=True, lid=True)
-        parts = [part.on(run.domain) for part in run.parts]
-        for part in parts:
-            model = part.within(model)
+        turbulence = None if run.turbulence is None else run.turbulence.on(run.domain)
+        if turbulence is not None:
+            model = turbulence.within(model)
         with Fluid(run.domain, model, held, run.plan.reynolds) as initial:
-            for part in parts:
-                part.joined(initial)
+            if turbulence is not None:
+                turbulence.joined(initial)
             try:
-                solve_with_parts(run, initial, parts)
+                solve_with_turbulence(run, initial, turbulence)
             except ConvergenceError as error:
-                if not parts:
+                if turbulence is None:
                     raise
                 raise ConvergenceError(NOT_STEADY) from error
             run.fluid.state.x.array[:] = initial.state.x.array
-            for part, steady in zip(run.parts, parts, strict=True):
-                for mine, other in zip(part.states(), steady.states(), strict=True):
-                    mine.x.array[:] = other.x.array
+            if turbulence is not None and run.turbulence is not None:
+                run.turbulence.fields.state.x.array[:] = turbulence.fields.state.x.array
 
     def _march(self) -> None:
         """Advance to the end, or to a terminating event of a moving grain."""

@@ -108,7 +108,7 @@ def _result(task: str, text: str) -> dict[str, Any]:
 
         return judge_case(Case.model_validate(json.loads(text)))
     from ..accuracy.run import run_scene
-    from ..planning.flow_setup import Setup
+    from ..setup.setup import Setup
     from ..thresholds import critical, entrainment, gusts
 
     compute: dict[str, Callable[[Scene, Comm], Any]] = {

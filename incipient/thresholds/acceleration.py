@@ -13,8 +13,8 @@ from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..parallel import Comm
-from ..planning.driving_force import DisplacedFluid
-from ..planning.flow_setup import Setup
+from ..setup.driving_force import DisplacedFluid
+from ..setup.setup import Setup
 from ..simulation.build import prepared
 from .outcome import Threshold
 

@@ -18,13 +18,13 @@ from ..effects.turbulence import threshold_needs, threshold_notes
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
 from ..parallel import Comm
-from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.units import nominal_diameter
+from ..setup.setup import Setup
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.beside import Beside
 from ..simulation.build import prepared
@@ -107,8 +107,8 @@ def _require(scene: Scene) -> None:
         (falls, "gravity ([gravity] acceleration > 0)"),
         (scene.contact is not None, "friction ([contact] friction)"),
         (scene.time is None, "a steady flow (no [time] section)"),
-        (scene.flow.kind != "still", "a flow (flow.kind other than still)"),
-        (scene.flow.kind != "log-law", KEEPS_SHAPE),
+        (not scene.flow.at_rest, "a flow (flow.kind other than still)"),
+        (scene.flow.keeps_shape, KEEPS_SHAPE),
     )
     lacking = [need for met, need in needs if not met]
     setup = Setup(scene)
@@ -122,7 +122,7 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
         rest = flow.rocking.rests[-1]
         load, contacts = replace(load, centre=spatial(rest.placement.centre)), rest.contacts
     assert scene.grain is not None and contacts is not None
-    critical, walls = _judged(run, contacts, load), run.wall_report()
+    critical = _judged(run, contacts, load)
     stress, size = run.setup.bed_stress(flow.factor), scene.grain.size
     threshold = Threshold(
         factor=flow.factor,
@@ -151,7 +151,6 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
             in_si(scene, flow.factor), {"force": load.flow_force, "torque": load.flow_couple}
         ),
         steepness=flow.path.steepness(flow.factor),
-        applicable=None if walls is None else walls.applicable,
         notes=(threshold.shields_note(scene.gdim), *_notes(run, flow)),
     )
 

@@ -18,9 +18,9 @@ from scipy.stats import norm
 
 from ..errors import SceneError
 from ..parallel import Comm
-from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..setup.setup import Setup
 from .acceleration import CriticalStrength, load_of_growth
 from .critical import find_threshold
 from .lasting import RateOfLasting, WeakestGusts, rate_of_lasting, series_of
@@ -117,7 +117,8 @@ class Entrainment:
     assumed: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        named = ("factor", "shields", "shear_reynolds", "mode", "errors", "applicable")
+        """Plain data for entrainment.json."""
+        named = ("factor", "shields", "shear_reynolds", "mode", "errors")
         return {
             "schema_version": SCHEMA_VERSION,
             "title": self.title,

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..arrays import Floats, spatial
 from ..errors import SceneError
-from ..planning.driving_force import DisplacedFluid
-from ..planning.flow_setup import Setup
 from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..setup.driving_force import DisplacedFluid
+from ..setup.setup import Setup
 
 INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon (Pope 2000, section 6.5)
 AT_REST = "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
@@ -120,9 +120,10 @@ class MeanFlow:
 
     @cached_property
     def _energy_and_loss(self) -> tuple[float, float]:
-        with np.errstate(invalid="ignore"):
-            energy, other = np.exp(self._inflow[1](self._at_inflow))
-        loss = other if self.setup.has_wall_layer else self.setup.turbulence.c_mu * other * energy
+        """Mean k and epsilon of the inflow at the heights of the grain."""
+        energy, other = np.exp(self._inflow[1](self._at_inflow))
+        asked = self.setup.turbulence
+        loss = other if asked.model == "k-epsilon" else asked.c_mu * other * energy
         return float(energy.mean()), float(loss.mean())
 
     @cached_property
@@ -150,11 +151,9 @@ class MeanFlow:
 
     @cached_property
     def _inflow(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
-        if self.setup.has_wall_layer:
-            from ..planning import wall_conditions
-
-            return wall_conditions.velocity(self.setup), wall_conditions.logarithms(self.setup)
-        return self.setup.resolved_walls.velocity, self.setup.resolved_walls.logarithms
+        """Velocity, and logarithms of k and its loss or frequency, at the inflow of a turbulent flow."""
+        inflow = self.setup.walls.inflow
+        return inflow.velocity, inflow.logarithms
 
     @cached_property
     def _places(self) -> Floats:

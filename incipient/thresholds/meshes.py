@@ -20,11 +20,11 @@ from ..arrays import Floats
 from ..contact.safety import safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import Comm
-from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..results.loads import Forces, Torques
 from ..scene import Scene
+from ..setup.setup import Setup
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
@@ -178,6 +178,6 @@ def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
 
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
-    """Whether a mesh made for one flow is unsuitable for another; both are factors of the scene's."""
-    ratio = setup.faster(made_for).wall_cell / setup.faster(factor).wall_cell
+    """Whether a mesh made for one flow does not serve for another; both are factors of the scene's."""
+    ratio = setup.faster(made_for).walls.nearest / setup.faster(factor).walls.nearest
     return max(ratio, 1.0 / ratio) > CHANGED

@@ -13,9 +13,9 @@ from scipy.interpolate import RectBivariateSpline
 import incipient
 from incipient.pictures import elevation
 from incipient.pictures.record import read
-from incipient.planning.base_flow import duct_mean, duct_speed
-from incipient.planning.flow_setup import Setup
 from incipient.scene.file import dumps, loads
+from incipient.setup.base_flow import duct_mean, duct_speed
+from incipient.setup.setup import Setup
 
 SLOW = {
     "domain": {"kind": "channel", "length": 6.0, "height": 1.0, "top": "free-surface"},

@@ -1,4 +1,4 @@
-"""An effect added as docs/contribute/adding.md says: one class and one entry in the list.
+"""An effect added as docs/contribute/adding.md says: a decision in the table, and what it adds to a run.
 
 The effect is a force per unit mass f along x, as gravity has in an inclined channel that is not resolved otherwise.
 With velocities given all around but at the outflow it only adds f (x - x_outflow) to the pressure: the velocity stays,
@@ -18,12 +18,12 @@ import incipient
 from incipient.effects import known
 from incipient.effects.effect import Effect, Solved
 from incipient.fluid import FlowModel
+from incipient.planning import doubts, effects
 from incipient.planning.effects import Decision
-from incipient.planning.flow_setup import Setup
-from incipient.planning.numbers import Numbers
 from incipient.planning.plan import Plan
 from incipient.results.left_out import Omission
 from incipient.scene import Disc, Domain, Fluid, Numerics, Output, Poiseuille, Scene
+from incipient.setup.setup import Setup
 
 FORCE = 0.3
 SCENE = Scene(
@@ -36,26 +36,29 @@ SCENE = Scene(
 )
 
 
+NAME: Any = "driving force"
+
+
+def decision(setup: Setup) -> Decision:
+    """Present where the title says so."""
+    there = "driven" in setup.scene.title
+    return Decision(NAME, there, f"f = {FORCE:g}" if there else "the title does not ask for it")
+
+
+def doubt(setup: Setup) -> Iterator[str]:
+    """A warning that a reader can look for."""
+    if "driven" in setup.scene.title:
+        yield "the driving force is the same everywhere"
+
+
 class DrivingForce(Effect):
     """A uniform force along x, where the scene's title asks for it."""
 
-    name: Any = "driving force"
-
-    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Present where the title says so."""
-        there = "driven" in setup.scene.title
-        return Decision(
-            self.name, there, f"f = {FORCE:g}" if there else "the title does not ask for it"
-        )
+    name = NAME
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The force in the equation of momentum."""
         return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
-
-    def warnings(self, setup: Setup) -> Iterator[str]:
-        """One that a reader can look for."""
-        if "driven" in setup.scene.title:
-            yield "the driving force is the same everywhere"
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """What it would change: known."""
@@ -64,6 +67,8 @@ class DrivingForce(Effect):
 
 @pytest.fixture
 def added(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(effects, "TABLE", (*effects.TABLE, decision))
+    monkeypatch.setattr(doubts, "DOUBTS", (*doubts.DOUBTS, doubt))
     monkeypatch.setattr(known, "EFFECTS", (*known.EFFECTS, DrivingForce()))
 
 

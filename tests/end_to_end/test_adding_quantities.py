@@ -18,11 +18,11 @@ from dolfinx import fem
 import incipient
 from incipient import compat
 from incipient.effects.flow import FlowEffect, UnsteadinessEffect
-from incipient.planning.flow_setup import Setup
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
 from incipient.results.quantity import OutputQuantity
 from incipient.scene import Disc, Domain, Fluid, Numerics, Output, Poiseuille, Scene, Time
+from incipient.setup.setup import Setup
 from incipient.sweep.worker import quantities
 
 LENGTH, HEIGHT, SHARE = 6.0, 3.0, 0.01

@@ -9,8 +9,8 @@ from scenes import TANK
 from waves import prosperetti
 
 import incipient
-from incipient.effects.plan import make_plan
 from incipient.errors import ConvergenceError, IncipientError, SceneError
+from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
 
 WAVE = f"""\

@@ -13,9 +13,9 @@ import incipient
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc, Ellipse
-from incipient.planning.driving_force import DisplacedFluid
-from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads
+from incipient.setup.driving_force import DisplacedFluid
+from incipient.setup.setup import Setup
 
 CHANNEL = """
 [domain]
@@ -124,7 +124,7 @@ def test_the_force_on_the_fluid_displaced_is_that_of_its_mean_velocity() -> None
     )
     setup = Setup(scene)
     force, couple = DisplacedFluid(Disc(1.0), setup.base_flow).load(Placement((2.0, 2.0)))
-    rate = float(setup.base_flow.profile(np.array([[2.0], [1.0]]))[0])
+    rate = float(setup.base_flow.velocity(np.array([[2.0], [1.0]]), 0.0)[0, 0])
     assert force == pytest.approx([math.pi / 4.0 * 2.0 * rate, 0.0, 0.0], rel=1e-9)
     assert couple == pytest.approx([0.0, 0.0, -math.pi / 64.0 * rate], rel=1e-2)
     off = DisplacedFluid(Ellipse((0.5, 0.02)), setup.base_flow).load(

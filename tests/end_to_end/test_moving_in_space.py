@@ -18,8 +18,6 @@ from incipient.geometry.placement import Placement, rotation_by
 from incipient.geometry.space.grains import Box as BoxSolid
 from incipient.pictures import trajectory
 from incipient.pictures.apart import animate_apart
-from incipient.planning.body import rigid_body
-from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,
     Contact,
@@ -39,6 +37,8 @@ from incipient.scene import (
 )
 from incipient.scene.file import dumps
 from incipient.scene.solids import orientation_of
+from incipient.setup.body import rigid_body
+from incipient.setup.setup import Setup
 
 SLOW = Fluid(reynolds=0.01, scale="grain", inertia=False)
 EXACTLY = {"error_bars": False, "tolerance": 1e-9, "interface_tolerance": 1e-9}

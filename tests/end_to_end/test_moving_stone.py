@@ -11,7 +11,6 @@ from turbulent import balance, changes_by_new_meshes, column, ends_on_ranks, res
 
 import incipient
 from incipient.geometry.placement import Placement
-from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Disc,
     Domain,
@@ -24,6 +23,7 @@ from incipient.scene import (
     Time,
 )
 from incipient.scene.file import dumps
+from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
 from incipient.simulation.march import March
 

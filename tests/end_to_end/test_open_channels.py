@@ -8,11 +8,11 @@ from test_free_surface import changed, history_of
 
 import incipient
 from incipient.cli import main
-from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
-from incipient.planning.flow_setup import Setup
-from incipient.planning.open_channel import wave_of
+from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
+from incipient.setup.setup import Setup
+from incipient.setup.waves import wave_of
 
 SPEED, LENGTH = 0.25, 3.0
 # The slope at which the depth one is that of a film of this mean velocity at Re 1: g sin(a) H^2/(3 nu) = V.

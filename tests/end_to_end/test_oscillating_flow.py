@@ -18,9 +18,9 @@ import pytest
 from test_released import POCKET
 
 import incipient
-from incipient.planning.flow_setup import Setup
 from incipient.results.result import Result
 from incipient.scene import Scene, loads
+from incipient.setup.setup import Setup
 
 PERIOD, STRENGTH, BESIDE = 1.0, 2.0, 0.5  # BESIDE: of the centre from those of the half-discs
 

@@ -19,7 +19,6 @@ from processes import (
 import incipient
 from incipient.cli import main
 from incipient.mesh.sampling import sample
-from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Contact,
     Disc,
@@ -39,6 +38,7 @@ from incipient.scene import (
     Still,
     Uniform,
 )
+from incipient.setup.setup import Setup
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 

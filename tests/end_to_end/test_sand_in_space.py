@@ -8,7 +8,6 @@ import pytest
 
 import incipient
 from incipient.accuracy.terms import by_coarser_mesh
-from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,
     Contact,
@@ -27,6 +26,7 @@ from incipient.scene import (
     Turbulence,
 )
 from incipient.scene.file import dumps
+from incipient.setup.setup import Setup
 
 SAND = {
     "domain": Domain(length=8.0, width=6.0, height=5.0),
@@ -169,10 +169,11 @@ def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
     """Behind a bed of spheres and on sand; omega of rows is that of the mixing length, which the model's is not."""
     given = {"model": "k-omega-sst", **walls}
     developed = sand(reynolds, 3.0, turbulence=Turbulence(**given), **bed)
-    enters = Setup(developed).resolved_walls
+    enters = Setup(developed).walls
     places = np.zeros((3, len(HEIGHTS)))
-    places[2] = enters.floor + np.array(HEIGHTS)
-    rows = [HEIGHTS, enters.velocity(places, 0.0)[0], np.exp(enters.logarithms(places)[0])]
+    places[2] = enters.ground + np.array(HEIGHTS)
+    inflow = enters.inflow
+    rows = [HEIGHTS, inflow.velocity(places, 0.0)[0], np.exp(inflow.logarithms(places)[0])]
     given |= {
         "inflow": "profile",
         "profile": np.transpose(rows).tolist(),

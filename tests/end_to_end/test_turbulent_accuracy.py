@@ -9,9 +9,9 @@ import incipient
 from incipient.cost.ladder import ladder
 from incipient.cost.measurement import measure
 from incipient.cost.study import run_ladder
-from incipient.planning.flow_setup import Setup
 from incipient.planning.wall_cells import coarsest
 from incipient.scene import Numerics, Sinusoidal
+from incipient.setup.setup import Setup
 
 FINE = Numerics(mesh_size=0.5, order=2, error_bars=False)
 

@@ -18,9 +18,9 @@ import tomli_w
 from kinds import BEDS, FLOWS, GRAINS, SOLIDS, TERRAINS, resting
 
 from incipient.errors import IncipientError
-from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads
 from incipient.scene.section import is_number
+from incipient.setup.setup import Setup
 
 HANGING = (
     60  # seconds of processor time after which a scene counts as hanging, on a busy machine as well
@@ -283,8 +283,8 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
     """
     import incipient
     from incipient.accuracy.first_mesh import counted
-    from incipient.effects.plan import make_plan
     from incipient.planning.meshing import lay_out
+    from incipient.planning.plan import make_plan
 
     reached = "refused"
     try:

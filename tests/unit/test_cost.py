@@ -23,10 +23,10 @@ from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
 from incipient.cost.measurement import MeasuredRun
 from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
-from incipient.effects.plan import make_plan
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.parallel import environment_alone
 from incipient.pictures.charts.cost import draw
+from incipient.planning.plan import make_plan
 from incipient.scene import Scene, load, loads
 
 DEMOS = Path(__file__).parents[2] / "demos/scenes"

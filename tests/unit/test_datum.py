@@ -5,8 +5,6 @@ import pytest
 from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
-from incipient.planning.flow_setup import Setup
-from incipient.planning.numbers import numbers_of
 from incipient.scene import (
     Disc,
     Domain,
@@ -25,6 +23,8 @@ from incipient.scene import (
     dumps,
     loads,
 )
+from incipient.setup.numbers import numbers_of
+from incipient.setup.setup import Setup
 from incipient.sweep.worker import quantities
 
 HEIGHTS = np.linspace(0.0, 6.0, 6001)

@@ -10,8 +10,6 @@ from incipient import load, make_plan
 from incipient.errors import SceneError
 from incipient.fluid.solvers import SOLVERS
 from incipient.planning.effects import OSEEN, EffectName, accuracy_asked
-from incipient.planning.flow_setup import Setup
-from incipient.planning.numbers import numbers_of
 from incipient.scene import (
     Contact,
     Disc,
@@ -34,6 +32,8 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.scene.file import dumps, loads
+from incipient.setup.numbers import numbers_of
+from incipient.setup.setup import Setup
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
@@ -103,7 +103,7 @@ def test_inertia_is_left_out_where_it_is_small_beside_the_accuracy():
     """Oseen (1910): 3/16 Re of the drag. At Re 0.004 that is 0.075%, below a tenth of 1%."""
     left_out = at(0.004)
     assert not left_out.present and not left_out.forced
-    assert left_out.reason == "grain Re 0.004; estimated effect on drag 0.07%"
+    assert left_out.text() == " no  inertia: grain Re 0.004; estimated effect on drag 0.07%"
     assert left_out.expected == pytest.approx(3 / 16 * 0.004)
     assert at(0.006).present
 
@@ -124,7 +124,8 @@ def test_inertia_is_forced_on_and_off():
     off = effect("inertia", effects=Effects(inertia=False))
     assert not off.present and off.forced and off.expected == 1.0
     stokes = effect("inertia", fluid=Fluid(reynolds=20, scale="grain", inertia=False))
-    assert not stokes.present and stokes.reason == "fluid.inertia = false"
+    assert not stokes.present and stokes.reason == "fluid.inertia = false; Re = 20 on grain scale"
+    assert stokes.text().endswith("; estimated effect on drag 100% or more")
 
 
 def test_a_grain_in_the_open_feels_inertia_as_far_as_the_next_wall():
@@ -174,7 +175,8 @@ def test_a_grain_that_settles_brings_its_own_speed():
 def test_a_slow_change_makes_the_plan_recommend_quasi_steady_flow():
     time = Time(end=600, step=1)
     slow = effect("unsteadiness", flow=TIDE, time=time, fluid=Fluid(reynolds=1e-5, scale="grain"))
-    assert slow.present and "effects.unsteadiness = false would change the drag by" in slow.reason
+    assert slow.present and "effects.unsteadiness = false would do" in slow.reason
+    assert "estimated effect on drag" in slow.text()
     assert "false" not in effect("unsteadiness", flow=TIDE, time=time).reason
     assert effect("unsteadiness", time=time).reason == "until t = 600"
 

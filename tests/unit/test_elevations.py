@@ -19,8 +19,8 @@ from incipient.accuracy.terms import (
     doubt_of_stream,
     has_no_far_sides,
 )
-from incipient.effects.plan import make_plan
-from incipient.planning.flow_setup import order_of
+from incipient.planning.discretisation import order_of
+from incipient.planning.plan import make_plan
 from incipient.results.elevations import ElevationReading, Elevations
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
 from incipient.scene import Scene
@@ -81,7 +81,7 @@ def term_of(step_error: float, mesh_error: float, order: int = 2):
     def solved(one: Scene) -> Loads:
         assert one.time is not None
         longer = (one.time.step / 0.1) ** 2
-        size = 1.0 + (mesh_error if order_of(one).number == order else 0.0)
+        size = 1.0 + (mesh_error if order_of(one) == order else 0.0)
         return of(wave(round(4.0 / one.time.step), phase=step_error * longer, size=size))
 
     return by_coarser_runs(scene, solved(scene), solved)
@@ -193,7 +193,7 @@ def test_errors_of_a_streams_mesh_are_taken_to_be_larger_than_the_change():
     scene = loads(CHANNEL, overrides=["numerics.order=2"])
 
     def solved(one: Scene) -> Loads:
-        return of(wave(10, size=1.0 if order_of(one).number == 2 else 1.001))
+        return of(wave(10, size=1.0 if order_of(one) == 2 else 1.001))
 
     of_mesh = by_coarser_runs(scene, solved(scene), solved).parts[1]
     assert of_mesh.elevation[0] == pytest.approx(SAFETY * 1e-3, rel=1e-6)

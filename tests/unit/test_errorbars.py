@@ -32,20 +32,20 @@ from incipient.accuracy.terms import (
     on_more_bed,
     with_other_datum,
 )
-from incipient.effects.turbulence.continuation import Continued
 from incipient.errors import ConvergenceError
-from incipient.planning.boundary_layer import is_resolved
-from incipient.planning.flow_setup import Setup, order_of
-from incipient.planning.meshed_bed import resolved_bed
+from incipient.planning.discretisation import order_of
+from incipient.planning.meshing import is_resolved
 from incipient.results.errorbars import Correction, Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
 from incipient.scene.example import grain_in_pocket, grain_on_bed
+from incipient.setup.setup import Setup
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of, solved
 from incipient.simulation.state import Accounts
 from incipient.thresholds.critical import find_threshold
+from incipient.turbulence.continuation import Continued
 
 # A light disc that rises in still fluid at Re 1000; its boundary layer is 0.02 thick at the end.
 RISING = """
@@ -239,7 +239,7 @@ def test_step_and_mesh_are_told_apart(scheme: str, order: int, adapts: bool) -> 
         assert one.time is not None
         of_step, of_mesh = (
             one.time.step**order,
-            0.5 * (order_of(scene).number + 1 - order_of(one).number),
+            0.5 * (order_of(scene) + 1 - order_of(one)),
         )
         return Loads(
             np.array([1.0 + 0.3 * of_step, 0.02 * of_mesh, 0]), np.array([0, 0, of_mesh - of_step])
@@ -275,7 +275,7 @@ def test_the_highest_order_is_compared_on_a_coarser_mesh() -> None:
 def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> None:
     """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
     unsteady = Continued(False, ((0.1, 0.1),), spread=0.01)
-    walls = WallReport(0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, 0.09, iteration=unsteady)
+    walls = WallReport("k-epsilon", 0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, iteration=unsteady)
     flow, nothing = np.array([4.0, 0.0, 0.0]), np.zeros(3)
     force = Forces(flow, flow, nothing, nothing)
     torque = Torques(np.array([0.0, 6.0, 0.0]), np.zeros(3), nothing)
@@ -446,7 +446,7 @@ def test_coarse_runs_in_time_are_few_and_cheap() -> None:
     scene = Scene(**{**grain_on_bed().model_dump(), "time": {"end": 10.0, "step": 0.1}})
     runs = coarse_scenes(scene)
     assert len(runs) == 7
-    assert [order_of(one).number for one in runs] == [3, 4, 2, 2, 2, 2, 2]
+    assert [order_of(one) for one in runs] == [3, 4, 2, 2, 2, 2, 2]
     found = [(one.time.step / 0.1, one.numerics.mesh_size) for one in runs if one.time is not None]
     assert np.array(found) == pytest.approx(np.array([*2 * [(4.0, 1.0)], *5 * [(4.0, 2.0)]]))
     short = Scene(**{**scene.model_dump(), "time": {"end": 1.0, "step": 0.1}})
@@ -555,7 +555,7 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
         [0.0, 0.03, 0.0]
     )
     assert asked[1].numerics.meshed_bed == 1.5 and not asked[1].numerics.error_bars
-    near, far = (resolved_bed(Setup(one).geometry, scene.placement, datum_of(one)) for one in asked)
+    near, far = (Setup(one).geometry.resolved_bed(scene.placement, datum_of(one)) for one in asked)
     assert near is not None and far is not None and far.radius == 1.5 * near.radius
     assert [one.numerics.meshed_bed for one in coarse_scenes(scene)] == [*5 * [1.0], 1.5]
     # Where a larger part is all of the bed nothing is left out, and the difference is the error.

@@ -8,12 +8,12 @@ from scenes import message
 
 from incipient import load
 from incipient.accuracy.first_mesh import counted
-from incipient.effects.plan import make_plan
 from incipient.errors import MeshError
 from incipient.meshes import expected
 from incipient.planning import meshing
-from incipient.planning.flow_setup import Setup
+from incipient.planning.plan import make_plan
 from incipient.scene import Scene, loads
+from incipient.setup.setup import Setup
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 RIPPLES = """\

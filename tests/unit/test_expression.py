@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
-from incipient.planning.flow_setup import Setup
+from incipient.planning.plan import make_plan
 from incipient.scene import loads
 from incipient.scene.expression import MAXIMUM_LENGTH, Expression, expressions
+from incipient.setup.setup import Setup
 
 POINTS = np.array([[0.25, 1.0, 2.0], [0.5, 1.5, 3.0], [0.1, 0.2, 0.3]])
 X, Y, Z = POINTS

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from incipient.effects.turbulence import linear
-from incipient.effects.turbulence.coupled_flow import half_where_reversed
-from incipient.effects.turbulence.linear import ROUGH, BlockByBlock, CompressedFactors
 from incipient.fluid.solvers import direct
+from incipient.turbulence import linear
+from incipient.turbulence.coupled_flow import half_where_reversed
+from incipient.turbulence.linear import ROUGH, BlockByBlock, CompressedFactors
 
 ROWS = 40
 

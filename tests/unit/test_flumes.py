@@ -15,8 +15,8 @@ from incipient.errors import SceneError
 from incipient.flumes import thresholds
 from incipient.flumes.scene import flume_scene
 from incipient.flumes.water import density_of_water, viscosity_of_water
-from incipient.planning.flow_setup import Setup
-from incipient.planning.numbers import numbers_of
+from incipient.setup.numbers import numbers_of
+from incipient.setup.setup import Setup
 
 pytestmark = pytest.mark.quick
 OBSERVED = Path(__file__).parents[2] / "benchmarks/reference/shields_flume.csv"

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scenes import scene
 
-from incipient.effects.plan import make_plan
-from incipient.planning.body import rigid_body
-from incipient.planning.flow_setup import Setup
+from incipient.planning.plan import make_plan
 from incipient.scene import Contact, Disc, Gravity, Time
 from incipient.scene.mass import mass_and_inertia
+from incipient.setup.body import rigid_body
+from incipient.setup.setup import Setup
 
 AREA, MASS = math.pi / 4, 2.0
 WEIGHED = [{"density": MASS / AREA}, {"mass": MASS}]

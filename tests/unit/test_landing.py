@@ -8,7 +8,6 @@ import pytest
 from incipient.body.state import BodyState
 from incipient.effects.moving_grain.landing import FARTHER, landing
 from incipient.geometry.placement import Placement
-from incipient.planning.flow_setup import Setup
 from incipient.results.loads import Forces, Torques
 from incipient.scene import (
     Contact,
@@ -24,6 +23,7 @@ from incipient.scene import (
     Still,
     Time,
 )
+from incipient.setup.setup import Setup
 
 GAP = 0.05
 BOX = Rectangle(width=1.0, height=0.5, centre=(2.0, 2.0), density=3.0, motion="free")

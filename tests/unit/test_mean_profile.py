@@ -8,14 +8,14 @@ import pytest
 from scenes import message, scene
 
 from incipient import make_plan
-from incipient.planning.flow_setup import Setup
-from incipient.planning.mean_force import sustaining_force
-from incipient.planning.mean_profile import KAPPA, MeanProfile
 from incipient.planning.meshing import lay_out
-from incipient.planning.numbers import numbers_of
 from incipient.results.si import in_si
 from incipient.scene import Domain, Fluid, HalfDiscs, LogLaw, Uniform
 from incipient.scene.file import loads
+from incipient.setup.driving_force import sustaining_force
+from incipient.setup.mean_profile import KAPPA, MeanProfile
+from incipient.setup.numbers import numbers_of
+from incipient.setup.setup import Setup
 
 DNS = Path(__file__).parents[1] / "reference" / "channel_dns.csv"
 

@@ -15,7 +15,6 @@ from mpi4py import MPI
 from scenes import SETTLED, on_bed
 
 from incipient import compat
-from incipient.effects.plan import make_plan
 from incipient.errors import MeshError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import HalfDiscs, Sinusoidal
@@ -28,7 +27,8 @@ from incipient.meshes.model import meshed
 from incipient.meshes.session import session
 from incipient.meshes.simplices import Simplices
 from incipient.planning import meshing
-from incipient.planning.flow_setup import Setup
+from incipient.planning.plan import make_plan
+from incipient.setup.setup import Setup
 
 FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
 DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())

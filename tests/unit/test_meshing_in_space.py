@@ -15,8 +15,7 @@ from incipient.errors import SceneError
 from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.surfaces import Ground
-from incipient.planning.expense import memory_in_space, memory_of_surface
-from incipient.planning.flow_setup import Setup
+from incipient.planning.expense import memory_in_space, memory_of_parts
 from incipient.planning.layout import Layout
 from incipient.planning.meshing import lay_out
 from incipient.planning.meshing_in_space import BED_LARGEST
@@ -32,6 +31,7 @@ from incipient.scene import (
     SphereBed,
     Turbulence,
 )
+from incipient.setup.setup import Setup
 
 pytestmark = pytest.mark.quick
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
@@ -187,7 +187,7 @@ def test_memory_below_a_surface_is_what_was_measured(
     name: str, order: int, unknowns: int, peak: float
 ) -> None:
     scene = incipient.load(SCENES / f"{name}.toml")
-    foreseen = memory_in_space("block", lambda k: unknowns, order, False) + memory_of_surface(
-        unknowns, scene.time.start != "rest"
+    foreseen = memory_in_space("block", lambda k: unknowns, order, False) + memory_of_parts(
+        Setup(scene), unknowns
     )
     assert foreseen - memory_of_libraries() == pytest.approx(peak - LIBRARIES, abs=0.05 * peak)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from incipient.planning.mean_profile import MeanProfile
+from incipient.setup.mean_profile import MeanProfile
 from incipient.survey.deposition import Spheres
 
 BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")

@@ -7,11 +7,13 @@ import pytest
 from scenes import BOX, FLOW_SCALE, scene
 
 from incipient.accuracy.coarse_runs import changed, comparisons
-from incipient.effects.plan import make_plan
-from incipient.planning.flow_setup import has_inertia, order_of
+from incipient.planning.discretisation import order_of
+from incipient.planning.effects import inertia
+from incipient.planning.plan import make_plan
 from incipient.scene import Disc, Domain, Effects, Fluid, Lid, Numerics, Scene, Sphere, Time, load
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.scene.file import dumps, loads
+from incipient.setup.setup import Setup
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 AT = {"diameter": 1.0, "centre": (4.0, 3.0), "density": 2.0}
@@ -39,7 +41,7 @@ def test_what_is_chosen_and_why(changes: dict[str, Any], order: int) -> None:
     """As measured (docs/contribute/defaults.md): three in 2-D where nothing moves, and in creeping flow in 3-D."""
     made = scene(**changes)
     plan = make_plan(made)
-    assert (order_of(made).number, plan.order) == (order, order)
+    assert (order_of(made), plan.order) == (order, order)
     told = [
         line
         for line in plan.text().splitlines()
@@ -56,7 +58,7 @@ def test_highest_order_of_a_refinement_follows_the_plan() -> None:
         for value in (1e-4, 1.0)
     )
     without = scene(**IN_SPACE, body=BALL, effects=Effects(inertia=False))
-    assert [has_inertia(one) for one in (slow, fast, without)] == [False, True, False]
+    assert [inertia(Setup(one)).present for one in (slow, fast, without)] == [False, True, False]
 
 
 @pytest.mark.parametrize(("changes", "_"), CASES)
@@ -64,19 +66,19 @@ def test_highest_order_of_a_refinement_follows_the_plan() -> None:
 def test_what_is_asked_for_is_taken(changes: dict[str, Any], _: int, asked: int) -> None:
     made = scene(**changes, numerics=Numerics(order=asked))
     plan = make_plan(made)
-    assert order_of(made).number == plan.order == asked
+    assert order_of(made) == plan.order == asked
     assert plan.why_order == "" and "velocity of order" not in plan.text()
 
 
 @pytest.mark.parametrize("accuracy", [0.01, "verdict"])
 @pytest.mark.parametrize("made", [grain_on_bed, grain_in_pocket])
 def test_a_search_for_an_accuracy_begins_with_two(made: Any, accuracy: Any) -> None:
-    assert order_of(changed(made(), numerics={"accuracy": accuracy})).number == 2
+    assert order_of(changed(made(), numerics={"accuracy": accuracy})) == 2
 
 
 def test_runs_in_time_are_compared_with_one_order_more() -> None:
     longer, beside = comparisons(scene(**IN_TIME))
-    assert (order_of(longer).number, order_of(beside).number) == (3, 4)
+    assert (order_of(longer), order_of(beside)) == (3, 4)
 
 
 def test_auto_is_written_and_read() -> None:
@@ -86,10 +88,10 @@ def test_auto_is_written_and_read() -> None:
     assert (
         order_of(
             loads(dumps(scene(numerics=Numerics(order=2))), overrides=('numerics.order="auto"',))
-        ).number
+        )
         == 3
     )
-    assert order_of(loads(dumps(made), overrides=("numerics.order=auto",))).number == 3
+    assert order_of(loads(dumps(made), overrides=("numerics.order=auto",))) == 3
 
 
 @pytest.mark.parametrize(
@@ -98,4 +100,4 @@ def test_auto_is_written_and_read() -> None:
 )
 def test_the_shipped_scenes(name: str, order: int) -> None:
     found: Scene = load(DEMOS / f"{name}.toml")
-    assert found.numerics.order == "auto" and order_of(found).number == order
+    assert found.numerics.order == "auto" and order_of(found) == order

@@ -13,9 +13,9 @@ from incipient.geometry import HalfDiscs as HalfDiscsBed
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry import Sinusoidal as SinusoidalBed
 from incipient.geometry.plane.beds import effective_level
-from incipient.planning.flow_setup import Setup
 from incipient.scene import HalfDiscs, Poiseuille, Polyline, Shear, Sinusoidal, Uniform
 from incipient.scene.example import grain_in_pocket
+from incipient.setup.setup import Setup
 
 beds = pytest.mark.parametrize("bed", BEDS.values(), ids=BEDS.keys())
 

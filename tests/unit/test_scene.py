@@ -235,9 +235,9 @@ def test_gap_and_tolerance_are_lengths():
 
 
 def test_expressions_know_whether_they_depend_on_time():
-    assert not ExpressionFlow(components=("where(y < 1, y, 1)", "0")).unsteady
+    assert not ExpressionFlow(components=("where(y < 1, y, 1)", "0")).changes
     unsteady = ExpressionFlow(components=("y*sin(t)", "0"))
-    assert unsteady.unsteady
+    assert unsteady.changes
     assert scene(flow=unsteady, time=Time(end=1, step=0.1)).flow == unsteady
 
 

@@ -11,9 +11,8 @@ from scenes import sphere_on_plane as scene
 from incipient.accuracy.coarse_runs import farther
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.contact.verdict import judge
-from incipient.effects.plan import make_plan
 from incipient.evaluation.contact_verdict import find_contacts, load_of
-from incipient.planning.flow_setup import Setup
+from incipient.planning.plan import make_plan
 from incipient.results.loads import Forces, Torques
 from incipient.scene import (
     Box,
@@ -48,6 +47,7 @@ from incipient.scene import (
 )
 from incipient.scene.file import dumps, load, loads, schema
 from incipient.scene.mass import mass_and_inertia
+from incipient.setup.setup import Setup
 from incipient.simulation.loads import weights
 
 TETRAHEDRON = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from scenes import message
 
-from incipient.effects.plan import make_plan
+from incipient.planning.plan import make_plan
 from incipient.results.si import in_si, si_lines, with_loads
 from incipient.scene import Disc, Domain, Flat, Rectangle, Scene, Shear, Sphere, Units, dumps, loads
 from incipient.scene.units import nominal_diameter

@@ -25,7 +25,6 @@ from tetrahedra import (
 
 from incipient import compat
 from incipient.compat import dolfinx  # after the libraries that it needs
-from incipient.effects.plan import plan_of
 from incipient.errors import MeshError
 from incipient.geometry import (
     Box,
@@ -45,9 +44,10 @@ from incipient.meshes.model import meshed
 from incipient.meshes.session import session
 from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound
 from incipient.meshes.surfaces import Ground
-from incipient.planning.flow_setup import Setup
 from incipient.planning.meshing import lay_out
+from incipient.planning.plan import plan_of
 from incipient.scene import load
+from incipient.setup.setup import Setup
 
 SCENES = Path(__file__).parents[2] / "demos/scenes"
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}

@@ -11,12 +11,12 @@ import ufl
 from domains import SIDES, unit_box
 
 from incipient import Scene, compat, load
-from incipient.effects.plan import make_plan
 from incipient.fluid import FlowModel, Fluid, no_slip
 from incipient.fluid.derived import measured_cell_reynolds
 from incipient.forms import ReferenceMap, terms
-from incipient.planning.flow_setup import Setup
-from incipient.planning.stabilisation import COARSE, cell_reynolds, largest_peclet
+from incipient.planning.discretisation import COARSE, cell_reynolds, largest_peclet
+from incipient.planning.plan import make_plan
+from incipient.setup.setup import Setup
 
 
 def scene(reynolds: float, **numerics: object) -> Scene:

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
-from incipient.planning.flow_setup import Setup
-from incipient.planning.open_channel import wave_of
-from incipient.planning.waves import stokes_wave
+from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
+from incipient.setup.setup import Setup
+from incipient.setup.waves import stokes_wave, wave_of
 
 pytestmark = pytest.mark.quick
 H, G, U, LATE = 1.0, 1.0, 0.2, 1e3

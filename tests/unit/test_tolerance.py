@@ -10,7 +10,7 @@ from domains import unit_box
 
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.transient import LEAST, ShareOfError, Transient, of_steps
-from incipient.planning.tolerance import STEADY, of_steady
+from incipient.planning.discretisation import STEADY, of_steady
 
 
 def vortex(x: np.ndarray, t: float) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ...fluid.space import boundary_blocks
-from ...planning.flow_setup import Setup
+from ...setup.setup import Setup
 from ..run_part import Solving
 
 

@@ -22,10 +22,10 @@ from ...mesh.elevation import RisingDisplacement
 from ...mesh.motion import MeshMotion
 from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
-from ...planning.flow_setup import Setup
-from ...planning.surface import OUTLINE, depths, stays_below
 from ...results.elevations import ElevationReading, Elevations
 from ...scene.surface import stations_of
+from ...setup.geometry import Geometry
+from ...setup.setup import Setup
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 # Distances of a moving grain, in its size: from the surface, counting as contact; from the still level, below which a
 # new mesh has its top at the mean surface above the grain.
 TOUCHING, NEAR = 0.05, 0.25
+OUTLINE = 65  # points on each curve of a grain's outline
 
 
 class MovingSurface(RunPart):
@@ -55,7 +56,8 @@ class MovingSurface(RunPart):
         assert fluid.surface is not None
         self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
         setup = self._setup
-        held, pinned = stays_below(setup), condition.pinned
+        body = () if setup.geometry.grain is None else ("body",)
+        held, pinned = (setup.sides.bottom, *body), condition.pinned
         self._up = fluid.domain.gdim - 1
         rising = RisingDisplacement(
             fluid.domain, space, condition.boundary, held, pinned, condition.origin[self._up]
@@ -65,7 +67,7 @@ class MovingSurface(RunPart):
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
         self._places[:, self._up] -= rising.raised
         elevation[rising.nodes] = setup.surface.height(self._places.T)
-        room[rising.nodes], below = depths(setup.geometry, self._places)
+        room[rising.nodes], below = _depths(setup.geometry, self._places)
         self.part = SurfacePart(fluid, rising, elevation, room, below, self._stage)
         self._energy = EnergyBudget(fluid)
         if before is not None:
@@ -208,11 +210,10 @@ class MovingSurface(RunPart):
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
         return {"inflow": whole * held.influx} if held.entries else {}
 
-    def unknowns(self) -> dict[str, int]:
-        """Number of surface nodes."""
-        return {
-            EffectName.FREE_SURFACE: int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))
-        }
+    @property
+    def unknowns(self) -> int:
+        """Nodes of the surface."""
+        return int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))
 
     # -- checkpoints ------------------------------------------------------------------------------
 
@@ -268,3 +269,25 @@ class _Stations:
         local[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
         total: list[float] = self._comm.allreduce(local).tolist()
         return total
+
+
+def _depths(geometry: Geometry, places: Floats) -> tuple[Floats, str]:
+    """The depth (n,) below the still level at positions (n, 3), down to bed or resting grain, and which in words.
+
+    A 3-D grain does not count: the mesh above it folds before the surface touches it. Not collective.
+    """
+    domain, bed = geometry.domain, geometry.bed
+    floor = np.full(len(places), domain.bottom)
+    if bed is not None:
+        floor = bed.height(places[:, 0] if geometry.gdim == 2 else places[:, :2])
+    below = "the bed" if bed is not None else "the bottom"
+    grain, placement = geometry.grain, geometry.placement
+    if geometry.gdim == 3 or grain is None or placement is None or geometry.moves:
+        return domain.ceiling - floor, below
+    outline = placement.to_scene(grain.chain.points(OUTLINE))
+    low, high = outline[:, 0].min(), outline[:, 0].max()
+    for row, x in enumerate(places[:, 0]):
+        if low <= x <= high:
+            near = outline[np.abs(outline[:, 0] - x) <= (high - low) / len(outline) * 8.0]
+            floor[row] = max(floor[row], near[:, 1].max(initial=floor[row]))
+    return domain.ceiling - floor, f"{below} or the grain"

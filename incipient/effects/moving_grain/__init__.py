@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 from ...body.state import BodyState
 from ...planning.effects import Decision, EffectName
-from ...planning.flow_setup import Setup
-from ...planning.numbers import Numbers
 from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity
+from ...setup.setup import Setup
 from ..effect import Effect, Solved
 from ..run_part import Stage
 
@@ -29,20 +28,6 @@ class FreeBodyEffect(Effect):
         OutputQuantity("trajectory.on_bed.mode", "what it does at the end", column="does"),
         OutputQuantity("trajectory.ended.by", "what ended its run", column="ended"),
     )
-
-    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Present with body.motion = "free" or "released"."""
-        body = setup.scene.body
-        if body is None:
-            return Decision(self.name, False, "no [body] section")
-        reason = f'body.motion = "{body.motion}"'
-        if body.locked:
-            reason += f" but for {', '.join(body.locked)}"
-        if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
-            reason += (
-                f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
-            )
-        return Decision(self.name, body.is_free, reason, setup.scene.effects.free_body != "auto")
 
     def part_in_time(
         self, setup: Setup, stage: Stage, kept: Checkpoint | None

@@ -17,11 +17,11 @@ from ...contact.verdict import judge
 from ...errors import IncipientError
 from ...evaluation.contact_verdict import load_of, standing
 from ...geometry.closest import touching
-from ...planning.clearance import Clearance
-from ...planning.flow_setup import Setup
 from ...results.loads import Forces, Torques
 from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact
+from ...setup.setup import Setup
+from ...setup.surroundings import Clearance
 from .bed_contact import REST
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.

@@ -14,8 +14,8 @@ from ...coupled.rigid_on_bed import RigidPartOnBed
 from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
-from ...planning.clearance import Surroundings
 from ...results.loads import named
+from ...setup.surroundings import Surroundings
 from .bed_contact import BedContact
 from .part import MovingGrain, columns_of_load
 

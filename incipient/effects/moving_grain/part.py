@@ -22,11 +22,11 @@ from ...geometry.plane.grains import Disc
 from ...geometry.space.grains import Sphere
 from ...mesh.domain import Domain
 from ...mesh.motion import MeshMotion, RigidDisplacement
-from ...planning.body import initial_state, rigid_body
-from ...planning.clearance import Clearance, Surroundings
 from ...planning.effects import EffectName
-from ...planning.flow_setup import Setup
 from ...results.loads import apart, named, named_torque
+from ...setup.body import initial_state, rigid_body
+from ...setup.setup import Setup
+from ...setup.surroundings import Clearance, Surroundings
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
@@ -185,9 +185,10 @@ class MovingGrain(RunPart):
             "power": power,
         }
 
-    def unknowns(self) -> dict[str, int]:
-        """Number of free degrees of freedom."""
-        return {EffectName.FREE_BODY: int(self.body.mask.sum())}
+    @property
+    def unknowns(self) -> int:
+        """The degrees of freedom that are free."""
+        return int(self.body.mask.sum())
 
     def reported(self) -> dict[str, Any]:
         """End of the motion, position and trajectory."""

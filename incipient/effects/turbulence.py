@@ -1,0 +1,147 @@
+"""Turbulence of the flow, by a model of its means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ..planning.effects import Decision, EffectName
+from ..planning.transition import REMEDY, transition
+from ..results.left_out import Omission
+from ..results.quantity import OutputQuantity, at
+from ..setup.setup import Setup
+from .effect import Effect, SlowestFlow, Solved
+
+
+def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Ends of the error bar of u* at the outflow; None where it is not known."""
+    error, u = at(stored, "error_bars.shear_velocity.0"), stored["turbulence"]["at_outflow"]
+    return None if error is None or not u else (max(u - error, 0.0), u + error)
+
+
+def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    """The error bar of C_f, which goes as the square of u*."""
+    ends, walls = _of_shear_velocity(stored), stored["turbulence"]
+    if ends is None:
+        return None
+    low, high = (walls["friction"] * (end / walls["at_outflow"]) ** 2 for end in ends)
+    return low, high
+
+
+# What a threshold is of, beside its Shields number.
+TURBULENT = (
+    "in mean turbulent flow over one grain{plane}, tau_b of the inflow; gusts move it sooner, see "
+    "incipient entrainment"
+)
+LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
+# Name in the report of the walls, words, column, key of the error, ends of the error bar.
+AT_WALLS = (
+    ("least", "least y+ of the walls", "y_plus_min", "", None),
+    ("largest", "largest y+ of the walls", "y_plus_max", "", None),
+    (
+        "shear_velocity",
+        "shear velocity u* along the walls, mean",
+        "",
+        "error_bars.shear_velocity.1",
+        None,
+    ),
+    (
+        "at_outflow",
+        "shear velocity u* at the outflow",
+        "bed_shear_velocity",
+        "",
+        _of_shear_velocity,
+    ),
+    ("friction", "friction C_f at the outflow", "friction", "", _of_friction),
+    (
+        "separated.0",
+        "x at which the flow along the bed separates",
+        "separation",
+        "error_bars.separated.0",
+        None,
+    ),
+    ("separated.1", "x at which it reattaches", "reattachment", "error_bars.separated.1", None),
+)
+
+
+HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
+# As measured (docs/contribute/defaults.md).
+EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
+SLOW = 20.0  # Reynolds number by depth and mean velocity of the slowest flow that a search looks at
+# Where a slower flow than the slowest one moves the grain: a threshold cannot be searched below a mean profile.
+BY_SWEEP = 'sweep fluid.reynolds below flow.kind = "log-law", without turbulence'
+
+
+class TurbulenceEffect(Effect):
+    """A model of the mean flow."""
+
+    name = EffectName.TURBULENCE
+    quantities = (
+        *(
+            OutputQuantity(f"turbulence.{key}", words, "", column, error, ends, "at the walls")
+            for key, words, column, error, ends in AT_WALLS
+        ),
+        OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
+    )
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """Report absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
+        scene = solved.run.scene
+        if scene.flow.kind == "log-law":
+            how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
+            remedy = "loads are those of the mean flow, gusts exceed them"
+            yield Omission(self.name, None, how, True, remedy)
+        elif found := transition(Setup(scene)):
+            how = f"{found.number} {found.value:.4g} is above {found.least:g}"
+            yield Omission(
+                self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
+            )
+
+
+def slowest_flow(setup: Setup) -> SlowestFlow | None:
+    """The slowest flow of a search, a laminar one; None without a model. Not collective.
+
+    In 3-D, where flows take minutes, a search begins at a low Shields number.
+    """
+    if not setup.is_averaged:
+        return None
+    walls = setup.walls
+    slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
+    start, expected = 0.0, ""
+    if setup.geometry.gdim == 3:
+        start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
+    return SlowestFlow(slowest, "looked at", BY_SWEEP, start, expected)
+
+
+def threshold_needs(setup: Setup) -> Iterator[str]:
+    """What the scene lacks for a search, whose meshes follow the speed of the flow. Not collective."""
+    if setup.is_averaged and setup.scene.numerics.accuracy is not None:
+        yield "numerics.accuracy left out with turbulence; see its error bars"
+
+
+def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
+    """What flow a threshold, so many times the scene's, is for, and whether that can be laminar. Not collective."""
+    plane = " in 2-D" if setup.geometry.gdim == 2 else ""
+    about = TURBULENT if setup.is_averaged else LAMINAR
+    yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
+    if found := transition(setup, factor):
+        yield found.text(" at the threshold")
+
+
+def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
+    """What a run says of its turbulence, apart from its quantities: a sentence, and rows of words and value."""
+    if (walls := stored.get("turbulence")) is None:
+        return None
+    from ..results.wall_report import longest
+
+    spans, others = longest(walls["backward"])
+    rows: list[tuple[str, Any]] = [
+        ("reverse flow next to the bed from x, to x", tuple(span)) for span in spans
+    ]
+    rows += [("further, shorter intervals", others)] if others else []
+    sentence = f"y+ of the walls is {walls['least']:.3g} to {walls['largest']:.3g}."
+    if not walls.get("converged", True):
+        sentence += (
+            f" Warning: not converged; loads are means, within {100 * walls['spread']:.2g}%."
+        )
+    return sentence, rows

@@ -1,0 +1,293 @@
+"""The turbulence of a run: made for a scene, solved with its flow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, cast
+
+import dolfinx
+import numpy as np
+import ufl
+
+from .. import compat
+from ..arrays import Floats
+from ..coupled.tractions import TractionProbe
+from ..fluid import FlowModel, Fluid
+from ..fluid.along_walls import along_wall, at_end
+from ..fluid.conditions import Friction
+from ..fluid.transient import Interface, TimeStep, Transient
+from ..forms.turbulence import KEpsilon
+from ..mesh.domain import Domain
+from ..mesh.transfer import Transfer
+from ..mesh.wall_distance import distances
+from ..planning.conditions import conditions
+from ..planning.discretisation import of_turbulent, velocity_order
+from ..planning.effects import EffectName
+from ..restart.redistribution import spread_values, stored_values
+from ..results.wall_report import WallReport
+from ..setup.setup import Setup
+from ..turbulence.continuation import Continued, continued
+from ..turbulence.fields import ORDER, TurbulenceFields
+from ..turbulence.in_time import InTime, Moving
+from .run_part import RunPart, Solving, Stage
+
+if TYPE_CHECKING:
+    from ..coupled.coupling import Coupling
+    from ..restart.checkpoint import Checkpoint
+
+
+class TurbulentFlow(RunPart):
+    """The turbulence of a scene's flow. Every method is collective.
+
+    Args:
+        stage: context managers by name that take the time.
+
+    Attributes:
+        fields: both quantities of the model.
+        in_time: these in the steps of a flow in time, once there are any (`around`).
+        continued: how the steady flow converged, once it did.
+    """
+
+    effect = EffectName.TURBULENCE
+    in_time: InTime | None = None
+    continued: Continued | None = None
+
+    def __init__(self, setup: Setup, domain: Domain, stage: Stage):
+        self._setup = self._of_run = setup
+        self._scene, self._stage = setup.scene, stage
+        asked, walls = setup.turbulence, setup.walls
+        self.fields = TurbulenceFields(
+            domain,
+            walls.inflow.logarithms,
+            (setup.sides.left,),
+            self._distances(),
+            setup.scene.viscosity,
+            KEpsilon(*asked.constants) if asked.model == "k-epsilon" else None,
+            velocity_order(setup)[0],
+            walls.least_k,
+            in_layers=walls.is_resolved and not walls.plane,
+        )
+
+    def _distances(self) -> dict[str, float]:
+        walls = self._setup.walls
+        return {name: walls.from_origin(name) for name in walls.names}
+
+    # -- in the flow --------------------------------------------------------------------------------
+
+    def within(self, model: FlowModel) -> FlowModel:
+        """The model of the flow with the eddy viscosity."""
+        fields = self.fields
+        eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
+        return replace(model, solver="direct", **eddies)
+
+    def joined(self, fluid: Fluid, before: TurbulentFlow | None = None) -> None:
+        """Let the velocity of the fluid that this turbulence is in carry it; both are freed together."""
+        fluid.holding(self.fields)
+        velocity, _ = ufl.split(fluid.state)
+        self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
+        carrier = fluid.carrier(velocity) if fluid.model.moving_mesh else None
+        self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
+        self.fields.watch(fluid)
+
+    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> None:
+        """Find the steady flow with its turbulence from that of the inflow, `onwards` from that at hand first.
+
+        The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
+
+        Raises:
+            ConvergenceError: none converged.
+        """
+        fluid, loads = self._fluid, self._loads(run)
+        scene = self._scene
+        tolerance = of_turbulent(scene.numerics.tolerance)
+        self._take(fluid, factor)
+        for from_inflow in (False, True) if onwards else (True,):
+            if from_inflow:
+                self.enter(fluid)
+            with run.stage("flow"), self._timed():
+                found = self.continued = continued(
+                    fluid,
+                    self.fields,
+                    tolerance,
+                    loads,
+                    lambda number, change: run.voice.iterate(1.0, number, change),
+                )
+            if found.converged:
+                break
+        run.count(turbulence=len(found.changes))
+        if not found.converged:
+            # A run in time that begins with this flow has no other place for that.
+            run.voice.say(
+                f"the steady flow has not converged: its loads change by {100.0 * found.spread:.2g}%"
+            )
+
+    def _loads(self, run: Solving) -> Callable[[], Floats]:
+        """A function that returns force and torque over the grain's size, (6,), or else the force on the bed, (3,)."""
+        grain, probe = self._of_run.geometry.grain, run.probe
+        if probe is None or grain is None:
+            on_bed = TractionProbe(self._fluid, self._setup.walls.names[0], (0.0, 0.0, 0.0))
+            return lambda: on_bed.resultant().force
+        if run.fluid is not self._fluid:  # the steady flow that one in time begins with
+            probe = TractionProbe(self._fluid, probe.boundary, probe.about)
+
+        def found() -> Floats:
+            resultant = probe.resultant()
+            return np.concatenate([resultant.force, resultant.torque / grain.size])
+
+        return found
+
+    def mean_load(self) -> tuple[Floats, Floats] | None:
+        """Force and torque (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
+        grain, found = self._of_run.geometry.grain, self.continued
+        if found is None or found.converged or found.loads is None or grain is None:
+            return None
+        return found.loads[:3], grain.size * found.loads[3:]
+
+    def enter(self, fluid: Fluid) -> None:
+        """Set velocity and turbulence everywhere to the inflow's at the distance from the next wall."""
+        inflow, space = self._setup.walls.inflow, fluid.space.velocity
+        speeds = inflow.velocity_at(self._from_walls(space))
+        fluid.state.x.array[fluid.space.velocity_map] = speeds.T.ravel()
+        logarithms = inflow.logarithms_at(self._from_walls(self.fields.space))
+        self.fields.state.x.array[:] = logarithms.T.ravel()
+
+    def _from_walls(self, space: Any) -> Floats:
+        """Distances (n,) of the nodes of a space from the next boundary of the mesh that is a wall."""
+        domain = self.fields.domain
+        places = space.tabulate_dof_coordinates()[:, : domain.gdim]
+        return distances(domain, self._setup.walls.names, places)
+
+    def _take(self, fluid: Fluid, factor: float) -> None:
+        """Let viscosity, inflow and walls be those of a flow faster by a factor."""
+        setup = self._of_run if factor == 1.0 else self._of_run.faster(factor)
+        scene = setup.scene
+        if scene == self._scene:
+            return
+        self._setup, self._scene = setup, scene
+        fluid.reynolds, self._viscosity.value = 1.0 / scene.viscosity, scene.viscosity
+        walls = setup.walls
+        self.fields.give(walls.inflow.logarithms, scene.viscosity, self._distances(), walls.least_k)
+        new = conditions(setup)
+        fluid.walls.stand({one.boundary: one.distance for one in new if isinstance(one, Friction)})
+        fluid.let_in(new)
+
+    def around(self, interface: Interface | None) -> InTime:
+        """The flow in time with its turbulence, and what moves in it."""
+        moving = cast("Moving | None", interface)
+        self.in_time = InTime(self._fluid, self.fields, self._timed, moving)
+        return self.in_time
+
+    def on(self, domain: Domain) -> TurbulentFlow:
+        """The turbulence of the scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
+        return type(self)(self._of_run, domain, self._stage)
+
+    def carry_over(self, before: TurbulentFlow) -> None:
+        """Carry both logarithms over from another mesh, now and before; both meshes are where they are.
+
+        At each point the new mesh takes what the old one has there or next to it: both quantities stay positive.
+        """
+        old, new = before.in_time, self.in_time
+        assert old is not None and new is not None
+        new.turbulence.follow()
+        places = new.turbulence.space.tabulate_dof_coordinates()
+        transfer = Transfer(old.turbulence.domain.mesh, places, reach=0.0)
+        values = dolfinx.fem.Function(old.turbulence.space)
+        new.past = []
+        for state in old.past:
+            values.x.array[:] = state
+            least = [np.log(self._setup.walls.least_k), -np.inf]
+            new.past.append(np.maximum(transfer.values(values), least).ravel())
+        new.turbulence.state.x.array[:] = new.past[0]
+
+    # -- checkpoints ------------------------------------------------------------------------------
+
+    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+        """The logarithms of both quantities, now and before."""
+        assert self.in_time is not None
+        return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
+
+    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+        """Take the logarithms of both quantities from a checkpoint."""
+        assert kept.turbulence is not None and self.in_time is not None
+        self.fields.follow()
+        self.in_time.past = spread_values(self.fields.space, kept.turbulence)
+        self.fields.state.x.array[:] = self.in_time.past[0]
+
+    # -- output -----------------------------------------------------------------------------------
+
+    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+        """u* and y+ along the walls after a step."""
+        return self.wall_report().columns()
+
+    def reported(self) -> dict[str, Any]:
+        """u* and y+ along the walls at the end."""
+        return {"turbulence": self.wall_report()}
+
+    def wall_report(self) -> WallReport:
+        """u* and y+ along the walls."""
+        scene, walls, in_plane = self._scene, self._setup.walls, self._scene.gdim == 2
+        columns = list[np.ndarray]()
+        for name in walls.names:
+            along = along_wall(self._fluid, name, self.fields.shear_velocity())
+            drag = walls.law(name).drag(
+                along.speeds, along.shear_velocities, scene.viscosity, walls.slip(name)
+            )
+            u = np.sqrt(drag * along.speeds)
+            if name == walls.names[0]:
+                backward = along.backward() if in_plane else ()
+            friction = 2.0 * np.sign(along.velocities[:, 0]) * (u / scene.reference_velocity) ** 2
+            y_plus = u * walls.distance(name) / scene.viscosity
+            columns.append(np.array([along.places[:, 0], y_plus, friction, u, along.lengths]))
+        x, y_plus, _, u, lengths = np.concatenate(columns, axis=1)
+        end = at_end(x)
+        last = float(np.average(u[end], weights=lengths[end]))
+        drawn = {
+            name: dict(zip(("x", "y_plus", "friction"), _in_six_digits(one[:3]), strict=True))
+            for name, one in zip(walls.names, columns, strict=True)
+        }
+        return WallReport(
+            model=self._setup.turbulence.model,
+            distance=walls.nearest,
+            least=float(y_plus.min()),
+            largest=float(y_plus.max()),
+            shear_velocity=float(np.average(u, weights=lengths)),
+            at_outflow=last,
+            friction=2.0 * (last / scene.reference_velocity) ** 2,
+            viscosity=scene.viscosity,
+            plane=walls.plane,
+            roughness=walls.roughness,
+            backward=backward,
+            along=drawn if in_plane else {},
+            iteration=self.continued,
+        )
+
+    @property
+    def unknowns(self) -> int:
+        """Of both quantities."""
+        space = self.fields.space
+        return int(space.dofmap.index_map.size_global * space.dofmap.index_map_bs)
+
+    def functions(self) -> dict[str, Any]:
+        """Both quantities and the eddy viscosity on the nodes, by the names that files have."""
+        logarithms = ufl.split(self.fields.state)
+        expressions = {
+            "k": ufl.exp(logarithms[0]),
+            self.fields.closure.second: ufl.exp(logarithms[1]),
+            "eddy_viscosity": self.fields.viscosity(self._viscosity) - self._viscosity,
+        }
+        scalar = compat.space(self.fields.domain.mesh, ("Lagrange", ORDER))
+        found = {}
+        for name, expression in expressions.items():
+            found[name] = dolfinx.fem.Function(scalar, name=name)
+            compat.interpolate(found[name], expression)
+        return found
+
+    def _timed(self) -> AbstractContextManager[Any]:
+        """Takes the time of both quantities."""
+        return self._stage("turbulence")
+
+
+def _in_six_digits(columns: Floats) -> list[list[float]]:
+    return [[float(f"{one:.6g}") for one in values] for values in columns]

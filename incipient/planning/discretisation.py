@@ -1,0 +1,213 @@
+"""How a scene is discretised and solved: order of the velocity, stabilisation, linear solver, tolerances.
+
+The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocity, h the size of the largest cells, away
+from everything, k the order of the velocity, nu the viscosity. Below a bound plain Taylor-Hood elements err
+less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all
+(docs/contribute/defaults.md).
+Steady 3-D flow is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
+where cells are coarse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..scene import Scene
+from ..setup.setup import Setup
+from .cells import FarCells
+from .effects import inertia
+
+# Reynolds number of cells from which on convection is stabilised.
+COARSE = 50.0
+PLACES = 9  # in each direction, at which the base flow is sampled
+LOWEST_ORDER = 2
+DEAR = "an LU factorisation in 3-D would take much time and memory"
+# Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
+# (docs/contribute/defaults.md).
+RESOLVED = 25.0
+# Tolerance of steady iterations without an error estimate: the error after Newton's method is then far less.
+STEADY = 1e-6
+# The same where each Newton update is inexact, and the discretisation error of the loads is far larger.
+BY_TWO_LEVELS = 1e-5
+
+# Likewise of a flow with its turbulence: limiters of the k-omega model switch at single nodes.
+TURBULENT = 1e-4
+
+
+def velocity_order(setup: Setup) -> tuple[int, str]:
+    """The order of the velocity, and why it was chosen by measurements (docs/contribute/defaults.md); "" if given."""
+    scene = setup.scene
+    order, steady = scene.numerics.order, scene.time is None
+    if order != "auto":
+        return order, ""
+    if scene.gdim == 3:
+        past_grain = steady and scene.numerics.accuracy is None and scene.body is not None
+        if past_grain and not inertia(setup).present:
+            why = "in creeping 3-D flow its error is far below that of order 2, from which it is computed"
+            return 3, why
+        if steady and scene.is_empty_box and not scene.flow.at_rest:
+            why = "in a driven 3-D box its error is far below that of order 2 for the same time"
+            return 4, why
+        why = "the scene is three-dimensional, where higher orders take long except in creeping flow past a grain"
+        return 2, why
+    if scene.moves:
+        return 2, "the grain moves, and the mesh with it"
+    if scene.numerics.accuracy is not None and not scene.is_averaged:
+        return 2, "a higher one is taken where it is expected to need fewer unknowns"
+    why = "in 2-D, where nothing moves, its error is far below that of order 2 for the same time"
+    return 3, why
+
+
+def order_of(scene: Scene) -> int:
+    """The order of the velocity in a scene."""
+    return velocity_order(Setup(scene))[0]
+
+
+def with_order(scene: Scene, number: int) -> Scene:
+    """The scene with a given order."""
+    return scene.model_copy(
+        update={"numerics": scene.numerics.model_copy(update={"order": number})}
+    )
+
+
+@dataclass(frozen=True)
+class Stabilisation:
+    """Whether convection is stabilised, why, and the Reynolds number of the largest cells (zero: no convection).
+
+    `upwind` says that it is by streamline upwinding, in cells with a Peclet number above one.
+    """
+
+    present: bool
+    reason: str
+    cell_reynolds: float
+    upwind: bool = False
+
+    def text(self) -> str:
+        """One line for a reader."""
+        return f"convection {'stabilised' if self.present else 'not stabilised'}: {self.reason}"
+
+
+NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
+
+
+def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisation:
+    """Decide from the scene, its flow `speed` times as fast, and whether it has inertia."""
+    if not inert:
+        return NO_CONVECTION
+    number, option = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
+    reynolds_text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
+    if upwinds(setup):
+        return Stabilisation(
+            True, f"streamline upwinding of steady 3-D flow; {reynolds_text}", number, True
+        )
+    if option == "auto" and _stretches_cells(setup):
+        return Stabilisation(False, f"cells are stretched along walls; {reynolds_text}", number)
+    if option != "auto":
+        return Stabilisation(
+            option == "on", f'numerics.stabilisation = "{option}"; {reynolds_text}', number
+        )
+    bound = f"{reynolds_text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
+    return Stabilisation(number > COARSE, bound, number)
+
+
+def _stretches_cells(setup: Setup) -> bool:
+    """Whether cells are so thin along walls that grad-div makes the flow alternate from one to the next.
+
+    In channels oscillations grow downstream until no flow converges; along boundary layers it is the pressure.
+    """
+    if not setup.is_averaged or not setup.walls.is_resolved:
+        return False
+    walls = setup.walls
+    return walls.plane or (bool(walls.asked.profile) and setup.geometry.grain is None)
+
+
+def upwinds(setup: Setup) -> bool:
+    """Whether a flow with inertia is upwinded along its streamlines.
+
+    In a box with a grid that does harm, and the block preconditioner does not converge there.
+    """
+    scene = setup.scene
+    option = scene.numerics.stabilisation
+    return (
+        scene.gdim == 3
+        and scene.time is None
+        and (option == "on" or (option == "auto" and not scene.is_empty_box))
+    )
+
+
+def far_cells(setup: Setup) -> FarCells:
+    """The cells away from everything."""
+    scene = setup.scene
+    reynolds = scene.fluid.reynolds if scene.is_empty_box else None
+    return FarCells(scene.domain.extents, velocity_order(setup)[0], reynolds)
+
+
+def cell_reynolds(setup: Setup) -> float:
+    """V h/(k nu) of the largest cells, estimated without a mesh."""
+    cells, base_flow = far_cells(setup), setup.base_flow
+    size = setup.scene.numerics.mesh_size * cells.largest
+    return float(base_flow.mean_speed * size / (cells.order * base_flow.viscosity))
+
+
+def largest_peclet(setup: Setup) -> float:
+    """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow."""
+    cells, base_flow = far_cells(setup), setup.base_flow
+    points = setup.geometry.domain.grid(PLACES, PLACES, PLACES).T
+    fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
+    size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
+    return 0.5 * fastest * size / float(base_flow.viscosity)
+
+
+@dataclass(frozen=True)
+class Method:
+    """The choice of the linear solver."""
+
+    name: str  # one of `fluid.solvers.SOLVERS`, or "two-level"
+    reason: str  # in words
+
+    def text(self) -> str:
+        """One line of the plan."""
+        return f"linear systems by a {self.name} method: {self.reason}"
+
+
+def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
+    """The method for a scene, and whether its flow is one of Stokes, or has a rate of change."""
+    scene = setup.scene
+    if scene.gdim == 2:
+        why = "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps"
+        return Method("direct", why)
+    if slow and scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER:
+        why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
+        return Method("two-level", why)
+    if slow:
+        return Method("block", f"{DEAR}; Stokes flow needs none")
+    if unsteady:
+        return Method("block", f"{DEAR}; time steps need none")
+    if scene.is_empty_box:
+        why = "the block preconditioner does not converge in a closed box"
+        return Method("direct", f"{why}; an LU factorisation takes much time and memory")
+    if upwinds(setup) and setup.is_averaged:
+        return Method("block", "factors of the flow, of low rank, then those of its turbulence")
+    if upwinds(setup):
+        return Method("block", f"{DEAR}; with upwinding none is needed")
+    if scene.time is None and largest_peclet(setup) <= RESOLVED:
+        return Method("block", f"{DEAR}; the cells resolve the flow's convection")
+    return Method(
+        "direct",
+        "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
+    )
+
+
+def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
+    """The tolerance of a steady flow, from `numerics.tolerance`; by two levels it may be larger."""
+    if asked != "auto":
+        return asked
+    return BY_TWO_LEVELS if two_levels else STEADY
+
+
+def of_turbulent(asked: float | Literal["auto"]) -> float:
+    """The tolerance of a steady turbulent flow and of its logarithms, from `numerics.tolerance`."""
+    return TURBULENT if asked == "auto" else asked

@@ -1,0 +1,149 @@
+"""What in a scene makes its result less certain: the warnings of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from ..scene.model import WIDE_GAP
+from ..setup.setup import Setup
+from .discretisation import velocity_order
+from .meshing_in_space import cut_at_inflow
+
+NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
+FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
+NEARER = 0.95  # of the gap that a released grain keeps: from where it may begin
+# Over a grain, from which on the distance of the walls from the mesh is reported: 50 nu/u* of one of u* d/nu = 1000.
+THICK = 0.05
+FEWEST_ACROSS = 6.0  # cells, of a 3-D grain, below which its loads are reported uncertain
+SMALL = (
+    0.2  # roughness over the smallest length of bedforms up to which it is small compared with them
+)
+
+
+def _gap(setup: Setup) -> Iterator[str]:
+    """A wide gap between grain and bed, and a released grain that begins nearer to the bed than that."""
+    scene, body = setup.scene, setup.scene.body
+    if body is None:
+        return
+    gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
+    if gap > WIDE_GAP and (scene.rests or body.moves):
+        yield (
+            f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
+            f"away from the bed; give {WIDE_GAP:g} or less"
+        )
+    if body.motion != "released":
+        return
+    begins, kept = setup.geometry.stance.gap, gap * setup.geometry.grain.size
+    if begins < NEARER * kept:
+        yield (
+            f"the grain begins {begins:.3g} from its bed, nearer than its gap of {kept:.3g}, which the first step "
+            "puts right: it stands on one side alone; set body.settle = true"
+        )
+
+
+def _near_inflow(setup: Setup) -> Iterator[str]:
+    """A grain near the inflow, where the velocity is prescribed."""
+    placement, domain = setup.geometry.placement, setup.scene.domain
+    if placement is None or domain.kind == "box" or setup.scene.flow.at_rest:
+        return
+    away = (placement.centre[0] - domain.left) / setup.geometry.grain.size - 0.5
+    if away < FREE_OF_INFLOW:
+        yield (
+            f"the grain is {max(away, 0.0):.2g} of its size from the inflow, where the velocity is prescribed: that "
+            f"changes its load; leave {FREE_OF_INFLOW:g} of its size at the least, by body.x or domain.origin"
+        )
+
+
+def _near_critical(setup: Setup) -> Iterator[str]:
+    """A near-critical flow below a free surface."""
+    low, high = NEAR_CRITICAL
+    if not setup.scene.has_surface or setup.scene.domain.kind != "channel":
+        return
+    if low <= (number := setup.froude) <= high:
+        yield (
+            f"the Froude number, {number:.3g}, is between {low:g} and {high:g}: long waves hardly leave near-critical "
+            "flow, so that its level depends on the ends and on the length of the run; compare with a larger "
+            "domain.length and time.end, or choose another gravity.acceleration or flow.velocity"
+        )
+
+
+def _turbulence(setup: Setup) -> Iterator[str]:
+    """What is to be known of the model and of the walls in a scene."""
+    if not setup.is_averaged:
+        return
+    walls, geometry = setup.walls, setup.geometry
+    grain, bed, thick = geometry.grain, geometry.bed, walls.distance("body")
+    if not walls.is_resolved and grain is not None:
+        if (share := thick / grain.size) > THICK:
+            yield (
+                f"the grain has u* d/nu = {grain.size / walls.unit:.3g}: the layer that the law of the wall stands for "
+                f"is {100 * share:.0f}% of it; it is thin up to {100 * THICK:.0f}%"
+            )
+        yield from _narrow_gap(setup)
+        if geometry.gdim == 3:
+            yield from _coarse(setup)
+    if setup.turbulence.model == "k-epsilon" and grain is not None:
+        yield (
+            "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag "
+            "on a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to "
+            "a third too large; another program with this model has 1.1 to 1.6 times the drag, 0.5 to 0.9 of the lift"
+        )
+    if bed is not None and walls.roughness > SMALL * bed.feature:
+        yield (
+            f"the roughness of the bed, {walls.roughness:.3g}, is {100 * walls.roughness / bed.feature:.0f}% of the "
+            f"smallest length of its forms, {bed.feature:.3g}: the model assumes that it is small compared with them, "
+            f"as it is up to {100 * SMALL:.0f}%"
+        )
+    if grain is not None and walls.roughness > (gap := geometry.stance.gap):
+        yield (
+            f"the roughness of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: flow "
+            "in the gap is not resolved, since the model assumes a roughness smaller than all meshed lengths"
+        )
+    if walls.is_resolved and cut_at_inflow(setup):
+        yield (
+            "the inflow cuts bedforms, next to which k may diverge, since the inflow profile has developed over "
+            "a planar bed: put the grain farther downstream of the inflow"
+        )
+    if walls.is_laminar:
+        yield (
+            f"the inflow is laminar by the k-omega model, u* h/nu = {walls.depth / walls.unit:.3g}: k decays to "
+            "nothing there, and loads are those of laminar flow"
+        )
+
+
+def _coarse(setup: Setup) -> Iterator[str]:
+    """How few cells a 3-D grain has."""
+    from .wall_cells import WALL_CELL, coarsening
+
+    asked, walls = setup.scene.numerics.mesh_size, setup.walls
+    size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * asked
+    if (across := setup.geometry.grain.size / size) < FEWEST_ACROSS:
+        yield (
+            f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
+            f"quarter off; use numerics.mesh_size = {asked * across / FEWEST_ACROSS:.2g} or less"
+        )
+
+
+def _narrow_gap(setup: Setup) -> Iterator[str]:
+    """Warn of narrow gaps: the law of each wall ignores the other, and friction in the gap is too small."""
+    body, placement = setup.scene.body, setup.geometry.placement
+    if body is None or body.centre is None or body.moves or placement is None:
+        return
+    nearest, least = setup.surroundings.clearance(placement), 2.0 * setup.walls.distance("body")
+    lid = setup.sides.top if setup.geometry.top != "wall" else ""
+    open_sides = (setup.sides.right, setup.sides.left, lid, *setup.sides.across)
+    if nearest.other in open_sides or nearest.distance >= least:
+        return
+    yield (
+        f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
+        f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
+    )
+
+
+# Each gives warnings in words; it raises SceneError where an effect that is present cannot be simulated in the scene.
+DOUBTS: tuple[Callable[[Setup], Iterator[str]], ...] = (
+    _gap,
+    _near_inflow,
+    _near_critical,
+    _turbulence,
+)

@@ -1,0 +1,319 @@
+"""The base flow, without grain and bedforms, and its inflow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..geometry.plane.beds import effective_level
+from ..scene import Domain, Scene
+from ..scene.expression import expressions
+from ..scene.gust import Gust
+from .mean_profile import MeanProfile
+
+if TYPE_CHECKING:
+    from ..fluid.model import Driven
+
+Velocity = Callable[[np.ndarray, float], np.ndarray]
+
+SAMPLES = 1000  # of heights for a mean
+ROUND_OFF = 1e-9  # of the depth
+TERMS = 50  # of the series of a duct: it errs by less than 1e-5 of the mean velocity
+# What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
+# times period times that depth over the viscosity: measured over periods of half-discs and ripples
+# (docs/explanation/flow.md).
+INERTIAL, POWER = 10.0, 0.2
+FEWEST_PERIODS = 2.0  # in the domain: longer forms are a bed that rises and falls
+UNSURE = 0.5  # of what inertia changes; those measurements are within it where R is above 1
+STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
+
+
+@dataclass(frozen=True)
+class EffectiveHeight:
+    """Height above the base line of the plane that is equivalent to a bed with roughness elements for the far flow."""
+
+    height: float  # in the base flow at its speed
+    uncertainty: float  # how far it may be off
+    creeping: float  # without inertia
+
+
+@dataclass(frozen=True, eq=False)
+class BaseFlow:
+    """The flow without grain and bedforms, in units of the scene. No method is collective.
+
+    A kind of flow whose profile depends on more than height and depth derives from it, see `KINDS`.
+    """
+
+    flow: Any  # the section of the scene that gives it
+    domain: Domain
+    bed: Any  # shape on which the inflow comes to rest; None without a bed
+    reference: float  # velocity of the Reynolds number
+    viscosity: float  # kinematic
+    walled: bool = False  # whether the fluid sticks to the sides across the width
+    creeping: bool = False  # whether inertia is left out, by which a computed datum is another one
+    speed: float = 1.0  # of the flow for which the datum is computed, over this one's
+
+    # -- what a kind of flow may override ----------------------------------------------------------
+
+    @property
+    def layer(self) -> float:
+        """Height over which the profile bends next to the bed, which cells resolve; inf: the domain [length]."""
+        return math.inf
+
+    @property
+    def mean_speed(self) -> float:
+        """The mean velocity where it is known, otherwise the reference velocity."""
+        return self.reference
+
+    @property
+    def body_force(self) -> Callable[[Any, Any], Any] | None:
+        """The force per unit mass that keeps the flow, a function of place and time (UFL); None: none is needed."""
+        return None
+
+    @property
+    def knots(self) -> np.ndarray:
+        """Times (n,) that show the course of the flow besides evenly spaced ones."""
+        return np.empty(0) if self.gust is None else self.gust.knots()
+
+    def factor(self, t: float) -> float:
+        """The factor of the flow at a time, whose rate of change drives it."""
+        return 1.0 if self.gust is None else self.gust.factor(t)
+
+    def driven(self, grain: Any) -> Driven | None:
+        """The force that changes `factor`, also on the fluid that a grain displaces; None: nothing does."""
+        if self.gust is None:
+            return None
+        from .driving_force import driven
+
+        return driven(self, grain)
+
+    def driving_speed(self, z: Any) -> Any:
+        """Speed at factor one at heights from zero to the depth, numbers or UFL."""
+        return self.flow.speed(z, self.depth)
+
+    def profile(self, z: Floats, y: Floats, t: float) -> Floats:
+        """Speed (n,) at heights above the datum, and y where sides are walls; zero below the datum."""
+        return self.factor(t) * self.at_factor_one(z, y)
+
+    def bed_stress(self) -> float:
+        """Shear stress at the datum of the flow `speed` times this one, with fluid density one.
+
+        The stress of the profile is the same over the whole bed; between walls it is taken in the middle, of a flow
+        given by formulas at the inflow.
+        """
+        step = 1e-6 * self.domain.height
+        heights = self.datum + step * np.array([0.0, 1.0, 2.0])
+        u = self.velocity(self.column(self.domain.entrance, heights), 0.0)[0]
+        gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
+        return float(self.speed * self.viscosity * abs(gradient))
+
+    def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
+        """Velocities (gdim, n) at positions (3, n)."""
+        return self._risen_from(self.datum, x, t)
+
+    @cached_property
+    def entering(self) -> Velocity:
+        """The velocity (gdim, n) on the inflow at (3, n), t: brought to rest on a bed that is above the datum there."""
+        bed, datum = self.bed, self.datum
+        if bed is None:
+            return self.velocity
+        if self.domain.gdim == 2:
+            foot = max(datum, float(bed.height([self.domain.left])[0]))
+            return lambda x, t: self._risen_from(foot, x, t)
+        return lambda x, t: self._risen_from(np.maximum(datum, bed.height(x[:2].T)), x, t)
+
+    # -- what all have -----------------------------------------------------------------------------
+
+    @property
+    def gust(self) -> Gust | None:
+        """The gust of the scene; None without one."""
+        return getattr(self.flow, "gust", None)
+
+    @property
+    def over_forms(self) -> bool:
+        """Whether the shear at the bed is known and the flow passes several repeated bedforms in 2-D."""
+        if self.domain.gdim == 3 or self.bed is None or not self.flow.shear_rate(1.0):
+            return False
+        return bool(self.bed.period and self.domain.length >= FEWEST_PERIODS * self.bed.period)
+
+    @property
+    def effective(self) -> bool:
+        """Whether its profile starts at the effective height of the bed."""
+        level = getattr(self.flow, "datum", "crest")
+        return self.bed is not None and (
+            level == "effective" or (level == "auto" and self.over_forms)
+        )
+
+    @cached_property
+    def effective_height(self) -> EffectiveHeight:
+        """The effective height of the 2-D bed."""
+        domain, bed = self.domain, self.bed
+        if not math.isfinite(bed.feature):
+            return EffectiveHeight(0.0, 0.0, 0.0)
+        level = effective_level(bed)
+        depth = max(bed.crest - domain.bottom - level, 0.0)
+        shear = self.flow.shear_rate(domain.ceiling - bed.crest)
+        reynolds = 0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.viscosity
+        lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
+        return EffectiveHeight(level + lost, UNSURE * lost, level)
+
+    @cached_property
+    def datum(self) -> float:
+        """Height at which its profile starts, the same over the whole bed; below it the fluid is at rest."""
+        domain, bed = self.domain, self.bed
+        if bed is None:
+            return domain.bottom
+        if self.effective:
+            return domain.bottom + self.effective_height.height
+        level = getattr(self.flow, "datum", "crest")
+        within: tuple[Any, ...] = domain.spans if self.domain.gdim == 3 else domain.spans[0]
+        if level in ("auto", "crest"):
+            return float(bed.crest_level(*within))
+        return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
+
+    @property
+    def depth(self) -> float:
+        """The depth from the datum to the top of the domain."""
+        return self.domain.ceiling - self.datum
+
+    @property
+    def round_off(self) -> float:
+        """Depth below the datum down to which the flow is that at the datum, as of a uniform flow [length]."""
+        return ROUND_OFF * self.depth
+
+    def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
+        """Points (3, n) of given heights above or below a position (gdim,)."""
+        points = np.zeros((3, len(heights)))
+        points[: self.domain.up] = np.array(place[: self.domain.up])[:, None]
+        points[self.domain.up] = heights
+        return points
+
+    def at_factor_one(self, z: Floats, y: Floats) -> Floats:
+        """Speed (n,) at factor one, see `profile`."""
+        depth, (low, high) = self.depth, self.domain.across if self.walled else (0.0, 0.0)
+        inside = np.clip(z, 0.0, depth)
+        if self.walled and self.flow.duct:
+            across, whole = np.clip(y - low, 0.0, high - low), self.flow.duct * depth
+            speed = self.flow.velocity * duct_speed(across, inside, high - low, whole)
+        else:
+            speed = self.driving_speed(inside)
+        return np.where(z < -self.round_off, 0.0, speed)
+
+    def _risen_from(self, foot: Any, x: np.ndarray, t: float) -> np.ndarray:
+        """Velocities (gdim, n) along the first axis, at rest below a foot, a height or (n,), not below the datum."""
+        z, y = x[self.domain.up], x[1]
+        speed = self.profile(z - self.datum, y, t)
+        if np.any(foot > self.datum):
+            rise = STEEPER * self.profile(z - foot, y, t)
+            speed = np.where(np.abs(rise) < np.abs(speed), rise, speed)
+        return np.vstack([speed, *np.zeros((self.domain.up, len(speed)))])
+
+
+class LogLawFlow(BaseFlow):
+    """The mean profile of a turbulent flow, which a force keeps."""
+
+    @cached_property
+    def mean_profile(self) -> MeanProfile:
+        """The profile over its datum."""
+        flow = self.flow
+        return MeanProfile(flow.shear_velocity, self.viscosity, flow.roughness, self.depth)
+
+    @property
+    def layer(self) -> float:
+        """That of the mean profile."""
+        return self.mean_profile.layer
+
+    @property
+    def mean_speed(self) -> float:
+        """Over the depth; the reference velocity is u*."""
+        heights = self.depth * (np.arange(SAMPLES) + 0.5) / SAMPLES
+        return float(np.mean(self.driving_speed(heights)))
+
+    @property
+    def body_force(self) -> Callable[[Any, Any], Any]:
+        """The force of the fluctuations on the mean flow."""
+        from .driving_force import sustaining_force
+
+        return sustaining_force(self.mean_profile, self.datum, self.domain.up)
+
+    def driving_speed(self, z: Any) -> Any:
+        """The mean profile, at heights (n,)."""
+        return self.mean_profile.speed(z)
+
+    def bed_stress(self) -> float:
+        """u*^2, of which viscous stress is only a fraction where the bed is rough."""
+        return float((self.speed * self.flow.shear_velocity) ** 2)
+
+
+class FormulaFlow(BaseFlow):
+    """A velocity given by formulas."""
+
+    def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
+        """The formulas at positions (3, n)."""
+        return np.vstack([component(x, t) for component in self._formulas])
+
+    @cached_property
+    def entering(self) -> Velocity:
+        """The formulas, also where the bed is above the datum."""
+        return self.velocity
+
+    @cached_property
+    def _formulas(self) -> tuple[Velocity, ...]:
+        return tuple(expressions(self.flow.components, "flow.components"))
+
+
+# Flows that are not `FlowSection.speed` times a factor, by flow.kind.
+KINDS = {"log-law": LogLawFlow, "expression": FormulaFlow}
+
+
+def base_flow_of(scene: Scene, speed: float = 1.0) -> BaseFlow:
+    """The base flow of a scene's flow faster by a factor, in its own units: only the datum may be another one."""
+    return KINDS.get(scene.flow.kind, BaseFlow)(
+        flow=scene.flow,
+        domain=scene.domain,
+        bed=scene.bed_shape,
+        reference=scene.reference_velocity,
+        viscosity=scene.viscosity,
+        walled=scene.gdim == 3 and scene.sides == "wall",
+        creeping=not scene.fluid.inertia or scene.effects.inertia is False,
+        speed=speed,
+    )
+
+
+def duct_speed(y: np.ndarray, z: np.ndarray, width: float, depth: float) -> np.ndarray:
+    """Speed (n,) over its mean at distances y (n,) from one side and heights z (n,) above the bottom of a duct.
+
+    For unit pressure gradient and viscosity u = z (depth - z)/2 less the sum over odd numbers n, with m = n pi/depth,
+    of 4/(depth m^3) sin(m z) cosh(m e)/cosh(m width/2), e being the distance from the middle (White, Viscous Fluid
+    Flow, section 3-3).
+    """
+    half, away = 0.5 * width, np.abs(np.asarray(y) - 0.5 * width)
+    speed = 0.5 * np.asarray(z) * (depth - np.asarray(z))
+    for m in _wave_numbers(depth):
+        # cosh(m e)/cosh(m half) without large numbers.
+        fading = (np.exp(m * (away - half)) + np.exp(-m * (away + half))) / (
+            1.0 + np.exp(-2.0 * m * half)
+        )
+        speed -= 4.0 / (depth * m**3) * np.sin(m * z) * fading
+    return speed / duct_mean(width, depth)
+
+
+def duct_mean(width: float, depth: float) -> float:
+    """Mean velocity in a duct for a pressure gradient and a viscosity of one.
+
+    It is depth^2/12 less the sum over odd n of 16 tanh(m width/2)/(width depth^2 m^5).
+    """
+    m = _wave_numbers(depth)
+    return float(
+        depth**2 / 12.0 - np.sum(16.0 * np.tanh(0.5 * m * width) / (width * depth**2 * m**5))
+    )
+
+
+def _wave_numbers(depth: float) -> np.ndarray:
+    return np.pi / depth * np.arange(1, 2 * TERMS, 2)

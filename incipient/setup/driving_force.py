@@ -1,0 +1,122 @@
+"""Forces per unit mass that keep a base flow or change it.
+
+A gust multiplies the base flow, u = f(t) U(z), whose rate of change f' U is due to pressure and stress of the
+surrounding flow. The force f' U represents them: without a grain the flow is f U exactly, whatever the size of the
+domain. It also acts on the volume of a grain: the force of the undisturbed flow on the fluid displaced (Maxey & Riley
+1983, Phys. Fluids 26, 883).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import dolfinx
+import numpy as np
+import ufl
+from ufl.domain import extract_domains
+
+from ..arrays import Floats, cross, spatial
+from ..compat import PETSc
+from ..fluid.model import Driven
+from ..geometry.placement import Placement
+from ..geometry.plane.grains import Grain
+from ..geometry.space.grains import Solid
+from .mean_profile import MeanProfile, gradient
+
+if TYPE_CHECKING:
+    from .base_flow import BaseFlow
+
+ACROSS = {2: 48, 3: 16}  # points across a grain, by the dimension
+
+
+@dataclass(frozen=True, eq=False)
+class DisplacedFluid:
+    """The fluid whose place a grain takes in a base flow."""
+
+    grain: Grain | Solid
+    base_flow: BaseFlow
+
+    @cached_property
+    def _points(self) -> Floats:
+        """(n, gdim) in the frame of the grain, of equal volumes, about its centroid."""
+        grain, gdim = self.grain, self.base_flow.domain.gdim
+        skin = (
+            grain.chain.points(ACROSS[gdim])
+            if isinstance(grain, Grain)
+            else grain.surface(0.1 * grain.size).points
+        )
+        share, low, high = (
+            (np.arange(ACROSS[gdim]) + 0.5) / ACROSS[gdim],
+            skin.min(axis=0),
+            skin.max(axis=0),
+        )
+        points = np.stack(
+            np.meshgrid(*np.outer(high - low, share) + low[:, None]), axis=-1
+        ).reshape(-1, gdim)
+        inside = points[grain.level(points) < 0.0]
+        return np.asarray(inside - inside.mean(axis=0))
+
+    def points(self, placement: Placement) -> Floats:
+        """(n, gdim) points that represent equal volumes of the grain at its placement."""
+        return placement.to_scene(self._points)
+
+    def load(self, placement: Placement) -> Floats:
+        """Force and torque about the centroid (2, 3) for unit rate of the factor of the flow."""
+        points = self.points(placement)
+        z = points[:, self.base_flow.domain.up] - self.base_flow.datum
+        speeds = self.base_flow.at_factor_one(z, points[:, 1])
+        forces = spatial(np.column_stack([speeds, np.zeros((len(speeds), points.shape[1] - 1))]))
+        forces *= self.grain.volume / len(points)
+        arms = spatial(points - np.array(placement.centre))
+        return np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
+
+
+def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven:
+    """The base flow with its gust, for `FlowModel.driven`."""
+    displaced = None if grain is None else DisplacedFluid(grain, base_flow).load
+    return Driven(_velocity(base_flow), base_flow.factor, displaced)
+
+
+def _velocity(base_flow: BaseFlow) -> Any:
+    """Function of position (UFL) that gives the base flow without its gust (UFL)."""
+    up = base_flow.domain.up
+
+    def velocity(place: Any) -> Any:
+        """The base flow without its gust at a position, both in UFL; zero below the datum."""
+        above, depth = place[up] - base_flow.datum, base_flow.depth
+        speed = base_flow.driving_speed(ufl.max_value(0.0, ufl.min_value(above, depth)))
+        flows = ufl.gt(above, -base_flow.round_off)
+        return ufl.as_vector([ufl.conditional(flows, speed, 0.0), *[0] * up])
+
+    return velocity
+
+
+def sustaining_force(profile: MeanProfile, datum: float, up: int) -> Any:
+    """A force per unit mass, function of place and time, that keeps a mean profile against its viscous stress.
+
+    datum: height at which it starts, in the coordinate numbered `up`
+    """
+    return lambda place, time: ufl.as_vector(
+        [_force(profile, place[up] - _constants(place, datum)[0]), *[0] * up]
+    )
+
+
+def _force(profile: MeanProfile, height: Any) -> Any:
+    """-nu d2u/dy2 at a height above the datum as a UFL expression: what the viscous stress does not bring down.
+
+    With it and the viscosity the profile is the exact flow; below the datum it is zero. Its numbers are constants,
+    which recompile nothing.
+    """
+    per_length = profile.per_length
+    scale, per_length, shift = _constants(
+        height, profile.shear_velocity**2 * per_length, per_length, profile.shift
+    )
+    y = ufl.variable(height * per_length)
+    return ufl.conditional(ufl.gt(height, 0), -scale * ufl.diff(gradient(y, shift, ufl), y), 0)
+
+
+def _constants(place: Any, *values: float) -> list[Any]:
+    (domain,) = extract_domains(place)
+    return [dolfinx.fem.Constant(domain, PETSc.ScalarType(value)) for value in values]

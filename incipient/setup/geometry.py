@@ -1,0 +1,206 @@
+"""The geometry of a scene: grain and bed in the domain, where the grain is placed, and the names of its sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..geometry.closest import clearance, lifted, proximity, touching
+from ..geometry.placement import Placement
+from ..geometry.plane.beds import Flat
+from ..geometry.plane.closing import Closing, closing
+from ..geometry.proximity import Proximity
+from ..geometry.space.beds import Plane
+from ..meshes import SYMMETRY, Resolved
+from ..scene import Domain
+
+if TYPE_CHECKING:
+    from ..contact import Contacts
+
+NARROW = 3.0  # gaps at contact up to which the space between a moving grain and its bed is meshed as narrow
+SAMPLES = 2000  # of heights across the inflow
+# Where a bed is meshed as it is: within so many grain sizes of the grain, then over so many features to its level.
+MESHED_BED, PASSAGE = 3.0, 2.0
+# A grain on much smaller forms sees many of them alike: from so many features on fewer grain sizes do; never fewer
+# features than the forms next to the grain.
+MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
+Place = Any  # a point (gdim,) as a tuple of numbers
+
+
+@dataclass(frozen=True)
+class Stance:
+    """Placement of a grain."""
+
+    resting: Placement | None = None  # where it touches the bed or is held; None without a grain
+    placement: Placement | None = None  # where the flow is computed: lifted by the gap
+    gap: float = (
+        np.inf
+    )  # smallest distance from the bed in the computed flow [length], inf without contact
+    gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Grain and bed in the domain."""
+
+    domain: Domain
+    grain: Any  # shape in its body frame, a Grain of the plane or a Solid; None without a grain
+    bed: Any  # shape, a Bed of the plane or a Terrain; None without a bed
+    placement: (
+        Placement | None
+    )  # the grain where it touches the bed or is held; None without a grain
+    rests: bool  # whether it rests on the bed
+    moves: bool  # whether it moves while the flow is computed
+    touches: bool  # whether it continues to move where it touches the bed
+    gap: float  # that stands for contact while the flow is computed
+    tolerance: float  # distance that counts as touching [length]
+    top: str  # what the upper side is
+    sides: str  # what both sides across the width of a 3-D domain are
+    symmetric: bool  # whether half of the domain is computed
+    meshed_bed: float  # numerics.meshed_bed
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of space."""
+        return len(self.domain.extents)
+
+    @property
+    def up(self) -> int:
+        """Number of the coordinate in which heights are counted."""
+        return self.gdim - 1
+
+    @property
+    def walled(self) -> bool:
+        """Whether the fluid sticks to the sides across the width."""
+        return self.gdim == 3 and self.sides == "wall"
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """The least and the largest y of what is computed of a 3-D domain."""
+        low, high = self.domain.across
+        return (self.domain.middle if self.symmetric else low), high
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """Contacts of the resting grain with the bed."""
+        assert self.placement is not None
+        return touching(self.grain, self.placement, self.bed, self.tolerance)
+
+    @cached_property
+    def stance(self) -> Stance:
+        """The grain where it rests or is held; over a bed on which it rests it is lifted by the gap."""
+        if self.grain is None or self.bed is None or self.placement is None:
+            return Stance(self.placement, self.placement)
+        placement = self.placement
+        if self.rests and self.moves:
+            placement = self.near_bed.with_gap(placement, self.gap, self.contacts.points)
+        elif self.rests:
+            placement = lifted(self.grain, self.placement, self.bed, self.gap)
+        gap, on_grain, on_bed = clearance(self.grain, placement, self.bed)
+        ends = self.halved(point(on_grain)), self.halved(point(on_bed))
+        return Stance(self.placement, placement, gap, ends)
+
+    @cached_property
+    def closing(self) -> Closing:
+        """The closing of the space below the resting grain.
+
+        Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
+        """
+        assert self.placement is not None
+        outline = tuple(curve.moved(self.placement) for curve in self.grain.drawn())
+        return closing(outline, self.bed, self.contacts.points[:, :2], self.gap)
+
+    @cached_property
+    def near_bed(self) -> Proximity:
+        """Places where the grain is near its bed, or the lower side instead."""
+        level = self.domain.bottom
+        flat = Flat(level) if self.gdim == 2 else Plane(origin_z=level)
+        return proximity(self.grain, flat if self.bed is None else self.bed)
+
+    def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
+        """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
+        if self.touches:
+            near = self.near_bed.gaps(placement, NARROW * self.gap).points
+            return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
+        if not self.rests:
+            return ends if self.moves and self.gdim == 2 else ends[:1]
+        contacts = self.contacts.points[:, : self.gdim]
+        return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts)]))
+
+    def resolved_bed(self, placement: Placement | None, datum: float) -> Resolved | None:
+        """The region about the grain in which 3-D bedforms are meshed; beyond it the bed is planar, at the datum."""
+        bed, grain, domain = self.bed, self.grain, self.domain
+        if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
+            return None
+        radius = np.clip(
+            MANY_FEATURES * bed.feature, FEWEST_SIZES * grain.size, MESHED_BED * grain.size
+        )
+        radius = self.meshed_bed * float(max(radius, FEWEST_FEATURES * bed.feature))
+        passage = PASSAGE * bed.feature
+        x, y = placement.centre[:2]
+        sides = (x - domain.left, domain.right - x, *np.abs(np.subtract(domain.across, y)))
+        if radius + passage >= max(sides):
+            return None
+        return Resolved((x, y), radius, passage, datum)
+
+    def height_at_inflow(self, datum: float) -> float:
+        """Height of the bed where the flow enters, in 3-D on average, or that of the planar far bed there."""
+        bed, domain = self.bed, self.domain
+        if bed is None:
+            return domain.bottom
+        if self.gdim == 2:
+            return float(bed.height([domain.left])[0])
+        resolved = self.resolved_bed(self.placement, datum)
+        if resolved is not None and resolved.level is not None:
+            return resolved.level
+        y = np.linspace(*domain.across, SAMPLES)
+        return float(np.mean(bed.height(np.column_stack([np.full_like(y, domain.left), y]))))
+
+    def halved(self, x: Place) -> Place:
+        """The point, or its mirror image, in what is computed: of half a domain that with larger y."""
+        if not self.symmetric:
+            return x
+        return x[0], self.domain.middle + abs(x[1] - self.domain.middle), x[2]
+
+
+def point(x: Any) -> Any:
+    """The coordinates (gdim,) as a tuple of plain numbers."""
+    return tuple(float(one) for one in x)
+
+
+@dataclass(frozen=True)
+class SideNames:
+    """Names of the sides of a domain."""
+
+    bottom: str  # "bed" where there is one
+    right: str  # like `left` an end of the base flow
+    top: str
+    left: str
+    across: tuple[str, ...] = ()  # in 3-D, at least and largest y; of half a domain only the latter
+
+    @property
+    def around(self) -> tuple[str, str, str, str]:
+        """Names of bottom, right, top and left, counterclockwise."""
+        return self.bottom, self.right, self.top, self.left
+
+    @property
+    def of_rectangle(self) -> tuple[str, ...]:
+        """Names at the least and the largest x and height."""
+        return self.left, self.right, self.bottom, self.top
+
+    def of_box(self, half: bool) -> tuple[str, ...]:
+        """Names at the least and the largest x, y and z; of half a domain y begins at the plane of symmetry."""
+        return self.left, self.right, SYMMETRY if half else "right", "left", self.bottom, self.top
+
+
+def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:
+    """Names of the sides of a domain, of which half is meshed if it is `symmetric`. Not collective."""
+    in_space = domain.width is not None
+    right, left = ("downstream", "upstream") if in_space else ("right", "left")
+    if domain.kind == "channel":
+        right, left = "outflow", "inflow"
+    across = () if not in_space else ("left",) if symmetric else ("right", "left")
+    return SideNames("bed" if has_bed else "bottom", right, "top", left, across)

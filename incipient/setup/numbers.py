@@ -1,0 +1,180 @@
+"""The dimensionless numbers of a scene, on which decisions on effects are based."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..scene.expression import of_time
+from ..scene.model import Time
+from .base_flow import BaseFlow
+
+if TYPE_CHECKING:
+    from .setup import Setup
+
+SAMPLES = 33  # of times and of heights at which a given flow is sampled
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A scene's dimensionless numbers; None where a number does not apply."""
+
+    # Speed of the flow past the grain times its largest diameter over the viscosity
+    grain_reynolds: float | None
+    flow_reynolds: float  # reference velocity times height of the domain over the viscosity
+    # Speed at the height of the bed's relief above the datum times that height over the viscosity
+    bed_reynolds: float | None
+    reach: float  # extent of the grain's disturbance up to a wall, in grain sizes
+    strouhal: float | None  # grain size over speed times the time in which the flow changes
+    density_ratio: float | None  # density of a free or weighing grain over the fluid's
+    # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
+    stokes: float | None
+    froude: float | None  # reference velocity over sqrt(g height)
+    # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
+    shear_reynolds: float | None = None
+    shields: float | None = (
+        None  # that stress over the submerged weight of the grain, (rho_s - rho_f) g d
+    )
+
+    def text(self) -> str:
+        """The numbers that the scene has, on one line."""
+        named = {
+            "grain Re": self.grain_reynolds,
+            "flow Re": self.flow_reynolds,
+            "bed Re": self.bed_reynolds,
+            "Strouhal": self.strouhal,
+            "density ratio": self.density_ratio,
+            "Stokes": self.stokes,
+            "Froude": self.froude,
+            "Re*": self.shear_reynolds,
+            "Shields number": self.shields,
+        }
+        notes = {"grain Re": " (largest speed at its height)"}
+        return ", ".join(
+            f"{name} {value:.3g}{notes.get(name, '')}"
+            for name, value in named.items()
+            if value is not None
+        )
+
+
+def numbers_of(setup: Setup) -> Numbers:
+    """The scene's dimensionless numbers. Not collective."""
+    scene, base_flow, grain = setup.scene, setup.base_flow, setup.geometry.grain
+    viscosity, height = base_flow.viscosity, base_flow.domain.height
+    reynolds = strouhal = ratio = stokes = froude = of_shear = shields = None
+    velocity, period = base_flow.mean_speed, time_of_change(base_flow, scene.time)
+    if grain is not None:
+        speed = max(speed_past_grain(setup), _own_speed(setup))
+        reynolds, ratio = speed * grain.size / viscosity, scene.density
+        stokes = None if ratio is None else ratio * reynolds / 18.0
+        if setup.has_bed_stress and not scene.flow.changes:
+            stress = setup.bed_stress()
+            of_shear = math.sqrt(stress) * grain.size / viscosity
+            weighs = scene.density is not None and scene.density > 1.0 and scene.gravity is not None
+            shields = stress / setup.stress_unit if weighs and setup.stress_unit > 0.0 else None
+        strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
+    if acceleration := float(abs(scene.gravity_vector).max()):
+        froude = velocity / math.sqrt(acceleration * height)
+    # The reference velocity of shear is that over the reference length.
+    velocity *= scene.flow.reference_velocity(height) / scene.reference_velocity
+    flow = 0.0 if scene.flow.at_rest else velocity * height / viscosity
+    reach = wall_distance(setup) + 0.5 if grain is not None else 0.0
+    return Numbers(
+        reynolds,
+        flow,
+        _bed_reynolds(base_flow),
+        reach,
+        strouhal,
+        ratio,
+        stokes,
+        froude,
+        of_shear,
+        shields,
+    )
+
+
+def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
+    """Times at which an unsteady flow is sampled, including those of a gust."""
+    if time is None:
+        return np.zeros(1)
+    knots = base_flow.knots
+    return np.union1d(np.linspace(0.0, time.end, samples), knots[knots <= time.end])
+
+
+def speed_past_grain(setup: Setup) -> float:
+    """The largest speed of the base flow over the grain's height."""
+    grain, placement, base_flow = setup.geometry.grain, setup.geometry.placement, setup.base_flow
+    assert grain is not None and placement is not None
+    heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(
+        -1.0, 1.0, SAMPLES
+    )
+    points = base_flow.column(placement.centre, heights)
+    return max(
+        float(np.abs(base_flow.velocity(points, t)).max())
+        for t in _times(base_flow, setup.scene.time, SAMPLES)
+    )
+
+
+def _own_speed(setup: Setup) -> float:
+    """Estimated speed of the grain itself: prescribed, initial, or settling (Stokes, capped by free fall)."""
+    scene, size = setup.scene, setup.geometry.grain.size
+    body = scene.body
+    if body is None or not body.moves:
+        return 0.0
+    if body.course is not None:
+        course = of_time(body.course, "body.course")
+        times = _times(setup.base_flow, scene.time, SAMPLES)
+        velocities = np.abs([course(float(t)) for t in times])
+        turning = 3 if scene.gdim == 3 else 1
+        weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
+        return float((velocities @ weights).max())
+    drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
+    settling = min(drive * size**2 / (18.0 * setup.base_flow.viscosity), math.sqrt(drive * size))
+    spin = float(np.linalg.norm(body.spin))
+    return max(settling, math.hypot(*body.velocity), 0.5 * size * spin)
+
+
+def _bed_reynolds(base_flow: BaseFlow) -> float | None:
+    """Reynolds number of the bedforms, from the base flow up to their height above its datum; None for a plane."""
+    if base_flow.bed is None:
+        return None
+    domain = base_flow.domain
+    along = domain.grid(*(20 * SAMPLES, 2 * SAMPLES)[: len(domain.spans)])
+    heights = base_flow.bed.height(along if domain.gdim == 3 else along[:, 0])
+    relief = float(heights.max() - heights.min())
+    if relief == 0.0:
+        return None
+    levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
+    points = base_flow.column(base_flow.domain.entrance, levels)
+    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.viscosity
+
+
+def wall_distance(setup: Setup) -> float:
+    """Distance [grain sizes] from the grain to the next wall above or below; without one the height of the domain."""
+    geometry, base_flow = setup.geometry, setup.base_flow
+    placement, domain, top = geometry.placement, geometry.domain, geometry.top
+    assert placement is not None
+    if geometry.rests:
+        return 0.0
+    y, distances = placement.centre[geometry.up], [domain.height]
+    bounded = domain.kind == "box" or top == "wall" or base_flow.flow.wall_below
+    if geometry.bed is not None or bounded:
+        distances.append(y - base_flow.datum)
+    if top == "wall":
+        distances.append(domain.ceiling - y)
+    return max(min(distances) / geometry.grain.size - 0.5, 0.0)
+
+
+def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
+    """Largest speed of the base flow over its largest rate of change; None where it does not change."""
+    domain = base_flow.domain
+    if time is None or not base_flow.flow.changes:
+        return None
+    times = _times(base_flow, time, 4 * SAMPLES)
+    points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))
+    speeds = np.array([base_flow.velocity(points, t) for t in times])
+    rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())
+    return float(np.abs(speeds).max()) / rate if rate > 0.0 else None

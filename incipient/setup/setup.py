@@ -1,0 +1,153 @@
+"""A scene with its derived parts before meshing and computation, each derived once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from ..scene import Scene, Surface, Turbulence
+from ..scene.symmetry import differences
+from .base_flow import BaseFlow, base_flow_of
+from .geometry import Geometry, SideNames, side_names
+from .numbers import Numbers, numbers_of
+from .surroundings import Surroundings, surroundings_of
+
+if TYPE_CHECKING:
+    from ..turbulence.walls import Walls
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A scene and its parts: each is made on first use, and modules of absent parts are never imported.
+
+    No method is collective.
+    """
+
+    scene: Scene
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Grain and bed in the domain."""
+        scene = self.scene
+        return Geometry(
+            domain=scene.domain,
+            grain=scene.grain,
+            bed=scene.bed_shape,
+            placement=scene.placement,
+            rests=scene.rests,
+            moves=scene.moves,
+            touches=scene.body is not None and scene.body.touches,
+            gap=scene.contact_gap,
+            tolerance=scene.contact_tolerance,
+            top=scene.top,
+            sides=scene.sides,
+            symmetric=self.symmetric,
+            meshed_bed=scene.numerics.meshed_bed,
+        )
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """Whether only one half of a symmetric 3-D domain is computed."""
+        asked = self.scene.domain.symmetric
+        if self.scene.gdim == 2 or asked is False:
+            return False
+        return asked is True or next(differences(self.scene), None) is None
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """The scene's dimensionless numbers."""
+        return numbers_of(self)
+
+    @cached_property
+    def sides(self) -> SideNames:
+        """Names of the sides of the domain."""
+        return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric)
+
+    @cached_property
+    def base_flow(self) -> BaseFlow:
+        """The flow without grain and bed forms."""
+        return self.base_flow_at(1.0)
+
+    def base_flow_at(self, speed: float) -> BaseFlow:
+        """The base flow of a flow faster by a factor, in its own units: only the datum may be another one."""
+        return base_flow_of(self.scene, speed)
+
+    @property
+    def turbulence(self) -> Turbulence:
+        """The section [turbulence], or what it is by default."""
+        return self.scene.turbulence or Turbulence()
+
+    @property
+    def surface(self) -> Surface:
+        """The section [surface], or what it is by default."""
+        return self.scene.surface or Surface()
+
+    @property
+    def is_averaged(self) -> bool:
+        """Whether turbulence is simulated by a model of the mean flow."""
+        return self.scene.is_averaged
+
+    @cached_property
+    def walls(self) -> Walls:
+        """Walls of a mean flow, and the inflow between them."""
+        from ..turbulence.walls import walls_of
+
+        datum = 0.0 if self.geometry.gdim == 2 else self.base_flow.datum
+        ground = self.geometry.height_at_inflow(datum)
+        return walls_of(self.geometry, self.base_flow, self.sides, ground, self.turbulence)
+
+    @property
+    def pinned_sides(self) -> tuple[str, ...]:
+        """Names of the sides to which fluid below a free surface sticks, and where its elevation stays."""
+        ends = (self.sides.left, self.sides.right) if self.surface.ends == "no-slip" else ()
+        return ends if self.geometry.sides == "slip" else (*ends, *self.sides.across)
+
+    @cached_property
+    def ceiling(self) -> float:
+        """Height of the upper side of what is meshed: below the layer of a wall on top."""
+        return self.walls.ceiling if self.is_averaged else self.scene.domain.ceiling
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """The boundaries that the grain may meet."""
+        return surroundings_of(self.geometry, self.sides, self.ceiling, self.scene.has_surface)
+
+    def faster(self, factor: float) -> Setup:
+        """Makes the setup of a flow faster by a factor at the same viscosity, in units of that flow."""
+        plain = self.scene.model_dump()
+        plain["fluid"]["reynolds"] *= factor
+        return Setup(Scene(**{**plain, "units": None}))
+
+    @property
+    def froude(self) -> float:
+        """V/sqrt(g H) of the base flow, g across the bed and H from the datum to the still level; zero at rest."""
+        gravity = float(abs(self.scene.gravity_vector[self.scene.up]))
+        if self.scene.flow.at_rest or gravity == 0.0:
+            return 0.0
+        return self.base_flow.reference / math.sqrt(gravity * self.base_flow.depth)
+
+    @property
+    def stress_unit(self) -> float:
+        """(rho_s - rho_f) g d, by which the stress on the bed is divided for a Shields number."""
+        scene = self.scene
+        assert scene.grain is not None and scene.gravity is not None and scene.density is not None
+        return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
+
+    @property
+    def has_bed_stress(self) -> bool:
+        """Whether the base flow exerts a stress on a bed, which Shields numbers have."""
+        return self.scene.bed is not None and self.scene.flow.stresses_bed
+
+    def bed_stress(self, speed: float = 1.0) -> float:
+        """Shear stress at the datum of a base flow `speed` times the scene's, in scene units with fluid density one.
+
+        That of a mean flow is the inflow's. Not collective.
+        """
+        if not 0.0 < speed < float("inf"):
+            return speed
+        if not self.is_averaged:
+            return self.base_flow_at(speed).bed_stress()
+        faster = self if speed == 1.0 else self.faster(speed)
+        return speed**2 * faster.walls.bed_shear_velocity**2

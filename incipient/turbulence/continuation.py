@@ -1,0 +1,112 @@
+"""The steady flow and its turbulence by pseudo-transient continuation of both as one system of equations.
+
+An iteration is an implicit Euler step of pseudo-time with one correction of Newton's method. Each cell takes a step of
+its own, by switched evolution relaxation (Mulder & van Leer 1985, J. Comput. Phys. 59, 232; Kelley & Keyes 1998,
+SIAM J. Numer. Anal. 35, 508): its Courant number is the wanted change over the residual, the residual being the change
+of the last step over its Courant number. Steps grow as the residual falls, and become those of Newton's method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import compat
+from ..arrays import Floats
+from ..errors import ConvergenceError
+from ..fluid import Fluid
+from .coupled_flow import CoupledFlow, bounded, relative_change
+from .fields import TurbulenceFields
+
+# Courant numbers of the first step, the smallest and the largest; factors from step to step at the most.
+FIRST, SMALLEST, LARGEST = 5.0, 1e-2, 1e8
+SHRINKS, GROWS = 0.1, 2.0
+# Wanted changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration.
+WANTED = 1.0, 0.1
+# Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many
+# last ones give the mean of the loads and its spread.
+MOST_ITERATIONS, STAGNANT = 150, 40
+MOST_FAILURES = 10
+
+
+@dataclass(frozen=True)
+class Continued:
+    """How a continuation ended.
+
+    changes: (n, 2) of flow and turbulence in each iteration, relative to the flow, and of logarithms
+    loads:   (m,) in the mean over the last iterations, of a flow that has not converged
+    spread:  largest difference of these loads from their mean, over its size; 0: converged
+    """
+
+    converged: bool
+    changes: tuple[tuple[float, float], ...]
+    loads: Floats | None = None
+    spread: float = 0.0
+
+
+def continued(
+    fluid: Fluid,
+    turbulence: TurbulenceFields,
+    tolerance: float,
+    loads: Callable[[], Floats] | None = None,
+    watch: Callable[[int, float], None] = lambda number, change: None,
+) -> Continued:
+    """Find the steady flow with its turbulence from their present states. Collective.
+
+    It has converged when flow and logarithms of the turbulence change by less than the tolerance in an iteration.
+    `loads` returns those on the grain, or on the bed (m,), in units of a force.
+
+    Raises:
+        ConvergenceError: the iteration diverges.
+    """
+    fluid.constraints.update(fluid.time)
+    compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+    turbulence.impose()
+    changes, seen = list[tuple[float, float]](), list[Floats]()
+    with CoupledFlow(fluid, turbulence) as system:
+        system.courant[:] = FIRST
+        while not _has_ended(changes):
+            changes.append(_step(system, fluid, turbulence))
+            watch(len(changes), max(changes[-1]))
+            turbulence.look()
+            if max(changes[-1]) <= tolerance:
+                return Continued(True, tuple(changes))
+            if loads is not None:
+                seen.append(loads())
+    last = np.array(seen[-STAGNANT:])
+    if not len(last):
+        return Continued(False, tuple(changes))
+    mean = last.mean(axis=0)
+    away = np.linalg.norm(last - mean, axis=1).max()
+    return Continued(False, tuple(changes), mean, float(away / np.linalg.norm(mean)))
+
+
+def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tuple[float, float]:
+    """Make a step, shorter where it has no solution, and choose the next one; by how much both change."""
+    for _ in range(MOST_FAILURES):
+        try:
+            of_flow, of_logarithms = system.correction()
+        except ConvergenceError:  # a matrix without factors
+            change = np.inf, np.inf
+        else:
+            change = relative_change(fluid, of_flow), turbulence.usual_change(of_logarithms)
+        if np.isfinite(sum(change)):
+            at_nodes = system.changes_of_cells(of_flow, of_logarithms, WANTED)
+            system.carry_out(*bounded(fluid, of_flow, of_logarithms))
+            factor = np.clip(1.0 / np.maximum(at_nodes, 1.0 / GROWS), SHRINKS, GROWS)
+            system.courant[:] = np.clip(factor * system.courant, SMALLEST, LARGEST)
+            return change
+        system.courant[:] *= SHRINKS
+    raise ConvergenceError(
+        f"the flow with {turbulence.names} diverges: use a smaller numerics.mesh_size or a longer domain"
+    )
+
+
+def _has_ended(changes: list[tuple[float, float]]) -> bool:
+    """Whether no steady flow is to be expected: of the last iterations none changed less than all before."""
+    if len(changes) <= STAGNANT:
+        return False
+    sizes = [max(one) for one in changes]
+    return len(sizes) >= MOST_ITERATIONS or min(sizes[-STAGNANT:]) >= min(sizes[:-STAGNANT])

@@ -1,0 +1,357 @@
+"""Both quantities of a turbulence model on a mesh: their unknowns, their equations, and one implicit step of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .. import compat
+from ..arrays import Floats
+from ..compat import petsc
+from ..errors import ConvergenceError
+from ..fluid import Fluid
+from ..fluid.solvers.direct import Direct
+from ..fluid.space import cell_size, size_along
+from ..forms import turbulence as forms
+from ..forms.k_omega_sst import KOmegaSST
+from ..mesh.domain import Domain
+from ..mesh.wall_distance import distances
+from ..parallel import Holder
+
+Values = Callable[[np.ndarray], np.ndarray]
+ORDER = 2
+FAR = 1e9  # distance where there are no walls
+MOST_CORRECTIONS = 20
+LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
+LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
+# Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
+CONTRACTION, SAME_RATE = 0.3, 0.3
+HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that the step is too long
+LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
+
+
+class TurbulenceFields(Holder):
+    """The logarithms of k and of a second quantity in Lagrange elements. Every method is collective.
+
+    Holds PETSc objects: use it as a context manager, or call `destroy`.
+
+    Args:
+        values: at the inflow, a function of places (3, n) that returns (2, n).
+        inflow: names of boundaries at which the logarithms are given.
+        walls: distances by names of boundaries that are walls, or have a wall a distance beyond them.
+        viscosity: of the molecules.
+        k_epsilon: the closure; None: the k-omega SST model.
+        order_of_flow: of the velocity, whose strain limits the eddy viscosity of the k-omega SST model.
+        least: k at which that model destroys no more of it.
+        in_layers: whether layers of thin cells lie along walls that are no planes.
+        order: of the elements of both logarithms.
+
+    Attributes:
+        state: function (2,) of the logarithms.
+        closure: what the model says in UFL, see `forms.turbulence.residual`.
+        form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
+    """
+
+    form: Any
+    of_molecules: Any
+
+    def __init__(
+        self,
+        domain: Domain,
+        values: Values,
+        inflow: Sequence[str] = (),
+        walls: Mapping[str, float] | None = None,
+        viscosity: float = 1.0,
+        k_epsilon: forms.KEpsilon | None = None,
+        order_of_flow: int = 2,
+        least: float = 0.0,
+        in_layers: bool = False,
+        order: int = ORDER,
+    ):
+        super().__init__(domain.comm)
+        self.domain, self.order, self._molecules = domain, order, viscosity
+        self.space = compat.space(domain.mesh, ("Lagrange", order), (2,))
+        self.state, self._before, self._older = (dolfinx.fem.Function(self.space) for _ in range(3))
+        self.rate = tuple(self.constant(0.0) for _ in range(3))
+        self._inflow, self._given = tuple(inflow), dolfinx.fem.Function(self.space)
+        self.conditions = self._at_inflow(values)
+        self.state.interpolate(values)
+        self._walls = {name: self.constant(away) for name, away in (walls or {}).items()}
+        self._in_layers = in_layers
+        self._distance = dolfinx.fem.Function(compat.space(domain.mesh, ("Lagrange", order)))
+        self._distance.x.array[:] = FAR
+        self._least = self.constant(least)
+        self.closure: Any = k_epsilon or KOmegaSST(self._distance, self._least)
+        self._seen = dolfinx.fem.Function(
+            compat.space(domain.mesh, ("Lagrange", order_of_flow), (domain.gdim,))
+        )
+        self._fluid: Fluid | None = None
+        self.follow()
+
+    @property
+    def names(self) -> str:
+        """Both quantities, in words."""
+        return f"k and {self.closure.second}"
+
+    def constant(self, value: float) -> Any:
+        """A number on the mesh that recompiles nothing."""
+        return dolfinx.fem.Constant(self.domain.mesh, PETSc.ScalarType(value))
+
+    def _at_inflow(self, values: Values) -> list[Any]:
+        """Dirichlet conditions on the logarithms."""
+        if not self._inflow:
+            return []
+        self._given.interpolate(values)
+        facets = np.concatenate([self.domain.facets_of(name) for name in self._inflow])
+        return [
+            dolfinx.fem.dirichletbc(self._given, compat.nodes_on(self.space, np.unique(facets)))
+        ]
+
+    def give(
+        self, values: Values, viscosity: float, walls: Mapping[str, float], least: float
+    ) -> None:
+        """Take other values at the inflow, and other walls, those of a flow of another viscosity."""
+        self._given.interpolate(values)
+        self._molecules, self._least.value = viscosity, least
+        for name, away in walls.items():
+            self._walls[name].value = away
+        self.follow()
+
+    def follow(self) -> None:
+        """Let distances from walls be those of the mesh where it is now."""
+        if not self._walls or not isinstance(self.closure, KOmegaSST):
+            return
+        places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
+        away = [
+            distances(self.domain, [name], places) + float(beyond.value)
+            for name, beyond in self._walls.items()
+        ]
+        self._distance.x.array[:] = np.min(away, axis=0)
+
+    # -- what the flow sees of it ------------------------------------------------------------------
+
+    def viscosity(self, of_molecules: Any) -> Any:
+        """The molecular and eddy viscosity, for `FlowModel.viscosity`, limited by the strain last looked at."""
+        stream = forms.Stream(self._seen, of_molecules, None)
+        return of_molecules + self.closure.eddy_viscosity(ufl.split(self.state), stream)
+
+    def shear_velocity(self) -> Any:
+        """u* of a logarithmic layer of this k, for `FlowModel.shear_velocity`."""
+        return forms.shear_velocity(ufl.split(self.state), self.closure)
+
+    def watch(self, fluid: Fluid) -> None:
+        """Take the flow by whose strain the eddy viscosity is limited."""
+        self._fluid = fluid
+        self.look()
+
+    def look(self) -> None:
+        """Take note of the flow as it is."""
+        if self._fluid is not None:
+            self._seen.interpolate(self._fluid.velocity)
+
+    def watching(self, form: Any, velocity: Any) -> Any:
+        """A form in which the eddy viscosity depends on a velocity (UFL) instead of the flow last looked at."""
+        return ufl.replace(form, {self._seen: velocity})
+
+    # -- a steady state, solved together with the flow ------------------------------------------------
+
+    def weights(self) -> Floats:
+        """(owned nodes,) the fraction of eddies in the viscosity, before strain limits it. Not collective."""
+        k, second = (
+            self.state.x.array[: 2 * self.space.dofmap.index_map.size_local].reshape(-1, 2).T
+        )
+        constant, of_k, of_second = self.closure.eddies
+        eddies = np.exp(np.clip(constant + of_k * k + of_second * second, -100.0, 100.0))
+        return np.asarray(eddies / (self._molecules + eddies))
+
+    def impose(self) -> None:
+        """Let the state be as it is given."""
+        compat.impose(self.state.x.array, self.conditions)
+        self.state.x.scatter_forward()
+        self._before.x.array[:] = self.state.x.array
+
+    def hold(self) -> None:
+        """Make ready for a correction in steady flow; what is taken from an earlier state goes half way to that of now.
+
+        All the way two states may take turns.
+        """
+        for one in self.rate:
+            one.value = 0.0
+        known = self._before.x.array
+        known += 0.5 * (self.state.x.array - known)
+
+    # -- its equations ------------------------------------------------------------------------------
+
+    def carried_by(
+        self, velocity: Any, of_molecules: Any, added: Any = (0, 0), carrier: Any = None
+    ) -> None:
+        """Compile the equations of the turbulence that a velocity carries and makes.
+
+        Arguments are UFL; `added` (2,) is what else makes both quantities, `carrier` the velocity less the mesh's, see
+        `forms.turbulence.Stream`.
+        """
+        mesh, unknowns, tests = (
+            self.domain.mesh,
+            ufl.split(self.state),
+            ufl.TestFunctions(self.space),
+        )
+        measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
+        states = (unknowns, ufl.split(self._before), ufl.split(self._older))
+        size = cell_size(mesh) / self.order
+        stream = forms.Stream(
+            velocity,
+            of_molecules,
+            measure,
+            size,
+            states[1],
+            added,
+            carrier,
+            self.rate[0],
+            self._reach,
+            self._across,
+            # In 3-D as many steps are needed without, and no more flows converge with it.
+            balanced=self._in_layers and self.domain.gdim == 2,
+        )
+        rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
+        self.form = self._equations(rate, tests, stream)
+        self.of_molecules = of_molecules
+        self.solver: Direct | None = None  # made at the first step in time
+        self.renew_factors()
+
+    def _make_solver(self) -> Direct:
+        """The solver of a step in time."""
+        self._residual = compat.form(self.form)
+        self._jacobian = compat.form(
+            ufl.derivative(self.form, self.state, ufl.TrialFunction(self.space))
+        )
+        self._matrix = self.holding(petsc.create_matrix(self._jacobian))
+        self._vector = self.holding(petsc.assemble_vector(self._residual))
+        self._correction = self.holding(self._vector.duplicate())
+        self._view = self.holding(compat.vec_view(self.state))
+        return self.holding(Direct(self._matrix))
+
+    @property
+    def _reach(self) -> Any:
+        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along streamlines.
+
+        Stretched cells grow away from walls faster than the logarithms allow if upwinded along streamlines alone.
+        """
+        if not self._in_layers:
+            return None
+        return lambda direction: size_along(self.domain.mesh, direction) / self.order
+
+    @property
+    def _across(self) -> Any:
+        """Square of the change from node to node by a slope, for `forms.turbulence.Stream`, in 3-D wakes.
+
+        Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
+        """
+        if self.domain.gdim == 2 or not self._in_layers:
+            return None
+        jacobian = ufl.Jacobian(self.domain.mesh)
+
+        def square(slope: Any) -> Any:
+            change = ufl.dot(slope, jacobian)
+            return ufl.inner(change, change) / self.order**2
+
+        return square
+
+    def _equations(self, rate: Any, tests: Any, stream: forms.Stream) -> Any:
+        """The residual of both equations in UFL, with the fluxes at walls."""
+        logarithms = ufl.split(self.state)
+        form = forms.residual(logarithms, rate, tests, stream, self.closure)
+        for name, away in self._walls.items():
+            flux = forms.at_walls(logarithms, tests, away, stream, self.closure)
+            form += flux * self.domain.measure(name)(metadata=stream.measure.metadata())
+        return form
+
+    def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:
+        """Set dK/dt = a0 K + a1 K(1) + a2 K(2), `past` being the states K(1) and K(2). Not collective."""
+        for constant, value in zip(self.rate, rate, strict=True):
+            constant.value = value
+        for function, values in zip((self._before, self._older), past, strict=False):
+            function.x.array[:] = values
+
+    def step(
+        self,
+        rate: Sequence[float],
+        past: Sequence[np.ndarray],
+        tolerance: float,
+        lasting: bool = False,
+    ) -> float:
+        """Solve for the state with dK/dt = a0 K + a1 K(1) + a2 K(2) from its present values; the last correction.
+
+        It is infinite if Newton's method does not converge. The size of a correction is the largest of a logarithm.
+        With `lasting` factors serve on, also those of steps before, while corrections with them shrink well.
+        """
+        self.solver = self.solver or self._make_solver()
+        fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
+        before = np.inf
+        self.discretise_time(rate, past)
+        for number in range(1, MOST_CORRECTIONS + 1):
+            size = self._correct(fresh)
+            if size <= tolerance:
+                return size
+            if not np.isfinite(size):
+                break
+            fresh, before = not lasting or size > CONTRACTION * before, size
+            if number >= HOPEFUL and size > TOO_LARGE:
+                break
+        self.renew_factors()
+        return float("inf")
+
+    def renew_factors(self) -> None:
+        """Request new factors at the next step. Not collective, but to be called on every rank."""
+        self._rate_of_factors = np.inf
+
+    def _correct(self, fresh: bool) -> float:
+        """One correction, with the matrix of the present state or the one before; its size, infinite if it fails."""
+        conditions = self.conditions
+        assert self.solver is not None
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, self._residual)
+        petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._view], -1.0)
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        petsc.set_bc(self._vector, conditions, self._view, -1.0)
+        if fresh:
+            self._matrix.zeroEntries()
+            petsc.assemble_matrix(self._matrix, self._jacobian, conditions)
+            self._matrix.assemble()
+            self._rate_of_factors = float(self.rate[0].value)
+        try:
+            self.solver.solve(self._vector, self._correction, LINEAR, fresh=fresh)
+        except ConvergenceError:  # a matrix that is singular, or not finite
+            return float("inf")
+        values = self._correction.array_r
+        size = self.largest(values)
+        part = min(1.0, LARGEST_CORRECTION / size) if np.isfinite(size) and size > 0.0 else 1.0
+        self.state.x.array[: len(values)] -= part * values
+        self.state.x.scatter_forward()
+        return size
+
+    def usual_change(self, values: np.ndarray) -> float:
+        """Root mean square of a change (owned unknowns,), by the weights of the nodes. Collective."""
+        sizes = np.where(np.isfinite(values), np.abs(values), np.inf)
+        if not np.isfinite(self.domain.comm.allreduce(sizes.sum())):
+            return float("inf")
+        weights = self.weights()
+        seen = np.repeat(weights, 2)[: len(sizes)] * np.minimum(sizes, LARGEST_SEEN)
+        total, count = (
+            self.domain.comm.allreduce(float((seen**2).sum())),
+            self.domain.comm.allreduce(float((weights**2).sum())),
+        )
+        return float(np.sqrt(0.5 * total / count))
+
+    # -- its values -----------------------------------------------------------------------------------
+
+    def largest(self, values: np.ndarray) -> float:
+        """The largest size of values over all ranks; infinite if one is no number."""
+        mine = float(np.abs(values).max(initial=0.0))
+        return float(self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX))
