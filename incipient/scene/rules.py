@@ -371,8 +371,9 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     (
         Rule("contact.friction", lambda s: _touches(s) and s.contact is None,
              "is missing, but the grain touches the bed while it moves", "add a section [contact] with a friction"),
-        Rule("contact.cohesion", lambda s: s.moves and s.contact is not None and s.contact.cohesion,
-             "is for a grain at rest but the grain moves", 'leave it out, or set body.motion = "fixed"'),
+        Rule("contact.cohesion",
+             lambda s: s.moves and not _touches(s) and s.contact is not None and s.contact.cohesion,
+             "but the grain moves and never touches the bed", "leave it out"),
         Rule("contact.kinetic_friction",
              lambda s: _touches(s) and (s.contact.kinetic_friction or 0.0) > s.contact.friction,
              "is {s.contact.kinetic_friction:g}, more than contact.friction = {s.contact.friction:g}",

@@ -91,6 +91,7 @@ class BedContact:
             contact.kinetic_friction,
             contact.restitution,
             contact.rolling_resistance,
+            contact.cohesion,
         )
         self.motion = ContactMotion(body, self._gaps, law, near.grain.size)
         self.course = Course()
