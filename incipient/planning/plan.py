@@ -14,7 +14,6 @@ from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
 from ..scene.units import nominal_diameter
-from ..setup.geometry import Geometry
 from ..setup.numbers import Numbers
 from ..setup.setup import Setup
 from . import doubts, effects
@@ -181,24 +180,24 @@ def _sought(setup: Setup) -> str:
 
 def _geometry_order(setup: Setup) -> int:
     """Straight cells where every boundary is straight, otherwise curved ones to match the velocity."""
-    scene, geometry = setup.scene, setup.geometry
+    scene = setup.scene
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
     if scene.has_surface:  # a wave is curved
         return GEOMETRY_ORDER[velocity_order(setup)[0] if scene.gdim == 2 else 2]
     if scene.gdim == 3:
-        return 1 if _has_flat_faces(geometry) else GEOMETRY_ORDER[2]
-    curves = list(geometry.grain.drawn()) if geometry.grain is not None else []
-    if geometry.bed is not None:
-        curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
+        return 1 if _has_flat_faces(scene) else GEOMETRY_ORDER[2]
+    curves = list(scene.grain.drawn()) if scene.grain is not None else []
+    if scene.bed_shape is not None:
+        curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
     # Cells in layers are of order two at most.
     order = 2 if setup.scene.resolves_walls else velocity_order(setup)[0]
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[order]
 
 
-def _has_flat_faces(geometry: Geometry) -> bool:
+def _has_flat_faces(scene: Scene) -> bool:
     """Whether every boundary of a 3-D geometry is made of planes."""
-    grain, bed = geometry.grain, geometry.bed
+    grain, bed = scene.grain, scene.bed_shape
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
     return level and (grain is None or sharp or isinstance(grain, Triangulated))
@@ -218,7 +217,7 @@ def datum_of(setup: Setup) -> Datum | None:
 
 
 def _words(setup: Setup, level: float | str) -> str:
-    bed, scene = setup.geometry.bed, setup.scene
+    bed, scene = setup.scene.bed_shape, setup.scene
     assert bed is not None
     if setup.base_flow.effective:
         height = setup.base_flow.effective_height

@@ -62,7 +62,7 @@ class Numbers:
 
 def numbers_of(setup: Setup) -> Numbers:
     """The scene's dimensionless numbers. Not collective."""
-    scene, base_flow, grain = setup.scene, setup.base_flow, setup.geometry.grain
+    scene, base_flow, grain = setup.scene, setup.base_flow, setup.scene.grain
     viscosity, height = base_flow.viscosity, base_flow.domain.height
     reynolds = strouhal = ratio = stokes = froude = of_shear = shields = None
     velocity, period = base_flow.mean_speed, time_of_change(base_flow, scene.time)
@@ -106,7 +106,7 @@ def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
 
 def speed_past_grain(setup: Setup) -> float:
     """The largest speed of the base flow over the grain's height."""
-    grain, placement, base_flow = setup.geometry.grain, setup.geometry.placement, setup.base_flow
+    grain, placement, base_flow = setup.scene.grain, setup.scene.placement, setup.base_flow
     assert grain is not None and placement is not None
     heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(
         -1.0, 1.0, SAMPLES
@@ -120,7 +120,7 @@ def speed_past_grain(setup: Setup) -> float:
 
 def _own_speed(setup: Setup) -> float:
     """Estimated speed of the grain itself: prescribed, initial, or settling (Stokes, capped by free fall)."""
-    scene, size = setup.scene, setup.geometry.grain.size
+    scene, size = setup.scene, setup.scene.grain.size
     body = scene.body
     if body is None or not body.moves:
         return 0.0
@@ -154,18 +154,18 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
 
 def wall_distance(setup: Setup) -> float:
     """Distance [grain sizes] from the grain to the next wall above or below; without one the height of the domain."""
-    geometry, base_flow = setup.geometry, setup.base_flow
-    placement, domain, top = geometry.placement, geometry.domain, geometry.top
+    scene, base_flow = setup.scene, setup.base_flow
+    placement, domain, top = scene.placement, scene.domain, scene.top
     assert placement is not None
-    if geometry.rests:
+    if scene.rests:
         return 0.0
-    y, distances = placement.centre[geometry.up], [domain.height]
+    y, distances = placement.centre[scene.up], [domain.height]
     bounded = domain.kind == "box" or top == "wall" or base_flow.flow.wall_below
-    if geometry.bed is not None or bounded:
+    if scene.bed_shape is not None or bounded:
         distances.append(y - base_flow.datum)
     if top == "wall":
         distances.append(domain.ceiling - y)
-    return max(min(distances) / geometry.grain.size - 0.5, 0.0)
+    return max(min(distances) / scene.grain.size - 0.5, 0.0)
 
 
 def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:

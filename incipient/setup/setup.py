@@ -30,22 +30,7 @@ class Setup:
     @cached_property
     def geometry(self) -> Geometry:
         """Grain and bed in the domain."""
-        scene = self.scene
-        return Geometry(
-            domain=scene.domain,
-            grain=scene.grain,
-            bed=scene.bed_shape,
-            placement=scene.placement,
-            rests=scene.rests,
-            moves=scene.moves,
-            touches=scene.body is not None and scene.body.touches,
-            gap=scene.contact_gap,
-            tolerance=scene.contact_tolerance,
-            top=scene.top,
-            sides=scene.sides,
-            symmetric=self.symmetric,
-            meshed_bed=scene.numerics.meshed_bed,
-        )
+        return Geometry(self.scene, self.symmetric)
 
     @cached_property
     def symmetric(self) -> bool:
@@ -94,15 +79,15 @@ class Setup:
         """Walls of a mean flow, and the inflow between them."""
         from ..turbulence.walls import walls_of
 
-        datum = 0.0 if self.geometry.gdim == 2 else self.base_flow.datum
+        datum = 0.0 if self.scene.gdim == 2 else self.base_flow.datum
         ground = self.geometry.height_at_inflow(datum)
-        return walls_of(self.geometry, self.base_flow, self.sides, ground, self.turbulence)
+        return walls_of(self.scene, self.base_flow, self.sides, ground, self.turbulence)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
         """Names of the sides to which fluid below a free surface sticks, and where its elevation stays."""
         ends = (self.sides.left, self.sides.right) if self.surface.ends == "no-slip" else ()
-        return ends if self.geometry.sides == "slip" else (*ends, *self.sides.across)
+        return ends if self.scene.sides == "slip" else (*ends, *self.sides.across)
 
     @cached_property
     def ceiling(self) -> float:
@@ -112,7 +97,7 @@ class Setup:
     @cached_property
     def surroundings(self) -> Surroundings:
         """The boundaries that the grain may meet."""
-        return surroundings_of(self.geometry, self.sides, self.ceiling, self.scene.has_surface)
+        return surroundings_of(self.scene, self.sides, self.ceiling)
 
     def faster(self, factor: float) -> Setup:
         """Makes the setup of a flow faster by a factor at the same viscosity, in units of that flow."""
