@@ -59,7 +59,7 @@ def _near_critical(setup: Setup) -> Iterator[str]:
     low, high = NEAR_CRITICAL
     if not setup.scene.has_surface or setup.scene.domain.kind != "channel":
         return
-    if low <= (number := setup.froude) <= high:
+    if low <= (number := setup.numbers.froude or 0.0) <= high:
         yield (
             f"the Froude number, {number:.3g}, is between {low:g} and {high:g}: long waves hardly leave near-critical "
             "flow, so that its level depends on the ends and on the length of the run; compare with a larger "

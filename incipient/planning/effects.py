@@ -221,7 +221,8 @@ def _ends(setup: Setup) -> str:
         return ""
     from ..setup.waves import wave_of
 
-    surface, number, wave = setup.surface, setup.froude, wave_of(setup)
+    surface, wave = setup.surface, wave_of(setup)
+    number = setup.numbers.froude or 0.0
     text = f"; Froude number {number:.2g}" if number else ""
     text += f"; the level is {'the still one' if number >= 1.0 else 'free'} at the inflow, "
     beyond = "that of the still fluid beyond the outflow"

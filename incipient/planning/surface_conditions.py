@@ -77,7 +77,9 @@ def ends(setup: Setup) -> list[Condition]:
         along, coming = (lambda x, t: base_flow.entering(x, t)[0]), None
     else:
         along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
-    entering = Entering(setup.sides.left, 0, along, level, setup.froude >= 1.0, coming)
+    entering = Entering(
+        setup.sides.left, 0, along, level, (setup.numbers.froude or 0.0) >= 1.0, coming
+    )
     right = setup.sides.right
     return [entering, Open(right) if setup.surface.outflow == "open" else Slip(right, axis=0)]
 

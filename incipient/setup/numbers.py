@@ -32,7 +32,9 @@ class Numbers:
     density_ratio: float | None  # density of a free or weighing grain over the fluid's
     # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
     stokes: float | None
-    froude: float | None  # reference velocity over sqrt(g height)
+    froude: (
+        float | None
+    )  # mean velocity over sqrt(g depth), g across the bed, the depth from the datum
     # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
     shear_reynolds: float | None = None
     shields: float | None = (
@@ -70,14 +72,15 @@ def numbers_of(setup: Setup) -> Numbers:
         speed = max(speed_past_grain(setup), _own_speed(setup))
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
-        if setup.has_bed_stress and not scene.flow.changes:
+        if scene.bed is not None and scene.flow.stresses_bed and not scene.flow.changes:
             stress = setup.bed_stress()
             of_shear = math.sqrt(stress) * grain.size / viscosity
             weighs = scene.density is not None and scene.density > 1.0 and scene.gravity is not None
             shields = stress / setup.stress_unit if weighs and setup.stress_unit > 0.0 else None
         strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
-    if acceleration := float(abs(scene.gravity_vector).max()):
-        froude = velocity / math.sqrt(acceleration * height)
+    gravity = float(abs(scene.gravity_vector[scene.up]))
+    if gravity and not scene.flow.at_rest:
+        froude = velocity / math.sqrt(gravity * base_flow.depth)
     # The reference velocity of shear is that over the reference length.
     velocity *= scene.flow.reference_velocity(height) / scene.reference_velocity
     flow = 0.0 if scene.flow.at_rest else velocity * height / viscosity

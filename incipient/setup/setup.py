@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -106,24 +105,11 @@ class Setup:
         return Setup(Scene(**{**plain, "units": None}))
 
     @property
-    def froude(self) -> float:
-        """V/sqrt(g H) of the base flow, g across the bed and H from the datum to the still level; zero at rest."""
-        gravity = float(abs(self.scene.gravity_vector[self.scene.up]))
-        if self.scene.flow.at_rest or gravity == 0.0:
-            return 0.0
-        return self.base_flow.reference / math.sqrt(gravity * self.base_flow.depth)
-
-    @property
     def stress_unit(self) -> float:
         """(rho_s - rho_f) g d, by which the stress on the bed is divided for a Shields number."""
         scene = self.scene
         assert scene.grain is not None and scene.gravity is not None and scene.density is not None
         return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
-
-    @property
-    def has_bed_stress(self) -> bool:
-        """Whether the base flow exerts a stress on a bed, which Shields numbers have."""
-        return self.scene.bed is not None and self.scene.flow.stresses_bed
 
     def bed_stress(self, speed: float = 1.0) -> float:
         """Shear stress at the datum of a base flow `speed` times the scene's, in scene units with fluid density one.
