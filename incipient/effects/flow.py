@@ -81,7 +81,7 @@ class UnsteadinessEffect(Effect):
         """The time derivative, and the form of unsteady convection."""
         if not unsteady:
             return model
-        driven = setup.base_flow.driven(setup.geometry.grain)
+        driven = setup.base_flow.driven(setup.scene.grain)
         return replace(model, unsteady=True, convection=plan.convection, driven=driven)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:

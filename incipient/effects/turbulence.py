@@ -108,7 +108,7 @@ def slowest_flow(setup: Setup) -> SlowestFlow | None:
     walls = setup.walls
     slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
     start, expected = 0.0, ""
-    if setup.geometry.gdim == 3:
+    if setup.scene.gdim == 3:
         start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
     return SlowestFlow(slowest, "looked at", BY_SWEEP, start, expected)
 
@@ -121,7 +121,7 @@ def threshold_needs(setup: Setup) -> Iterator[str]:
 
 def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     """What flow a threshold, so many times the scene's, is for, and whether that can be laminar. Not collective."""
-    plane = " in 2-D" if setup.geometry.gdim == 2 else ""
+    plane = " in 2-D" if setup.scene.gdim == 2 else ""
     about = TURBULENT if setup.is_averaged else LAMINAR
     yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
     if found := transition(setup, factor):

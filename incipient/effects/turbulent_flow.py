@@ -125,7 +125,7 @@ class TurbulentFlow(RunPart):
 
     def _loads(self, run: Solving) -> Callable[[], Floats]:
         """A function that returns force and torque over the grain's size, (6,), or else the force on the bed, (3,)."""
-        grain, probe = self._of_run.geometry.grain, run.probe
+        grain, probe = self._of_run.scene.grain, run.probe
         if probe is None or grain is None:
             on_bed = TractionProbe(self._fluid, self._setup.walls.names[0], (0.0, 0.0, 0.0))
             return lambda: on_bed.resultant().force
@@ -140,7 +140,7 @@ class TurbulentFlow(RunPart):
 
     def mean_load(self) -> tuple[Floats, Floats] | None:
         """Force and torque (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
-        grain, found = self._of_run.geometry.grain, self.continued
+        grain, found = self._of_run.scene.grain, self.continued
         if found is None or found.converged or found.loads is None or grain is None:
             return None
         return found.loads[:3], grain.size * found.loads[3:]

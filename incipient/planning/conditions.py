@@ -60,9 +60,9 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked
 
 def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
     """The condition below: a wall at rest, or part of the base flow where there is none."""
-    bottom, geometry = setup.sides.bottom, setup.geometry
-    wall = geometry.domain.kind == "box" or geometry.top in ("wall", "free-surface")
-    wall = wall or setup.scene.flow.wall_below or geometry.bed is not None
+    bottom, scene = setup.sides.bottom, setup.scene
+    wall = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
+    wall = wall or scene.flow.wall_below or scene.bed_shape is not None
     if "below" in of_surface:
         yield from ((FREE, one) for one in of_surface["below"])
     elif wall:
@@ -73,12 +73,12 @@ def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
 
 def _above(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
     """The condition on top: of a free surface, a lid, a wall, or the base flow."""
-    top, geometry = setup.sides.top, setup.geometry
+    top, scene = setup.sides.top, setup.scene
     if "above" in of_surface:
         yield from ((FREE, one) for one in of_surface["above"])
-    elif geometry.top in ("slip", "free-surface"):
-        yield FREE, Slip(top, axis=geometry.up)
-    elif geometry.top == "wall" and not setup.scene.flow.moves_top:
+    elif scene.top in ("slip", "free-surface"):
+        yield FREE, Slip(top, axis=scene.up)
+    elif scene.top == "wall" and not scene.flow.moves_top:
         yield WALL, no_slip(top)
     else:
         yield ABOVE, Prescribed(top, velocity)
@@ -87,27 +87,27 @@ def _above(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
 def _across(setup: Setup, velocity: Velocity) -> Ranked:
     """Conditions on the sides, in 3-D."""
     for name in setup.sides.across:
-        if setup.geometry.sides == "slip":
+        if setup.scene.sides == "slip":
             yield FREE, Slip(name, axis=1)
-        elif setup.geometry.sides == "wall":
+        elif setup.scene.sides == "wall":
             yield WALL, no_slip(name)
         else:
             yield SIDES, Prescribed(name, velocity)
-    if setup.geometry.symmetric:
+    if setup.symmetric:
         yield FREE, Slip(SYMMETRY, axis=1)
 
 
 def _on_grain(setup: Setup, held: bool) -> Ranked:
-    geometry, body = setup.geometry, setup.scene.body
-    if geometry.moves and held:
+    scene, body = setup.scene, setup.scene.body
+    if scene.moves and held:
         from ..setup.body import velocity_at_first
 
-        assert body is not None and geometry.placement is not None
+        assert body is not None and scene.placement is not None
         yield (
             FREE,
-            Prescribed("body", velocity_at_first(body, geometry.placement, geometry.symmetric)),
+            Prescribed("body", velocity_at_first(body, scene.placement, setup.symmetric)),
         )
-    elif geometry.moves:
+    elif scene.moves:
         yield FREE, Carried("body")
-    elif geometry.grain is not None:
+    elif scene.grain is not None:
         yield WALL, no_slip("body")

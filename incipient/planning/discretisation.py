@@ -121,7 +121,7 @@ def _stretches_cells(setup: Setup) -> bool:
     if not setup.is_averaged or not setup.walls.is_resolved:
         return False
     walls = setup.walls
-    return walls.plane or (bool(walls.asked.profile) and setup.geometry.grain is None)
+    return walls.plane or (bool(walls.asked.profile) and setup.scene.grain is None)
 
 
 def upwinds(setup: Setup) -> bool:
@@ -155,7 +155,7 @@ def cell_reynolds(setup: Setup) -> float:
 def largest_peclet(setup: Setup) -> float:
     """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow."""
     cells, base_flow = far_cells(setup), setup.base_flow
-    points = setup.geometry.domain.grid(PLACES, PLACES, PLACES).T
+    points = setup.scene.domain.grid(PLACES, PLACES, PLACES).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
     size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
     return 0.5 * fastest * size / float(base_flow.viscosity)

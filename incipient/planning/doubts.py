@@ -33,7 +33,7 @@ def _gap(setup: Setup) -> Iterator[str]:
         )
     if body.motion != "released":
         return
-    begins, kept = setup.geometry.stance.gap, gap * setup.geometry.grain.size
+    begins, kept = setup.geometry.stance.gap, gap * setup.scene.grain.size
     if begins < NEARER * kept:
         yield (
             f"the grain begins {begins:.3g} from its bed, nearer than its gap of {kept:.3g}, which the first step "
@@ -43,10 +43,10 @@ def _gap(setup: Setup) -> Iterator[str]:
 
 def _near_inflow(setup: Setup) -> Iterator[str]:
     """A grain near the inflow, where the velocity is prescribed."""
-    placement, domain = setup.geometry.placement, setup.scene.domain
+    placement, domain = setup.scene.placement, setup.scene.domain
     if placement is None or domain.kind == "box" or setup.scene.flow.at_rest:
         return
-    away = (placement.centre[0] - domain.left) / setup.geometry.grain.size - 0.5
+    away = (placement.centre[0] - domain.left) / setup.scene.grain.size - 0.5
     if away < FREE_OF_INFLOW:
         yield (
             f"the grain is {max(away, 0.0):.2g} of its size from the inflow, where the velocity is prescribed: that "
@@ -59,7 +59,7 @@ def _near_critical(setup: Setup) -> Iterator[str]:
     low, high = NEAR_CRITICAL
     if not setup.scene.has_surface or setup.scene.domain.kind != "channel":
         return
-    if low <= (number := setup.froude) <= high:
+    if low <= (number := setup.numbers.froude or 0.0) <= high:
         yield (
             f"the Froude number, {number:.3g}, is between {low:g} and {high:g}: long waves hardly leave near-critical "
             "flow, so that its level depends on the ends and on the length of the run; compare with a larger "
@@ -71,8 +71,8 @@ def _turbulence(setup: Setup) -> Iterator[str]:
     """What is to be known of the model and of the walls in a scene."""
     if not setup.is_averaged:
         return
-    walls, geometry = setup.walls, setup.geometry
-    grain, bed, thick = geometry.grain, geometry.bed, walls.distance("body")
+    walls, scene = setup.walls, setup.scene
+    grain, bed, thick = scene.grain, scene.bed_shape, walls.distance("body")
     if not walls.is_resolved and grain is not None:
         if (share := thick / grain.size) > THICK:
             yield (
@@ -80,7 +80,7 @@ def _turbulence(setup: Setup) -> Iterator[str]:
                 f"is {100 * share:.0f}% of it; it is thin up to {100 * THICK:.0f}%"
             )
         yield from _narrow_gap(setup)
-        if geometry.gdim == 3:
+        if scene.gdim == 3:
             yield from _coarse(setup)
     if setup.turbulence.model == "k-epsilon" and grain is not None:
         yield (
@@ -94,7 +94,7 @@ def _turbulence(setup: Setup) -> Iterator[str]:
             f"smallest length of its forms, {bed.feature:.3g}: the model assumes that it is small compared with them, "
             f"as it is up to {100 * SMALL:.0f}%"
         )
-    if grain is not None and walls.roughness > (gap := geometry.stance.gap):
+    if grain is not None and walls.roughness > (gap := setup.geometry.stance.gap):
         yield (
             f"the roughness of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: flow "
             "in the gap is not resolved, since the model assumes a roughness smaller than all meshed lengths"
@@ -117,7 +117,7 @@ def _coarse(setup: Setup) -> Iterator[str]:
 
     asked, walls = setup.scene.numerics.mesh_size, setup.walls
     size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * asked
-    if (across := setup.geometry.grain.size / size) < FEWEST_ACROSS:
+    if (across := setup.scene.grain.size / size) < FEWEST_ACROSS:
         yield (
             f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
             f"quarter off; use numerics.mesh_size = {asked * across / FEWEST_ACROSS:.2g} or less"
@@ -126,11 +126,11 @@ def _coarse(setup: Setup) -> Iterator[str]:
 
 def _narrow_gap(setup: Setup) -> Iterator[str]:
     """Warn of narrow gaps: the law of each wall ignores the other, and friction in the gap is too small."""
-    body, placement = setup.scene.body, setup.geometry.placement
+    body, placement = setup.scene.body, setup.scene.placement
     if body is None or body.centre is None or body.moves or placement is None:
         return
     nearest, least = setup.surroundings.clearance(placement), 2.0 * setup.walls.distance("body")
-    lid = setup.sides.top if setup.geometry.top != "wall" else ""
+    lid = setup.sides.top if setup.scene.top != "wall" else ""
     open_sides = (setup.sides.right, setup.sides.left, lid, *setup.sides.across)
     if nearest.other in open_sides or nearest.distance >= least:
         return

@@ -16,6 +16,7 @@ from ..scene import Numerics
 from ..scene.grains import FRICTIONLESS, LEVEL
 from ..scene.settling import DEFAULT_FRICTION
 from ..scene.symmetry import differences
+from ..setup.base_flow import LogLawFlow
 from ..setup.numbers import Numbers, time_of_change, wall_distance
 from ..setup.setup import Setup
 from .transition import REMEDY, transition, turbulent_from
@@ -166,7 +167,7 @@ def _of_changes(setup: Setup) -> float | None:
     Here a is the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids 26, 883; the history
     force is that in a flow that oscillates: one that grows steadily for a time T has 2/sqrt(pi) times as much).
     """
-    base_flow, grain = setup.base_flow, setup.geometry.grain
+    base_flow, grain = setup.base_flow, setup.scene.grain
     period = time_of_change(base_flow, setup.scene.time)
     if period is None or grain is None:
         return None
@@ -220,7 +221,8 @@ def _ends(setup: Setup) -> str:
         return ""
     from ..setup.waves import wave_of
 
-    surface, number, wave = setup.surface, setup.froude, wave_of(setup)
+    surface, wave = setup.surface, wave_of(setup)
+    number = setup.numbers.froude or 0.0
     text = f"; Froude number {number:.2g}" if number else ""
     text += f"; the level is {'the still one' if number >= 1.0 else 'free'} at the inflow, "
     beyond = "that of the still fluid beyond the outflow"
@@ -254,7 +256,7 @@ def turbulent(setup: Setup) -> Decision:
         return Decision(name, True, reason, True)
     off, reynolds = scene.effects.turbulence is False, setup.numbers.flow_reynolds
     reason = "effects.turbulence = false" if off else "only with effects.turbulence = true"
-    if scene.flow.kind == "log-law":
+    if isinstance(setup.base_flow, LogLawFlow):
         reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
         if reynolds < (least := turbulent_from(scene.flow)):
             reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {least:g}"

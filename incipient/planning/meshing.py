@@ -13,6 +13,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve, Line
 from ..meshes import Away, Grid, Near, Region, Sizes, graded_ends
+from ..scene import Scene
 from ..setup.geometry import Geometry, Stance, point
 from ..setup.numbers import time_of_change
 from ..setup.setup import Setup
@@ -42,7 +43,7 @@ GRID_GRADING = 0.05  # of the cells of an empty box: spacing at walls over that 
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
-    scene, geometry, order = setup.scene, setup.geometry, plan.order
+    scene, order = setup.scene, plan.order
     common = partial(Layout, geometry_order=plan.geometry_order, max_cells=scene.numerics.max_cells)
     if setup.is_averaged and setup.walls.plane:
         from .wall_cells import channel_grid
@@ -51,9 +52,9 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     if scene.is_empty_box:
         cell = plan.mesh_size * far_cells(setup).largest
         return common(shape=_box(setup, cell), sizes=Sizes(1.0))
-    closing = geometry.closing if scene.closes_contacts and moved is None else None
+    closing = setup.geometry.closing if scene.closes_contacts and moved is None else None
     stance = _stance(setup, moved) if closing is None else _closed(setup, closing)
-    if geometry.gdim == 3:
+    if scene.gdim == 3:
         shape: Any = in_space.region(setup, stance.placement)
         sizes = in_space.sizes(setup, order, stance)
     else:
@@ -65,7 +66,7 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
 
 def _closed(setup: Setup, closing: Closing) -> Stance:
     """The resting grain, whose gap is the width up to which the space next to its contacts is closed."""
-    resting = setup.geometry.placement
+    resting = setup.scene.placement
     return Stance(resting, resting, closing.width, (closing.left.start, closing.left.end))
 
 
@@ -73,7 +74,7 @@ def _region(
     setup: Setup, placement: Placement | None, closing: Closing | None
 ) -> tuple[Region, tuple[Curve, ...]]:
     """The 2-D region that is meshed, and the outline of the grain in it."""
-    geometry, domain = setup.geometry, setup.geometry.domain
+    scene, domain = setup.scene, setup.scene.domain
     reaches: tuple[tuple[float, float], ...] = ((domain.left, domain.right),)
     outline: tuple[Curve, ...] = ()
     holes, standing = dict[str, tuple[Curve, ...]](), dict[str, tuple[Curve, ...]]()
@@ -84,18 +85,18 @@ def _region(
             name: (line,) for name, line in zip(CLOSED, lines, strict=True)
         }
     elif placement is not None:
-        outline = tuple(curve.moved(placement) for curve in geometry.grain.drawn())
+        outline = tuple(curve.moved(placement) for curve in scene.grain.drawn())
         holes = {"body": outline}
     bottom: tuple[Curve, ...] = (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
-    if geometry.bed is not None:
-        bottom = tuple(curve for reach in reaches for curve in geometry.bed.curves(*reach))
+    if scene.bed_shape is not None:
+        bottom = tuple(curve for reach in reaches for curve in scene.bed_shape.curves(*reach))
     return Region(bottom, setup.ceiling, holes, setup.sides.around, standing), outline
 
 
 def _stance(setup: Setup, moved: Placement | None) -> Stance:
     """The grain's placement, in the scene or after it has `moved`, and its nearest boundary."""
     stance = setup.geometry.stance if moved is None else Stance(moved, moved)
-    if not setup.geometry.moves or stance.placement is None:
+    if not setup.scene.moves or stance.placement is None:
         return stance
     near = setup.surroundings.clearance(stance.placement)
     ends = setup.geometry.halved(near.on_grain), setup.geometry.halved(near.on_other)
@@ -110,24 +111,24 @@ def _sizes(
     closing: Closing | None,
 ) -> Sizes:
     """Cell sizes in 2-D for mesh_size = 1: where they are smaller than away from everything."""
-    geometry, domain, layers = setup.geometry, setup.geometry.domain, None
+    scene, domain, layers = setup.scene, setup.scene.domain, None
     far = FAR_CELL[order] * domain.height
     open_gap = stance if closing is None else Stance(stance.resting, stance.placement)
     near = [
-        *_along_grain(geometry, order, outline, open_gap),
-        *_along_bed(geometry, order, stance, setup.is_averaged),
+        *_along_grain(setup.geometry, order, outline, open_gap),
+        *_along_bed(scene, order, stance),
     ]
     if math.isfinite(layer := setup.base_flow.layer):
         near.append(Near(PROFILE_CELL[order] * layer, GROWTH, boundary=setup.sides.bottom))
     if setup.is_averaged:
         from . import wall_cells
 
-        placement = stance.placement if geometry.moves else geometry.placement
+        placement = stance.placement if scene.moves else scene.placement
         near.extend(wall_cells.cells(setup, order, placement))
         layers = wall_cells.layers(setup, order, math.inf)
-    if setup.scene.flow.by_formulas:
+    if scene.flow.by_formulas:
         near.extend(_at_inflow(setup, order))
-    if setup.scene.flow.moves_top:
+    if scene.flow.moves_top:
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
         near.append(Near(0.1 * FAR_CELL[order] * domain.height, GROWTH, points=upper))
     if closing is not None:
@@ -142,9 +143,10 @@ def _along_grain(
     geometry: Geometry, order: int, outline: tuple[Curve, ...], stance: Stance
 ) -> list[Near]:
     """Cells at the grain, at its corners, and in a narrow gap between it and what is next to it."""
-    if geometry.grain is None:
+    grain = geometry.scene.grain
+    if grain is None:
         return []
-    size = GRAIN_CELL[order] * geometry.grain.size
+    size = GRAIN_CELL[order] * grain.size
     near = [Near(size, GROWTH, boundary="body")]
     if sharp := corners(outline, outline[1:] + outline[:1]):
         near.append(Near(CORNER_CELL * size, GROWTH, points=sharp))
@@ -154,21 +156,21 @@ def _along_grain(
     return near
 
 
-def _along_bed(geometry: Geometry, order: int, stance: Stance, layered: bool) -> list[Near]:
+def _along_bed(scene: Scene, order: int, stance: Stance) -> list[Near]:
     """Cells along a bed with forms."""
-    bed = geometry.bed
+    bed = scene.bed_shape
     if bed is None or not np.isfinite(bed.feature):
         return []
     away = None
     # With wall layers the drag of the forms makes the flow, and they are meshed alike all along.
-    if stance.placement is not None and not layered:
+    if stance.placement is not None and not scene.is_averaged:
         away = Away(point(stance.placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
     return [Near(BED_CELL[order] * bed.feature, GROWTH, boundary="bed", away=away)]
 
 
 def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
     """Cells at the inflow where a formula for the velocity changes within one of the usual size, as at a kink."""
-    domain, scene = setup.geometry.domain, setup.scene
+    domain, scene = setup.scene.domain, setup.scene
     low, high = setup.ceiling - setup.base_flow.depth, setup.ceiling
     times = np.linspace(0.0, scene.time.end, INFLOW_SAMPLES) if scene.time is not None else [0.0]
 
@@ -196,9 +198,9 @@ def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
 
 def _box(setup: Setup, cell: float) -> Grid:
     """The grid of an empty box, with cells of a size."""
-    domain = setup.geometry.domain
-    if setup.geometry.gdim == 3:
-        return in_space.box_grid(setup.geometry, setup.sides, cell)
+    domain = setup.scene.domain
+    if setup.scene.gdim == 3:
+        return in_space.box_grid(setup, cell)
     sides = (domain.length, domain.height)
     ends = tuple(graded_ends(max(FEWEST[2], round(side / cell)), GRID_GRADING) for side in sides)
     extents = (domain.left, domain.right), (domain.bottom, domain.ceiling)
@@ -211,7 +213,7 @@ def is_resolved(setup: Setup) -> bool:
     The layer has the thickness sqrt(nu t): t is the time since the start or, where they are shorter, the times in which
     the flow changes or passes the grain. Of higher orders as many nodes are within it.
     """
-    scene, grain, viscosity = setup.scene, setup.geometry.grain, setup.base_flow.viscosity
+    scene, grain, viscosity = setup.scene, setup.scene.grain, setup.base_flow.viscosity
     if scene.time is None or grain is None:
         return True
     reynolds, change = setup.numbers.grain_reynolds, time_of_change(setup.base_flow, scene.time)

@@ -9,7 +9,7 @@ from ..geometry.placement import Placement
 from ..geometry.space.beds import Plane, Terrain
 from ..geometry.space.grains import Box
 from ..meshes import Away, Grid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
-from ..setup.geometry import Geometry, SideNames, Stance, point
+from ..setup.geometry import Geometry, Stance, point
 from ..setup.numbers import speed_past_grain
 from ..setup.setup import Setup
 from .cells import FEWEST, layer_ends
@@ -33,54 +33,53 @@ BED_LARGEST = (
 )
 
 
-def box_grid(geometry: Geometry, names: SideNames, cell: float) -> Grid:
+def box_grid(setup: Setup, cell: float) -> Grid:
     """The grid of an empty box with cells of a size on average, finer next to its walls; half of it if symmetric."""
-    domain, half = geometry.domain, geometry.symmetric
-    extents = ((domain.left, domain.right), geometry.half, (domain.bottom, domain.ceiling))
+    scene, domain, half = setup.scene, setup.scene.domain, setup.symmetric
+    extents = ((domain.left, domain.right), setup.geometry.half, (domain.bottom, domain.ceiling))
     counts = [max(FEWEST[3], round((high - low) / cell)) for low, high in extents]
-    gradings = (GRID_GRADING, GRID_GRADING if geometry.walled else 1.0, GRID_GRADING)
+    gradings = (GRID_GRADING, GRID_GRADING if scene.sides == "wall" else 1.0, GRID_GRADING)
     ends = (
         layer_ends(n, grading, half and axis == 1)
         for axis, (n, grading) in enumerate(zip(counts, gradings, strict=True))
     )
-    return Grid(extents, (*ends,), names.of_box(half), half)
+    return Grid(extents, (*ends,), setup.sides.of_box(half), half)
 
 
 def region(setup: Setup, placement: Placement | None) -> SolidRegion:
     """The meshed geometry: the domain above the bed, less the placed grain."""
-    geometry, names = setup.geometry, setup.sides
-    domain = geometry.domain
+    scene, names, domain = setup.scene, setup.sides, setup.scene.domain
     return SolidRegion(
         x=(domain.left, domain.right),
         y=domain.across,
         ceiling=setup.ceiling,
-        bed=geometry.bed or Plane(origin_z=domain.bottom),
-        holes={} if placement is None else {"body": PlacedSolid(geometry.grain, placement)},
+        bed=scene.bed_shape or Plane(origin_z=domain.bottom),
+        holes={} if placement is None else {"body": PlacedSolid(scene.grain, placement)},
         sides=(names.left, names.right, "right", "left", names.top, names.bottom),
-        symmetric=geometry.symmetric,
+        symmetric=setup.symmetric,
         resolved=_meshed(setup, placement),
     )
 
 
 def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
     """The region where the bed is resolved; None: everywhere, as for a moving grain."""
-    if setup.geometry.moves:
+    if setup.scene.moves:
         return None
     return setup.geometry.resolved_bed(placement, setup.base_flow.datum)
 
 
 def cut_at_inflow(setup: Setup) -> bool:
     """Whether the inflow cuts bedforms, which are meshed there. Not collective."""
-    geometry, placement = setup.geometry, setup.geometry.placement
+    scene, placement = setup.scene, setup.scene.placement
     if (
-        geometry.gdim == 2
-        or geometry.bed is None
+        scene.gdim == 2
+        or scene.bed_shape is None
         or placement is None
-        or not np.isfinite(geometry.bed.feature)
+        or not np.isfinite(scene.bed_shape.feature)
     ):
         return False
     meshed = _meshed(setup, placement)
-    nearest = np.array([[geometry.domain.left, placement.centre[1]]])
+    nearest = np.array([[scene.domain.left, placement.centre[1]]])
     return meshed is None or bool(meshed.share(nearest)[0] < 1.0)
 
 
@@ -89,14 +88,14 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     layer = thinner(setup)
     near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup, order, stance)]
     if layer < 1.0:
-        near.extend(_in_wake(setup, setup.geometry.placement))
+        near.extend(_in_wake(setup, setup.scene.placement))
     layers = None
     if setup.is_averaged:
         from . import wall_cells
 
-        near.extend(wall_cells.cells(setup, order, setup.geometry.placement))
+        near.extend(wall_cells.cells(setup, order, setup.scene.placement))
         if setup.walls.is_resolved:
-            placement = setup.geometry.placement
+            placement = setup.scene.placement
             near += [*_in_wake(setup, placement), *_at_plane_walls(setup, placement)]
             along = min(one.size for one in near if one.boundary)
             layers = wall_cells.layers(setup, order, along)
@@ -106,10 +105,10 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
 
 def thinner(setup: Setup) -> float:
     """The factor by which the boundary layer of a held grain makes the cells at it smaller."""
-    geometry, base_flow = setup.geometry, setup.base_flow
-    if geometry.grain is None or geometry.moves or base_flow.creeping or setup.is_averaged:
+    scene, base_flow = setup.scene, setup.base_flow
+    if scene.grain is None or scene.moves or base_flow.creeping or setup.is_averaged:
         return 1.0
-    reynolds = speed_past_grain(setup) * geometry.grain.size / base_flow.viscosity
+    reynolds = speed_past_grain(setup) * scene.grain.size / base_flow.viscosity
     return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
 
 
@@ -117,7 +116,7 @@ def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]
     """Cells along walls that have no forms and are resolved, with layers between the walls and them."""
     from .wall_cells import LARGEST_ROW
 
-    walls, bed, grain = setup.walls, setup.geometry.bed, setup.geometry.grain
+    walls, bed, grain = setup.walls, setup.scene.bed_shape, setup.scene.grain
     size = largest = LARGEST_ROW * walls.depth
     away = None
     if grain is not None and placement is not None:
@@ -131,7 +130,7 @@ def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]
 
 def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
     """Cells behind the grain, where the base flow carries its wake."""
-    grain = setup.geometry.grain
+    grain = setup.scene.grain
     if grain is None or placement is None:
         return []
     centre = np.array(placement.centre)
@@ -147,7 +146,7 @@ def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
 
 def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -> list[Near]:
     """Cells at the grain, finer by `layer`, and in a narrow gap between it and what is next to it."""
-    grain = geometry.grain
+    grain = geometry.scene.grain
     if grain is None:
         return []
     size = layer * GRAIN_CELL[order] * grain.size
@@ -161,7 +160,7 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -
 
 def _along_bed(setup: Setup, order: int, stance: Stance) -> list[Near]:
     """Cells along a bed with forms, larger where a planar far bed takes its place."""
-    bed = setup.geometry.bed
+    bed = setup.scene.bed_shape
     if not isinstance(bed, Terrain) or not np.isfinite(bed.feature):
         return []
     largest, away = BED_LARGEST * bed.feature, None

@@ -14,7 +14,6 @@ from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
 from ..scene.units import nominal_diameter
-from ..setup.geometry import Geometry
 from ..setup.numbers import Numbers
 from ..setup.setup import Setup
 from . import doubts, effects
@@ -41,18 +40,6 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Datum:
-    """The height at which the profile of a scene's flow starts, the same over the whole bed."""
-
-    height: float  # y, in 3-D z, in the scene [length]
-    reason: str  # what the height is of the bed, in words
-
-    def text(self, axis: str) -> str:
-        """One line of the plan; `axis` is the name of the coordinate that counts heights."""
-        return f"datum {axis} = {self.height:g}: {self.reason}"
-
-
-@dataclass(frozen=True)
 class Plan:
     """Effects, discretisation and (where it has been counted) expense of a scene's computation."""
 
@@ -72,9 +59,7 @@ class Plan:
     # What mesh and order are chosen for by the run, in words; empty where the scene chooses them
     sought: str = ""
     warnings: tuple[str, ...] = ()  # what in the scene makes the result less sure, in words
-    datum: Datum | None = (
-        None  # where the profile of the flow starts, None without a profile or a bed
-    )
+    datum: str = ""  # where the profile of the flow starts, and why there, in words
     grain: str = ""  # how large a scanned grain is, or one in SI units, in words
 
     def has(self, name: EffectName) -> bool:
@@ -90,12 +75,7 @@ class Plan:
         lines = [f"  {effect.text()}" for effect in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
-        if self.grain:
-            lines.append(f"  {self.grain}")
-        if self.datum is not None:
-            lines.append(
-                f"  {self.datum.text('z' if self.has(EffectName.THIRD_DIMENSION) else 'y')}"
-            )
+        lines += [f"  {words}" for words in (self.grain, self.datum) if words]
         lines += [
             *self._discretisation(),
             f"  {self.stabilisation.text()}",
@@ -152,8 +132,8 @@ def plan_of(setup: Setup) -> Plan:
         stabilisation=stabilisation_of(setup, inert),
         sought=_sought(setup),
         warnings=tuple(text for doubt in doubts.DOUBTS for text in doubt(setup)),
-        datum=datum_of(setup),
-        grain=grain_size(scene),
+        datum=_datum(setup),
+        grain=_grain(scene),
     )
 
 
@@ -181,63 +161,56 @@ def _sought(setup: Setup) -> str:
 
 def _geometry_order(setup: Setup) -> int:
     """Straight cells where every boundary is straight, otherwise curved ones to match the velocity."""
-    scene, geometry = setup.scene, setup.geometry
+    scene = setup.scene
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
     if scene.has_surface:  # a wave is curved
         return GEOMETRY_ORDER[velocity_order(setup)[0] if scene.gdim == 2 else 2]
     if scene.gdim == 3:
-        return 1 if _has_flat_faces(geometry) else GEOMETRY_ORDER[2]
-    curves = list(geometry.grain.drawn()) if geometry.grain is not None else []
-    if geometry.bed is not None:
-        curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
+        return 1 if _has_flat_faces(scene) else GEOMETRY_ORDER[2]
+    curves = list(scene.grain.drawn()) if scene.grain is not None else []
+    if scene.bed_shape is not None:
+        curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
     # Cells in layers are of order two at most.
     order = 2 if setup.scene.resolves_walls else velocity_order(setup)[0]
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[order]
 
 
-def _has_flat_faces(geometry: Geometry) -> bool:
+def _has_flat_faces(scene: Scene) -> bool:
     """Whether every boundary of a 3-D geometry is made of planes."""
-    grain, bed = geometry.grain, geometry.bed
+    grain, bed = scene.grain, scene.bed_shape
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
     return level and (grain is None or sharp or isinstance(grain, Triangulated))
 
 
-def datum_of(setup: Setup) -> Datum | None:
-    """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective.
-
-    A flow with wall layers enters at the bed's own height.
-    """
-    scene = setup.scene
+def _datum(setup: Setup) -> str:
+    """The datum of a flow of given profile over a bed, in words; a flow with its turbulence enters at the bed."""
+    scene, bed, base_flow = setup.scene, setup.scene.bed_shape, setup.base_flow
     level = getattr(scene.flow, "datum", None)
-    if level is None or scene.bed is None or scene.is_averaged:
-        return None
-    why = f"{_words(setup, level)}; the {scene.flow.kind} flow starts there"
-    return Datum(setup.base_flow.datum, why)
-
-
-def _words(setup: Setup, level: float | str) -> str:
-    bed, scene = setup.geometry.bed, setup.scene
-    assert bed is not None
-    if setup.base_flow.effective:
-        height = setup.base_flow.effective_height
+    if level is None or bed is None or scene.is_averaged:
+        return ""
+    up = "xyz"[scene.up]
+    if base_flow.effective:
+        height = base_flow.effective_height
         by_inertia = height.height - height.creeping
-        share = f", of it {by_inertia:.2g} by inertia" if by_inertia > 0.0 else ""
-        return f"the effective height of the bed, computed from its shape{share}"
-    if level == "mean":
-        return "the mean height of the bed"
-    if not isinstance(level, str):
-        return f"flow.datum = {level:g}"
-    if bed.crest > setup.base_flow.datum:
-        return (
+        why = "the effective height of the bed, computed from its shape"
+        why += f", of it {by_inertia:.2g} by inertia" if by_inertia > 0.0 else ""
+    elif level == "mean":
+        why = "the mean height of the bed"
+    elif not isinstance(level, str):
+        why = f"flow.datum = {level:g}"
+    elif bed.crest > base_flow.datum:
+        why = (
             "the crests of the bed, which are as high in every third of the domain; "
-            f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"
+            f"what is higher, up to {up} = {bed.crest:g}, does not count"
         )
-    return "the crest of the bed"
+    else:
+        why = "the crest of the bed"
+    return f"datum {up} = {base_flow.datum:g}: {why}; the {scene.flow.kind} flow starts there"
 
 
-def grain_size(scene: Scene) -> str:
+def _grain(scene: Scene) -> str:
     """The diameters of a scanned grain, or of one with known units, in words; otherwise empty."""
     grain, body, scales = scene.grain, scene.body, scene.scales
     if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):

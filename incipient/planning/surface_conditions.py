@@ -41,7 +41,7 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
     surface, sides, up, conditions = (
         setup.surface,
         setup.sides,
-        setup.geometry.up,
+        setup.scene.up,
         dict[str, list[Condition]](),
     )
     if setup.scene.domain.kind != "channel" and surface.ends == "wall":
@@ -57,7 +57,7 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
 
 def free_surface(setup: Setup) -> FreeSurface:
     """The condition on top of a scene whose top is a free surface. Not collective."""
-    surface, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
     # The pressure without the hydrostatic part is zero where the still level meets the right end.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if surface.pressure == "0" else Expression(surface.pressure, "surface.pressure")
@@ -77,14 +77,16 @@ def ends(setup: Setup) -> list[Condition]:
         along, coming = (lambda x, t: base_flow.entering(x, t)[0]), None
     else:
         along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
-    entering = Entering(setup.sides.left, 0, along, level, setup.froude >= 1.0, coming)
+    entering = Entering(
+        setup.sides.left, 0, along, level, (setup.numbers.froude or 0.0) >= 1.0, coming
+    )
     right = setup.sides.right
     return [entering, Open(right) if setup.surface.outflow == "open" else Slip(right, axis=0)]
 
 
 def sponge(setup: Setup) -> Sponge | None:
     """The zone before the right end of a channel in which waves die out; None: there is none. Not collective."""
-    surface, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
     if surface.sponge == 0.0:
         return None
     # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average.

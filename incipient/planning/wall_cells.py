@@ -8,7 +8,8 @@ import numpy as np
 from ..arrays import Floats
 from ..geometry.placement import Placement
 from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
-from ..setup.geometry import Geometry, point
+from ..scene import Scene
+from ..setup.geometry import point
 from ..setup.setup import Setup
 from ..turbulence.walls import Walls
 from .cells import corners, layer_ends, lee, separating
@@ -41,15 +42,19 @@ def coarsening(walls: Walls, order: int) -> float:
 
 def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
     """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D. Not collective."""
-    walls, geometry, names = setup.walls, setup.geometry, setup.sides
-    domain, half, coarse = geometry.domain, geometry.symmetric, mesh_size * coarsening(walls, order)
+    walls, scene, names = setup.walls, setup.scene, setup.sides
+    domain, half, coarse = (
+        scene.domain,
+        setup.symmetric,
+        mesh_size * coarsening(walls, order),
+    )
     extents = (domain.left, domain.right), (domain.bottom + walls.nearest, walls.ceiling)
     rows = tuple(map(float, _row_ends(walls, extents[1][1] - extents[1][0], coarse)))
     columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
     along = graded_ends(columns, 1.0)
-    if geometry.gdim == 2:
+    if scene.gdim == 2:
         return Grid(extents, (along, rows), names.of_rectangle)
-    low, high = geometry.half
+    low, high = setup.geometry.half
     layers = max(LAYERS, round((high - low) / (2.0 * COLUMN * walls.depth * coarse)))
     ends = along, layer_ends(layers, 1.0, half), rows
     extents_in_space = extents[0], (low, high), extents[1]
@@ -87,21 +92,21 @@ def coarsest(setup: Setup) -> float:
     rows = _rows(walls)[-1] / (FEWEST_ROWS // walls.number)
     columns = math.inf
     if walls.asked.inflow != "developed":  # else the flow does not change along them
-        columns = setup.geometry.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+        columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
     return min(rows, columns) / coarsening(walls, velocity_order(setup)[0])
 
 
 def cells(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
-    walls, geometry = setup.walls, setup.geometry
+    walls, scene = setup.walls, setup.scene
     if walls.is_resolved:
-        yield from _along_layers(walls, geometry, placement)
+        yield from _along_layers(walls, scene, placement)
     else:
-        yield from _in_logarithmic_layer(walls, geometry, order, placement)
+        yield from _in_logarithmic_layer(walls, scene, order, placement)
 
 
 def _in_logarithmic_layer(
-    walls: Walls, geometry: Geometry, order: int, placement: Placement | None
+    walls: Walls, scene: Scene, order: int, placement: Placement | None
 ) -> Iterator[Near]:
     away, size = None, WALL_CELL * coarsening(walls, order) * walls.nearest
     if placement is not None:
@@ -109,36 +114,36 @@ def _in_logarithmic_layer(
         away = Away(point(placement.centre), AWAY_GROWTH, max(size, LARGEST_ROW * walls.depth))
     for name in walls.names:
         yield Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
-    if geometry.bed is None or geometry.gdim == 3:
+    if scene.bed_shape is None or scene.gdim == 3:
         return
-    leaving = tuple(separating(geometry.bed.curves(geometry.domain.left, geometry.domain.right)))
+    leaving = tuple(separating(scene.bed_shape.curves(scene.domain.left, scene.domain.right)))
     if leaving:
         points = tuple(corner for corner, _ in leaving)
         yield Near(CORNER_CELL * size, WALL_GROWTH, points=points)
     yield from (lee(corner, drop) for corner, drop in leaving if drop > size)
 
 
-def _along_layers(walls: Walls, geometry: Geometry, placement: Placement | None) -> Iterator[Near]:
-    if geometry.gdim == 3:
+def _along_layers(walls: Walls, scene: Scene, placement: Placement | None) -> Iterator[Near]:
+    if scene.gdim == 3:
         return
     largest = ALONG * walls.depth
-    size, far = min(largest, ALONG_RISE * _rise(geometry)), None
+    size, far = min(largest, ALONG_RISE * _rise(scene)), None
     if placement is not None:
-        size = min(largest, NEAR_GRAIN * geometry.grain.size)
+        size = min(largest, NEAR_GRAIN * scene.grain.size)
         far = Away(point(placement.centre), AWAY_GROWTH, largest)
     for name in walls.names:
         yield Near(size, GROWTH_ALONG, boundary=name, away=None if name == "body" else far)
-    if geometry.bed is None:
+    if scene.bed_shape is None:
         return
-    bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
+    bed = scene.bed_shape.curves(scene.domain.left, scene.domain.right)
     if sharp := corners(bed[:-1], bed[1:]):
         yield Near(BED_CORNER * walls.smooth, WALL_GROWTH, points=sharp)
     yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > largest)
 
 
-def _rise(geometry: Geometry) -> float:
+def _rise(scene: Scene) -> float:
     """The length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
-    bed, domain = geometry.bed, geometry.domain
+    bed, domain = scene.bed_shape, scene.domain
     if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):
         return math.inf
     x = np.linspace(domain.left, domain.right, RISE_SAMPLES)
@@ -148,7 +153,7 @@ def _rise(geometry: Geometry) -> float:
 
 def layers(setup: Setup, order: int, along: float) -> WallLayers | None:
     """Layers at walls of which some are no planes, with cells of a size along them in 3-D; None: there are none."""
-    walls, gdim = setup.walls, setup.geometry.gdim
+    walls, gdim = setup.walls, setup.scene.gdim
     if not walls.is_resolved:
         return None
     coarse = FIRST_LAYER * coarsening(walls, order)

@@ -17,21 +17,21 @@ UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos
 
 def conditions(setup: Setup) -> list[Condition]:
     """Boundary conditions of a turbulent flow. Not collective."""
-    walls, sides, geometry = setup.walls, setup.sides, setup.geometry
+    walls, sides, scene = setup.walls, setup.sides, setup.scene
     closing = CLOSED if setup.scene.closes_contacts else ()
     rubbing: list[Condition] = [
         Friction(
             name,
             walls.slip(name),
             partial(walls.law(name).drag, functions=UFL),
-            geometry.up if walls.is_beyond(name) else None,
-            moves=name == "body" and geometry.moves,
+            scene.up if walls.is_beyond(name) else None,
+            moves=name == "body" and scene.moves,
         )
         for name in (*walls.names, *closing)
     ]
     lids: list[Condition] = []
     if sides.top not in walls.names:
-        lids.append(Slip(sides.top, axis=geometry.up))
-    across = (*sides.across, SYMMETRY) if geometry.symmetric else sides.across
+        lids.append(Slip(sides.top, axis=scene.up))
+    across = (*sides.across, SYMMETRY) if setup.symmetric else sides.across
     lids += [Slip(name, axis=1) for name in across]
     return [Open(sides.right), *rubbing, *lids, Prescribed(sides.left, walls.inflow.velocity)]

@@ -15,7 +15,7 @@ from ..geometry.plane.closing import Closing, closing
 from ..geometry.proximity import Proximity
 from ..geometry.space.beds import Plane
 from ..meshes import SYMMETRY, Resolved
-from ..scene import Domain
+from ..scene import Domain, Scene
 
 if TYPE_CHECKING:
     from ..contact import Contacts
@@ -46,62 +46,43 @@ class Stance:
 class Geometry:
     """Grain and bed in the domain."""
 
-    domain: Domain
-    grain: Any  # shape in its body frame, a Grain of the plane or a Solid; None without a grain
-    bed: Any  # shape, a Bed of the plane or a Terrain; None without a bed
-    placement: (
-        Placement | None
-    )  # the grain where it touches the bed or is held; None without a grain
-    rests: bool  # whether it rests on the bed
-    moves: bool  # whether it moves while the flow is computed
-    touches: bool  # whether it continues to move where it touches the bed
-    gap: float  # that stands for contact while the flow is computed
-    tolerance: float  # distance that counts as touching [length]
-    top: str  # what the upper side is
-    sides: str  # what both sides across the width of a 3-D domain are
+    scene: Scene
     symmetric: bool  # whether half of the domain is computed
-    meshed_bed: float  # numerics.meshed_bed
-
-    @property
-    def gdim(self) -> int:
-        """Dimension of space."""
-        return len(self.domain.extents)
-
-    @property
-    def up(self) -> int:
-        """Number of the coordinate in which heights are counted."""
-        return self.gdim - 1
-
-    @property
-    def walled(self) -> bool:
-        """Whether the fluid sticks to the sides across the width."""
-        return self.gdim == 3 and self.sides == "wall"
 
     @property
     def half(self) -> tuple[float, float]:
         """The least and the largest y of what is computed of a 3-D domain."""
-        low, high = self.domain.across
-        return (self.domain.middle if self.symmetric else low), high
+        low, high = self.scene.domain.across
+        return (self.scene.domain.middle if self.symmetric else low), high
 
     @cached_property
     def contacts(self) -> Contacts:
         """Contacts of the resting grain with the bed."""
-        assert self.placement is not None
-        return touching(self.grain, self.placement, self.bed, self.tolerance)
+        assert self.scene.placement is not None
+        return touching(
+            self.scene.grain,
+            self.scene.placement,
+            self.scene.bed_shape,
+            self.scene.contact_tolerance,
+        )
 
     @cached_property
     def stance(self) -> Stance:
         """The grain where it rests or is held; over a bed on which it rests it is lifted by the gap."""
-        if self.grain is None or self.bed is None or self.placement is None:
-            return Stance(self.placement, self.placement)
-        placement = self.placement
-        if self.rests and self.moves:
-            placement = self.near_bed.with_gap(placement, self.gap, self.contacts.points)
-        elif self.rests:
-            placement = lifted(self.grain, self.placement, self.bed, self.gap)
-        gap, on_grain, on_bed = clearance(self.grain, placement, self.bed)
+        if self.scene.grain is None or self.scene.bed_shape is None or self.scene.placement is None:
+            return Stance(self.scene.placement, self.scene.placement)
+        placement = self.scene.placement
+        if self.scene.rests and self.scene.moves:
+            placement = self.near_bed.with_gap(
+                placement, self.scene.contact_gap, self.contacts.points
+            )
+        elif self.scene.rests:
+            placement = lifted(
+                self.scene.grain, self.scene.placement, self.scene.bed_shape, self.scene.contact_gap
+            )
+        gap, on_grain, on_bed = clearance(self.scene.grain, placement, self.scene.bed_shape)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
-        return Stance(self.placement, placement, gap, ends)
+        return Stance(self.scene.placement, placement, gap, ends)
 
     @cached_property
     def closing(self) -> Closing:
@@ -109,36 +90,40 @@ class Geometry:
 
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """
-        assert self.placement is not None
-        outline = tuple(curve.moved(self.placement) for curve in self.grain.drawn())
-        return closing(outline, self.bed, self.contacts.points[:, :2], self.gap)
+        assert self.scene.placement is not None
+        outline = tuple(curve.moved(self.scene.placement) for curve in self.scene.grain.drawn())
+        return closing(
+            outline, self.scene.bed_shape, self.contacts.points[:, :2], self.scene.contact_gap
+        )
 
     @cached_property
     def near_bed(self) -> Proximity:
         """Places where the grain is near its bed, or the lower side instead."""
-        level = self.domain.bottom
-        flat = Flat(level) if self.gdim == 2 else Plane(origin_z=level)
-        return proximity(self.grain, flat if self.bed is None else self.bed)
+        level = self.scene.domain.bottom
+        flat = Flat(level) if self.scene.gdim == 2 else Plane(origin_z=level)
+        return proximity(
+            self.scene.grain, flat if self.scene.bed_shape is None else self.scene.bed_shape
+        )
 
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
-        if self.touches:
-            near = self.near_bed.gaps(placement, NARROW * self.gap).points
+        if self.scene.body is not None and self.scene.body.touches:
+            near = self.near_bed.gaps(placement, NARROW * self.scene.contact_gap).points
             return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
-        if not self.rests:
-            return ends if self.moves and self.gdim == 2 else ends[:1]
-        contacts = self.contacts.points[:, : self.gdim]
+        if not self.scene.rests:
+            return ends if self.scene.moves and self.scene.gdim == 2 else ends[:1]
+        contacts = self.contacts.points[:, : self.scene.gdim]
         return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts)]))
 
     def resolved_bed(self, placement: Placement | None, datum: float) -> Resolved | None:
         """The region about the grain in which 3-D bedforms are meshed; beyond it the bed is planar, at the datum."""
-        bed, grain, domain = self.bed, self.grain, self.domain
+        bed, grain, domain = self.scene.bed_shape, self.scene.grain, self.scene.domain
         if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
             return None
         radius = np.clip(
             MANY_FEATURES * bed.feature, FEWEST_SIZES * grain.size, MESHED_BED * grain.size
         )
-        radius = self.meshed_bed * float(max(radius, FEWEST_FEATURES * bed.feature))
+        radius = self.scene.numerics.meshed_bed * float(max(radius, FEWEST_FEATURES * bed.feature))
         passage = PASSAGE * bed.feature
         x, y = placement.centre[:2]
         sides = (x - domain.left, domain.right - x, *np.abs(np.subtract(domain.across, y)))
@@ -148,12 +133,12 @@ class Geometry:
 
     def height_at_inflow(self, datum: float) -> float:
         """Height of the bed where the flow enters, in 3-D on average, or that of the planar far bed there."""
-        bed, domain = self.bed, self.domain
+        bed, domain = self.scene.bed_shape, self.scene.domain
         if bed is None:
             return domain.bottom
-        if self.gdim == 2:
+        if self.scene.gdim == 2:
             return float(bed.height([domain.left])[0])
-        resolved = self.resolved_bed(self.placement, datum)
+        resolved = self.resolved_bed(self.scene.placement, datum)
         if resolved is not None and resolved.level is not None:
             return resolved.level
         y = np.linspace(*domain.across, SAMPLES)
@@ -163,7 +148,7 @@ class Geometry:
         """The point, or its mirror image, in what is computed: of half a domain that with larger y."""
         if not self.symmetric:
             return x
-        return x[0], self.domain.middle + abs(x[1] - self.domain.middle), x[2]
+        return x[0], self.scene.domain.middle + abs(x[1] - self.scene.domain.middle), x[2]
 
 
 def point(x: Any) -> Any:
@@ -193,7 +178,14 @@ class SideNames:
 
     def of_box(self, half: bool) -> tuple[str, ...]:
         """Names at the least and the largest x, y and z; of half a domain y begins at the plane of symmetry."""
-        return self.left, self.right, SYMMETRY if half else "right", "left", self.bottom, self.top
+        return (
+            self.left,
+            self.right,
+            SYMMETRY if half else "right",
+            "left",
+            self.bottom,
+            self.top,
+        )
 
 
 def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:

@@ -32,7 +32,9 @@ class Numbers:
     density_ratio: float | None  # density of a free or weighing grain over the fluid's
     # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
     stokes: float | None
-    froude: float | None  # reference velocity over sqrt(g height)
+    froude: (
+        float | None
+    )  # mean velocity over sqrt(g depth), g across the bed, the depth from the datum
     # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
     shear_reynolds: float | None = None
     shields: float | None = (
@@ -62,7 +64,7 @@ class Numbers:
 
 def numbers_of(setup: Setup) -> Numbers:
     """The scene's dimensionless numbers. Not collective."""
-    scene, base_flow, grain = setup.scene, setup.base_flow, setup.geometry.grain
+    scene, base_flow, grain = setup.scene, setup.base_flow, setup.scene.grain
     viscosity, height = base_flow.viscosity, base_flow.domain.height
     reynolds = strouhal = ratio = stokes = froude = of_shear = shields = None
     velocity, period = base_flow.mean_speed, time_of_change(base_flow, scene.time)
@@ -70,14 +72,15 @@ def numbers_of(setup: Setup) -> Numbers:
         speed = max(speed_past_grain(setup), _own_speed(setup))
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
-        if setup.has_bed_stress and not scene.flow.changes:
+        if scene.bed is not None and scene.flow.stresses_bed and not scene.flow.changes:
             stress = setup.bed_stress()
             of_shear = math.sqrt(stress) * grain.size / viscosity
             weighs = scene.density is not None and scene.density > 1.0 and scene.gravity is not None
             shields = stress / setup.stress_unit if weighs and setup.stress_unit > 0.0 else None
         strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
-    if acceleration := float(abs(scene.gravity_vector).max()):
-        froude = velocity / math.sqrt(acceleration * height)
+    gravity = float(abs(scene.gravity_vector[scene.up]))
+    if gravity and not scene.flow.at_rest:
+        froude = velocity / math.sqrt(gravity * base_flow.depth)
     # The reference velocity of shear is that over the reference length.
     velocity *= scene.flow.reference_velocity(height) / scene.reference_velocity
     flow = 0.0 if scene.flow.at_rest else velocity * height / viscosity
@@ -106,7 +109,7 @@ def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
 
 def speed_past_grain(setup: Setup) -> float:
     """The largest speed of the base flow over the grain's height."""
-    grain, placement, base_flow = setup.geometry.grain, setup.geometry.placement, setup.base_flow
+    grain, placement, base_flow = setup.scene.grain, setup.scene.placement, setup.base_flow
     assert grain is not None and placement is not None
     heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(
         -1.0, 1.0, SAMPLES
@@ -120,7 +123,7 @@ def speed_past_grain(setup: Setup) -> float:
 
 def _own_speed(setup: Setup) -> float:
     """Estimated speed of the grain itself: prescribed, initial, or settling (Stokes, capped by free fall)."""
-    scene, size = setup.scene, setup.geometry.grain.size
+    scene, size = setup.scene, setup.scene.grain.size
     body = scene.body
     if body is None or not body.moves:
         return 0.0
@@ -154,18 +157,18 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
 
 def wall_distance(setup: Setup) -> float:
     """Distance [grain sizes] from the grain to the next wall above or below; without one the height of the domain."""
-    geometry, base_flow = setup.geometry, setup.base_flow
-    placement, domain, top = geometry.placement, geometry.domain, geometry.top
+    scene, base_flow = setup.scene, setup.base_flow
+    placement, domain, top = scene.placement, scene.domain, scene.top
     assert placement is not None
-    if geometry.rests:
+    if scene.rests:
         return 0.0
-    y, distances = placement.centre[geometry.up], [domain.height]
+    y, distances = placement.centre[scene.up], [domain.height]
     bounded = domain.kind == "box" or top == "wall" or base_flow.flow.wall_below
-    if geometry.bed is not None or bounded:
+    if scene.bed_shape is not None or bounded:
         distances.append(y - base_flow.datum)
     if top == "wall":
         distances.append(domain.ceiling - y)
-    return max(min(distances) / geometry.grain.size - 0.5, 0.0)
+    return max(min(distances) / scene.grain.size - 0.5, 0.0)
 
 
 def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -30,22 +29,7 @@ class Setup:
     @cached_property
     def geometry(self) -> Geometry:
         """Grain and bed in the domain."""
-        scene = self.scene
-        return Geometry(
-            domain=scene.domain,
-            grain=scene.grain,
-            bed=scene.bed_shape,
-            placement=scene.placement,
-            rests=scene.rests,
-            moves=scene.moves,
-            touches=scene.body is not None and scene.body.touches,
-            gap=scene.contact_gap,
-            tolerance=scene.contact_tolerance,
-            top=scene.top,
-            sides=scene.sides,
-            symmetric=self.symmetric,
-            meshed_bed=scene.numerics.meshed_bed,
-        )
+        return Geometry(self.scene, self.symmetric)
 
     @cached_property
     def symmetric(self) -> bool:
@@ -94,15 +78,15 @@ class Setup:
         """Walls of a mean flow, and the inflow between them."""
         from ..turbulence.walls import walls_of
 
-        datum = 0.0 if self.geometry.gdim == 2 else self.base_flow.datum
+        datum = 0.0 if self.scene.gdim == 2 else self.base_flow.datum
         ground = self.geometry.height_at_inflow(datum)
-        return walls_of(self.geometry, self.base_flow, self.sides, ground, self.turbulence)
+        return walls_of(self.scene, self.base_flow, self.sides, ground, self.turbulence)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
         """Names of the sides to which fluid below a free surface sticks, and where its elevation stays."""
         ends = (self.sides.left, self.sides.right) if self.surface.ends == "no-slip" else ()
-        return ends if self.geometry.sides == "slip" else (*ends, *self.sides.across)
+        return ends if self.scene.sides == "slip" else (*ends, *self.sides.across)
 
     @cached_property
     def ceiling(self) -> float:
@@ -112,7 +96,7 @@ class Setup:
     @cached_property
     def surroundings(self) -> Surroundings:
         """The boundaries that the grain may meet."""
-        return surroundings_of(self.geometry, self.sides, self.ceiling, self.scene.has_surface)
+        return surroundings_of(self.scene, self.sides, self.ceiling)
 
     def faster(self, factor: float) -> Setup:
         """Makes the setup of a flow faster by a factor at the same viscosity, in units of that flow."""
@@ -121,24 +105,11 @@ class Setup:
         return Setup(Scene(**{**plain, "units": None}))
 
     @property
-    def froude(self) -> float:
-        """V/sqrt(g H) of the base flow, g across the bed and H from the datum to the still level; zero at rest."""
-        gravity = float(abs(self.scene.gravity_vector[self.scene.up]))
-        if self.scene.flow.at_rest or gravity == 0.0:
-            return 0.0
-        return self.base_flow.reference / math.sqrt(gravity * self.base_flow.depth)
-
-    @property
     def stress_unit(self) -> float:
         """(rho_s - rho_f) g d, by which the stress on the bed is divided for a Shields number."""
         scene = self.scene
         assert scene.grain is not None and scene.gravity is not None and scene.density is not None
         return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
-
-    @property
-    def has_bed_stress(self) -> bool:
-        """Whether the base flow exerts a stress on a bed, which Shields numbers have."""
-        return self.scene.bed is not None and self.scene.flow.stresses_bed
 
     def bed_stress(self, speed: float = 1.0) -> float:
         """Shear stress at the datum of a base flow `speed` times the scene's, in scene units with fluid density one.

@@ -15,7 +15,8 @@ from ..geometry.plane.grains import Grain
 from ..geometry.proximity import Proximity
 from ..geometry.space.beds import Terrain
 from ..geometry.space.grains import Solid
-from .geometry import Geometry, Place, SideNames, point
+from ..scene import Scene
+from .geometry import Place, SideNames, point
 
 # On each curve of the outline, by which the distance of a side is known to 1e-7 of the grain's size
 SAMPLES = 2000
@@ -41,21 +42,19 @@ class Side:
     inwards: int
 
 
-def surroundings_of(
-    geometry: Geometry, names: SideNames, ceiling: float, surface_above: bool
-) -> Surroundings:
+def surroundings_of(scene: Scene, names: SideNames, ceiling: float) -> Surroundings:
     """The boundaries that the grain may meet; a free surface replaces the top of the domain. Not collective."""
-    domain, up = geometry.domain, geometry.up
+    domain, up = scene.domain, scene.up
     sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
-    if not surface_above:
+    if not scene.has_surface:
         sides.insert(0, Side(names.top, up, ceiling, -1))
     # In half a scene the grain is equally far from the side beyond the plane of symmetry.
-    ends = zip(domain.across[::-1], (-1, 1), strict=True) if geometry.gdim == 3 else ()
+    ends = zip(domain.across[::-1], (-1, 1), strict=True) if scene.gdim == 3 else ()
     sides += [Side(name, 1, *end) for name, end in zip(names.across[::-1], ends, strict=False)]
-    if geometry.bed is None:
+    if scene.bed_shape is None:
         sides.append(Side(names.bottom, up, domain.bottom, 1))
-    assert geometry.grain is not None
-    return Surroundings(geometry.grain, tuple(sides), geometry.bed, names.bottom)
+    assert scene.grain is not None
+    return Surroundings(scene.grain, tuple(sides), scene.bed_shape, names.bottom)
 
 
 @dataclass(frozen=True, eq=False)

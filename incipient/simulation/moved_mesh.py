@@ -101,13 +101,18 @@ class MovedMesh:
 
 def _centre(run: Run, setup: Setup) -> Floats:
     """The grain's centre with the gap of another setup."""
-    layout, geometry = run.layout, setup.geometry
-    assert (
-        layout.placement is not None and layout.resting is not None and geometry.grain is not None
-    )
-    if geometry.bed is None or not geometry.rests:
+    layout, scene = run.layout, setup.scene
+    assert layout.placement is not None and layout.resting is not None and scene.grain is not None
+    if scene.bed_shape is None or not scene.rests:
         return np.asarray(layout.placement.centre)
-    return np.asarray(lifted(geometry.grain, layout.resting, geometry.bed, geometry.gap).centre)
+    return np.asarray(
+        lifted(
+            scene.grain,
+            layout.resting,
+            scene.bed_shape,
+            scene.contact_gap,
+        ).centre
+    )
 
 
 def _in_domain(run: Run, setup: Setup) -> Floats | None:
@@ -118,7 +123,7 @@ def _in_domain(run: Run, setup: Setup) -> Floats | None:
         return np.array(sides).T
 
     x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement
-    old, new = (box(one.geometry.domain) for one in (run.setup, setup))
+    old, new = (box(one.scene.domain) for one in (run.setup, setup))
     if np.array_equal(old, new):
         return np.array(x)
     assert placement is not None

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import SceneError
-from ..scene import Turbulence
+from ..scene import Scene, Turbulence
 from .developed import of_discharge
 from .inflow import Developed, Inflow, Measured
 from .wall_law import CROSSING, WallLaw, shift
 
 if TYPE_CHECKING:
     from ..setup.base_flow import BaseFlow
-    from ..setup.geometry import Geometry, SideNames
+    from ..setup.geometry import SideNames
 
 # Distance of the mesh from smooth walls by model [nu/u*]: within the logarithmic layer, and in the viscous sublayer.
 DISTANCE = {"k-epsilon": 50.0, "k-omega-sst": 0.45}
@@ -137,7 +137,7 @@ class Walls:
 
 
 def walls_of(
-    geometry: Geometry, base_flow: BaseFlow, names: SideNames, ground: float, asked: Turbulence
+    scene: Scene, base_flow: BaseFlow, names: SideNames, ground: float, asked: Turbulence
 ) -> Walls:
     """The walls of a flow, and how far from them the mesh ends. Not collective.
 
@@ -147,11 +147,11 @@ def walls_of(
         SceneError: rows of the inflow lie beyond a wall, or walls are rougher or farther than the model is for.
         ConvergenceError: no developed flow converged.
     """
-    number = 2 if geometry.top == "wall" else 1
-    depth, viscosity = (geometry.domain.ceiling - ground) / number, base_flow.viscosity
+    number = 2 if scene.top == "wall" else 1
+    depth, viscosity = (scene.domain.ceiling - ground) / number, base_flow.viscosity
     if why := asked.rows_beyond(number, depth):
         raise SceneError(why)
-    of_grain = math.inf if geometry.grain is None else geometry.grain.size
+    of_grain = math.inf if scene.grain is None else scene.grain.size
     of_roughness = {"roughness": min(depth, of_grain), "upstream_roughness": depth}
     for key, size in of_roughness.items():
         if (share := getattr(asked, key) / size) > LARGEST:
@@ -169,7 +169,7 @@ def walls_of(
         if asked.profile:
             shear_velocities = measured.shear_velocities
     shear_velocity = float(shear_velocities.max())
-    feature = math.inf if geometry.bed is None else geometry.bed.feature
+    feature = math.inf if scene.bed_shape is None else scene.bed_shape.feature
     most = min(LARGEST * depth, LARGEST_AT_GRAIN * of_grain, LARGEST_AT_FORMS * feature)
     smooth = asked.wall_distance or min(DISTANCE[asked.model] * viscosity / shear_velocity, most)
     if smooth > most:
@@ -177,21 +177,21 @@ def walls_of(
             f"turbulence.wall_distance: is {smooth:g}, at most {most:.3g} in this depth and next to this grain and "
             "bedforms; leave it out, or use a smaller one"
         )
-    plane = geometry.grain is None and not np.isfinite(feature)
+    plane = scene.grain is None and not np.isfinite(feature)
     return Walls(
         depth=depth,
         number=number,
         ground=ground,
-        top=geometry.domain.ceiling,
+        top=scene.domain.ceiling,
         mean=mean,
         viscosity=viscosity,
         plane=plane,
         names=(
             names.bottom,
             *((names.top,) if number == 2 else ()),
-            *(() if geometry.grain is None else ("body",)),
+            *(() if scene.grain is None else ("body",)),
         ),
-        up=geometry.up,
+        up=scene.up,
         smooth=smooth,
         roughness=asked.roughness,
         shear_velocity=shear_velocity,

@@ -402,4 +402,4 @@ def test_a_released_grain_begins_with_the_gap_at_each_contact():
     )
     geometry = Setup(case).geometry
     assert len(geometry.contacts.points) == 2
-    assert geometry.stance.gap == pytest.approx(0.01 * geometry.grain.size, rel=1e-6)
+    assert geometry.stance.gap == pytest.approx(0.01 * geometry.scene.grain.size, rel=1e-6)

@@ -89,7 +89,7 @@ def test_walls_are_never_farther_than_a_part_of_the_depth_a_grain_and_forms():
     assert Setup(channel(fluid=slow)).walls.nearest == pytest.approx(0.2)
     assert Setup(grain(0.05, 500.0)).walls.distance("body") == pytest.approx(0.025)
     found = Setup(channel(fluid=slow, bed=bed))
-    assert found.walls.nearest == pytest.approx(2.0 * found.geometry.bed.feature)
+    assert found.walls.nearest == pytest.approx(2.0 * found.scene.bed_shape.feature)
 
 
 @pytest.mark.parametrize(

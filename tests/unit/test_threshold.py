@@ -161,8 +161,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
         is_averaged=True,
-        scene=SimpleNamespace(resolves_walls=True),
-        geometry=SimpleNamespace(gdim=3),
+        scene=SimpleNamespace(resolves_walls=True, gdim=3),
     )
     monkeypatch.setattr(pretended.voice, "say", said.append)
     found = pretended.from_rest()
@@ -177,8 +176,7 @@ def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: Slow
     monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended.setup = SimpleNamespace(
         is_averaged=True,
-        scene=SimpleNamespace(resolves_walls=True),
-        geometry=SimpleNamespace(gdim=2),
+        scene=SimpleNamespace(resolves_walls=True, gdim=2),
     )
 
 

@@ -23,8 +23,8 @@ from ...mesh.motion import MeshMotion
 from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
 from ...results.elevations import ElevationReading, Elevations
+from ...scene import Scene
 from ...scene.surface import stations_of
-from ...setup.geometry import Geometry
 from ...setup.setup import Setup
 from ..run_part import RunPart, Stage
 
@@ -56,7 +56,7 @@ class MovingSurface(RunPart):
         assert fluid.surface is not None
         self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
         setup = self._setup
-        body = () if setup.geometry.grain is None else ("body",)
+        body = () if setup.scene.grain is None else ("body",)
         held, pinned = (setup.sides.bottom, *body), condition.pinned
         self._up = fluid.domain.gdim - 1
         rising = RisingDisplacement(
@@ -67,7 +67,7 @@ class MovingSurface(RunPart):
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
         self._places[:, self._up] -= rising.raised
         elevation[rising.nodes] = setup.surface.height(self._places.T)
-        room[rising.nodes], below = _depths(setup.geometry, self._places)
+        room[rising.nodes], below = _depths(setup.scene, self._places)
         self.part = SurfacePart(fluid, rising, elevation, room, below, self._stage)
         self._energy = EnergyBudget(fluid)
         if before is not None:
@@ -271,18 +271,18 @@ class _Stations:
         return total
 
 
-def _depths(geometry: Geometry, places: Floats) -> tuple[Floats, str]:
+def _depths(scene: Scene, places: Floats) -> tuple[Floats, str]:
     """The depth (n,) below the still level at positions (n, 3), down to bed or resting grain, and which in words.
 
     A 3-D grain does not count: the mesh above it folds before the surface touches it. Not collective.
     """
-    domain, bed = geometry.domain, geometry.bed
+    domain, bed = scene.domain, scene.bed_shape
     floor = np.full(len(places), domain.bottom)
     if bed is not None:
-        floor = bed.height(places[:, 0] if geometry.gdim == 2 else places[:, :2])
+        floor = bed.height(places[:, 0] if scene.gdim == 2 else places[:, :2])
     below = "the bed" if bed is not None else "the bottom"
-    grain, placement = geometry.grain, geometry.placement
-    if geometry.gdim == 3 or grain is None or placement is None or geometry.moves:
+    grain, placement = scene.grain, scene.placement
+    if scene.gdim == 3 or grain is None or placement is None or scene.moves:
         return domain.ceiling - floor, below
     outline = placement.to_scene(grain.chain.points(OUTLINE))
     low, high = outline[:, 0].min(), outline[:, 0].max()

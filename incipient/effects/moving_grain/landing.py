@@ -81,9 +81,9 @@ def _factor_where_it_touches(
     """Safety factor under the same load with the contact gap closed, or None; it shifts a later release."""
     scene, geometry = setup.scene, setup.geometry
     assert scene.contact is not None
-    placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, geometry.gap)
+    placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, scene.contact_gap)
     try:
-        closed = touching(scene.grain, placement, geometry.near_bed.bed, geometry.tolerance)
+        closed = touching(scene.grain, placement, geometry.near_bed.bed, scene.contact_tolerance)
         factor = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
     except IncipientError:
         return None
@@ -122,5 +122,5 @@ def _missing(setup: Setup) -> str:
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
     """Contacts of a grain with the bed at a `distance` [length]. Raises SceneError without any."""
-    near, gap = setup.geometry.near_bed, setup.geometry.gap
+    near, gap = setup.geometry.near_bed, setup.scene.contact_gap
     return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))

@@ -37,7 +37,13 @@ class GrainOnBed(MovingGrain):
         first = geometry.stance.placement
         assert scene.contact is not None and first is not None
         return BedContact(
-            *(geometry.near_bed, geometry.gap, self.body, scene.contact, scene.reference_velocity),
+            *(
+                geometry.near_bed,
+                scene.contact_gap,
+                self.body,
+                scene.contact,
+                scene.reference_velocity,
+            ),
             *(first, self._weight()),
         )
 
@@ -58,7 +64,7 @@ class GrainOnBed(MovingGrain):
         """Next to contact a placement up to half the next step ahead, which halves the shear of
         cells in the gap.
         """
-        now, length, gap = self.state, self.last_step(), self.setup.geometry.gap
+        now, length, gap = self.state, self.last_step(), self.setup.scene.contact_gap
         if length is None or not len(self.bed_contact.motion.near(now.placement, gap)):
             return now.placement
         end = self.part.predicted(length, 2)
