@@ -566,7 +566,6 @@ def _planar(case: Case) -> int:
 
 
 def _opens(normal: Floats, y: Floats, zero: float) -> bool:
-    """Whether an acceleration (3,) penetrates no contact."""
     for i in range(len(normal)):  # noqa: SIM110 (numba has no generators here)
         if dot(normal[i], y) < -zero:
             return False
@@ -605,7 +604,6 @@ def _along(
 
 
 def _put(case: Case, p: int, b: float, q: int, c: float, count: int) -> int:
-    """Keep the motion under forces on two edges."""
     force = np.zeros(case.columns.shape[1])
     k, cosine = len(force) // 3, 1.0 / math.hypot(1.0, case.friction)
     for edge, factor in ((p, b), (q, c)):

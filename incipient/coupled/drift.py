@@ -64,7 +64,6 @@ class Drift(Owner):
         return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
 
     def _entered(self) -> Floats:
-        """Elevation (local nodes,) of the incoming wave."""
         elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
             if entry.wave is not None:

@@ -96,7 +96,6 @@ def _geometry_order(setup: Setup) -> int:
 
 
 def _has_flat_faces(geometry: Geometry) -> bool:
-    """Whether all boundaries of a 3-D geometry are planes."""
     grain, bed = geometry.grain, geometry.bed
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0

@@ -107,7 +107,6 @@ class March:
         put_back_flow(checkpoint, self.transient)
 
     def _renew_worn_mesh(self) -> None:
-        """Remesh if another step would degrade the mesh around a moving grain."""
         grain = self._run.grain
         if grain is None or self.coupling is None or (length := grain.last_step()) is None:
             return
@@ -162,7 +161,6 @@ class March:
 
 
 def _interface(coupling: Coupling | None, parts: Sequence[RunPart]) -> Interface | None:
-    """Interface of a monolithic step; None: the flow alone."""
     interface: Interface | None = coupling
     for part in parts:
         interface = part.around(interface)

@@ -100,7 +100,6 @@ class MovedMesh:
 
 
 def _centre(run: Run, setup: Setup) -> Floats:
-    """The grain's centre with the gap of another setup."""
     layout, geometry = run.layout, setup.geometry
     assert (
         layout.placement is not None and layout.resting is not None and geometry.grain is not None

@@ -88,7 +88,6 @@ class FreeSurfaceEffect(Effect):
 
 
 def _ends(setup: Setup) -> str:
-    """Describe the end conditions of a channel with a free surface; "" for a box."""
     if setup.geometry.domain.kind == "box":
         return ""
     surface, speed, wave = setup.surface, froude(setup), wave_of(setup)

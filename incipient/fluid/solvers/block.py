@@ -100,7 +100,6 @@ class Block(LinearSolver):
             raise
 
     def _by_blocks(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
-        """Solve by GMRES; without convergence, create the direct solver."""
         if self._state < 0:
             self.prepare()
         iterations = self._iterate(b, x, rtol, transposed)
@@ -124,11 +123,9 @@ class Block(LinearSolver):
 
     @property
     def _new(self) -> bool:
-        """Whether the preconditioner belongs to the present matrix."""
         return bool(self.matrix.stateGet() == self._state)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
-        """Number of iterations, or None without convergence."""
         if transposed not in self._solvers:
             matrix = self._for_transpose.holding(PETSc.Mat().createTranspose(self.matrix))
             self._solvers[True] = self._made(matrix, True)

@@ -170,7 +170,6 @@ class _Poisson(Owner):
         self._closed = closed
 
     def prepare(self, matrix: Any) -> None:
-        """Set up for a matrix, which is then owned."""
         self.destroy()
         self._right, self._left = map(self.holding, self.holding(matrix).createVecs())
         constant = PETSc.NullSpace().create(constant=self._closed, comm=matrix.comm)
@@ -178,7 +177,6 @@ class _Poisson(Owner):
         self._cycle = self.holding(preconditioner(matrix, POISSON, algebraic()))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximate solution (owned rows,), to be copied."""
         self._right.setArray(right)
         self._constant.remove(self._right)
         self._cycle.apply(self._right, self._left)

@@ -165,7 +165,6 @@ class TwoLevel(LinearSolver):
         return float(np.sqrt(self._inner(residual, residual)))
 
     def _free(self, values: np.ndarray) -> np.ndarray:
-        """Zero at constrained unknowns, without undetermined constant pressures."""
         values = np.where(self._held, 0.0, values)
         if self._constant is None:
             return values
