@@ -57,7 +57,6 @@ class GrainOnBed(MovingGrain):
         return replace(around, sides=sides, bed=None)
 
     def _in_the_way(self) -> Surroundings:
-        """Boundaries other than the bed."""
         return self._around
 
     def _meshed_at(self) -> Placement:
