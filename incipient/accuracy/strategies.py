@@ -18,7 +18,7 @@ from ..planning.layout import coarse_sizes
 from ..planning.wall_cells import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import OF_SURFACE
+from ..scene.numerics import OF_SURFACE, OF_WALLS
 from ..simulation.assemble import outcome
 from ..simulation.beside import InTurn
 from ..simulation.build import prepared
@@ -32,7 +32,7 @@ from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
 from .errorbars import coarse_scenes, error_bars, loads_of_run, of_interaction, unit_of
 from .finish import finished
-from .goal import LoadsOnMesh, relative
+from .goal import relative
 from .modelling import lessened
 from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
 from .search import Attempt, Estimate, Search, SearchRecorder
@@ -72,11 +72,11 @@ class Strategy(ABC):
         """A coarse first mesh, finer after failures."""
 
     @abstractmethod
-    def solved(self, attempt: Attempt) -> AbstractContextManager[tuple[Run, LoadsOnMesh]]:
+    def solved(self, attempt: Attempt) -> AbstractContextManager[tuple[Run, Loads]]:
         """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
 
     @abstractmethod
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
         """Error of a solved run."""
 
     @abstractmethod
@@ -87,9 +87,7 @@ class Strategy(ABC):
     def concluded(self, run: Run) -> Any:
         """Result of the last run, with its error bars."""
 
-    def following(
-        self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
-    ) -> Attempt | None:
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable."""
         if estimate.rank <= self.search.allowed:
             self.search.conclude(estimate.rank, estimate.doubt)
@@ -121,7 +119,7 @@ class Steady(Strategy):
         return changed(scene, numerics={"order": order, "tolerance": tolerance})
 
     @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         search, sizing = self.search, attempt.sizing
         with prepared(
             attempt.scene, search.comm, search.accounts, voice=search.voice, sizing=sizing
@@ -129,8 +127,8 @@ class Steady(Strategy):
             yield run, self.solve(run)
 
     @abstractmethod
-    def solve(self, run: Run) -> LoadsOnMesh:
-        """Solve; returns the quantities with errors."""
+    def solve(self, run: Run) -> Loads:
+        """Solve; returns the loads and other quantities."""
 
     def handed_over(self, run: Run) -> SearchRecorder:
         """The recorder with the result without error bars."""
@@ -148,19 +146,15 @@ class Steady(Strategy):
         finished(run, cast(Recorder, recorder))
         return recorder.result
 
-    def following(
-        self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
-    ) -> Attempt | None:
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         """See `Strategy`; for a verdict refine the decisive source: mesh, gap or domain."""
         if self.search.numerics.accuracy != "verdict" or estimate.error is None:
-            return super().following(attempt, run, on_mesh, estimate)
+            return super().following(attempt, run, estimate)
         search, comm = self.search, self.search.comm
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
         self._recorder = recorder = self.handed_over(run)
         with told_where_kept(recorder.kept, comm):
-            bars = error_bars(
-                run, on_mesh.force, on_mesh.torque, lambda scene: loads_of(scene, comm)
-            )
+            bars = error_bars(run, *loads(run, surface=False), lambda scene: loads_of(scene, comm))
         bar = bars.safety
         assert bar is not None
         if bar.certain:
@@ -202,33 +196,34 @@ class DualWeighted(Steady):
         return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
 
     @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         if self._at_hand is None:
             with super().solved(attempt) as both:
                 yield both
             return
         (run, held), self._at_hand = self._at_hand, None
         with held:
-            yield run, LoadsOnMesh(*loads(run, surface=False))
+            yield run, computed_loads(run)
 
-    def solve(self, run: Run) -> LoadsOnMesh:
-        return LoadsOnMesh(*loads_at(run, self.search.speed))
+    def solve(self, run: Run) -> Loads:
+        force, torque = loads_at(run, self.search.speed)
+        return Loads(force.flow, torque.flow)
 
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        search, force, torque = self.search, on_mesh.force, on_mesh.torque
-        assert run.layout.placement is not None and force is not None and torque is not None
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        search = self.search
+        assert run.layout.placement is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             plain = unit_of(run, search.speed)
             unit = goals.allowance * plain
             term = by_dual(goals, unit)
-            self._plain = search.goal.error(force, torque, term.force, term.torque)
+            self._plain = search.goal.error(computed, term.force, term.torque)
             before, self._improved = self._improved, (search.speed, goals.loads(plain))
             self._compared = self._corrects and before is not None and before[0] == search.speed
             if self._compared and before is not None:
                 term = by_both(term, goals, unit, before[1])
             search.known.terms["discretisation"] = term
             others = search.suited.terms if search.suited is not None else ()
-            between = of_interaction((*others, term), Loads(force.flow, torque.flow))
+            between = of_interaction((*others, term), computed)
             whole = (
                 term
                 if between is None
@@ -236,10 +231,10 @@ class DualWeighted(Steady):
                     term, force=term.force + between.force, torque=term.torque + between.torque
                 )
             )
-            error = search.goal.error(force, torque, whole.force, whole.torque)
+            error = search.goal.error(computed, whole.force, whole.torque)
             if error <= search.allowed:
                 return Estimate(error, term, term.doubt)  # no next mesh
-            parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, torque)]
+            parts = [goals.shares(unit * goal) for goal in search.goal.goals(computed)]
             shares = gathered(run.domain.mesh, parts)
         return Estimate(error, term, term.doubt, shares=shares)
 
@@ -317,14 +312,13 @@ class Uniform(Steady):
         note = f"mesh_size {mesh_size:.3g}"
         return Attempt(sized, unknowns=unknowns, work=work, note=note)
 
-    def solve(self, run: Run) -> LoadsOnMesh:
+    def solve(self, run: Run) -> Loads:
         solve_with_parts(run, run.fluid, run.parts)
-        return _on_mesh(run)
+        return computed_loads(run)
 
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        search, walls = self.search, on_mesh.turbulence
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        search, walls = self.search, run.wall_report()
         doubt = "" if walls is None or walls.applicable else walls.doubt
-        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
         if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest_at_walls(
@@ -340,19 +334,19 @@ class Uniform(Steady):
         search.known.terms["discretisation"] = term
         if doubt and walls is not None and walls.by_cells:
             return Estimate(None, term, note=doubt)  # a finer mesh may be as the model asks
-        error = relative(search.goal, on_mesh, term.with_changes(computed.unsteady))
+        error = relative(search.goal, computed, term.with_changes(computed.unsteady))
+        if search.goal.name == OF_WALLS and walls is not None and term.shear is not None:
+            error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
         return Estimate(error, term, doubt)
 
-    def following(
-        self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
-    ) -> Attempt | None:
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         known = [trial.estimate for trial in self.search.trials if trial.estimate is not None]
         many = self.search.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
         if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
             why = f"the error has hardly decreased on the last {LOOKED_AT} meshes"
             self.search.reason = f"not reached: {why}"
             return None
-        return super().following(attempt, run, on_mesh, estimate)
+        return super().following(attempt, run, estimate)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
@@ -379,22 +373,21 @@ class InTime(Strategy):
         return Attempt(scene)
 
     @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         search, scene = self.search, attempt.scene
         self._recorder = SearchRecorder(search.recorder, scene, search.adaptation)
         accounts = Accounts(known=search.known, spent=search.spent)  # separate times of each run
         recorder = cast(Recorder, self._recorder)
         with solved(scene, search.comm, recorder, search.voice, accounts=accounts) as run:
-            yield run, _on_mesh(run)
+            yield run, computed_loads(run)
 
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
         search, scene, terms = self.search, run.scene, self.search.known.terms
         # Longer steps damp waves, and hide the error of the mesh.
         same = self._last is not None and self._last.numerics == scene.numerics
         if not same or scene.accuracy_of in OF_SURFACE:
             terms.pop(OF_MESH, None)
         self._last = scene
-        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         runs = KeptRuns(search.known.loads, lambda: "", lambda each: loads_of(each, search.comm))
         try:
             with told_where_kept(self._recorder.provisional(outcome(run)), search.comm):
@@ -405,7 +398,7 @@ class InTime(Strategy):
             return Estimate(None, note=f"not compared: {error}")
         terms["discretisation"], terms[OF_MESH] = term, term.parts[-1]
         whole, of_step, of_mesh = (
-            relative(search.goal, on_mesh, each) for each in (term, *term.parts)
+            relative(search.goal, computed, each) for each in (term, *term.parts)
         )
         return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
@@ -420,6 +413,6 @@ class InTime(Strategy):
         return self._recorder.result
 
 
-def _on_mesh(run: Run) -> LoadsOnMesh:
-    force, torque = (None, None) if run.probe is None else loads(run, surface=False)
-    return LoadsOnMesh(force, torque, run.elevations, run.wall_report())
+def computed_loads(run: Run) -> Loads:
+    """Loads and other quantities of a solved run. Collective."""
+    return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))
