@@ -60,9 +60,10 @@ LOOKED_AT, LEAST_FALL = 3, 0.8
 
 
 class Strategy(ABC):
-    """Solution, error estimate and refinement in a search. All methods are collective."""
+    """Solution, error estimate and refinement in a search of steady flow. All methods are collective."""
 
     most = next_mesh.MOST_MESHES
+    _recorder: SearchRecorder | None = None  # of the last run
 
     def __init__(self, search: Search):
         self.search = search
@@ -72,27 +73,12 @@ class Strategy(ABC):
         """A coarse first mesh, finer after failures."""
 
     @abstractmethod
-    def solved(self, attempt: Attempt) -> AbstractContextManager[tuple[Run, Loads]]:
-        """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
-
-    @abstractmethod
     def estimate(self, run: Run, computed: Loads) -> Estimate:
         """Error of a solved run."""
 
     @abstractmethod
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         """An attempt that is expected to leave a fraction `left` of the error."""
-
-    @abstractmethod
-    def concluded(self, run: Run) -> Any:
-        """Result of the last run, with its error bars."""
-
-    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
-        """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable."""
-        if estimate.rank <= self.search.allowed:
-            self.search.conclude(estimate.rank, estimate.doubt)
-            return None
-        return self.search.refined(attempt, estimate, self.target(estimate))
 
     def target(self, estimate: Estimate) -> float:
         """The fraction of the error to leave."""
@@ -104,12 +90,6 @@ class Strategy(ABC):
         with InTurn(self.search.comm, coarse_scenes, loads_of) as solve:
             yield solve
 
-
-class Steady(Strategy):
-    """Steady flow: a run that may be the last is recorded."""
-
-    _recorder: SearchRecorder | None = None
-
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
         """The scene in elements of an order, with a tolerance for the accuracy."""
         accuracy = self.search.numerics.accuracy
@@ -120,15 +100,17 @@ class Steady(Strategy):
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
+        """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
         search, sizing = self.search, attempt.sizing
         with prepared(
             attempt.scene, search.comm, search.accounts, voice=search.voice, sizing=sizing
         ) as run:
             yield run, self.solve(run)
 
-    @abstractmethod
     def solve(self, run: Run) -> Loads:
         """Solve; returns the loads and other quantities."""
+        solve_with_parts(run, run.fluid, run.parts)
+        return computed_loads(run)
 
     def handed_over(self, run: Run) -> SearchRecorder:
         """The recorder with the result without error bars."""
@@ -142,15 +124,22 @@ class Steady(Strategy):
         return recorder
 
     def concluded(self, run: Run) -> Any:
+        """Result of the last run, with its error bars."""
         recorder = self._recorder or self.handed_over(run)
         finished(run, cast(Recorder, recorder))
         return recorder.result
 
     def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
-        """See `Strategy`; for a verdict refine the decisive source: mesh, gap or domain."""
-        if self.search.numerics.accuracy != "verdict" or estimate.error is None:
-            return super().following(attempt, run, estimate)
+        """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable.
+
+        For a verdict the decisive source is refined: mesh, gap or domain.
+        """
         search, comm = self.search, self.search.comm
+        if search.numerics.accuracy != "verdict" or estimate.error is None:
+            if estimate.rank <= search.allowed:
+                search.conclude(estimate.rank, estimate.doubt)
+                return None
+            return search.refined(attempt, estimate, self.target(estimate))
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
         self._recorder = recorder = self.handed_over(run)
         with told_where_kept(recorder.kept, comm):
@@ -181,7 +170,7 @@ class Steady(Strategy):
         return search.affordable(replace(attempt, scene=scene, unknowns=unknowns, note=note))
 
 
-class DualWeighted(Steady):
+class DualWeighted(Strategy):
     """Cells refined by their dual-weighted contributions to the error, together with the order."""
 
     # Speed and improved loads of the previous mesh; the solved run of the first attempt, for the coarse runs.
@@ -289,7 +278,7 @@ class DualWeighted(Steady):
         return prepared(own, search.comm, search.accounts, voice=search.voice, sizing=first.sizing)
 
 
-class Uniform(Steady):
+class Uniform(Strategy):
     """Uniform refinement of a steady mean flow, each mesh compared with the two previous ones.
 
     There is no dual solution of flow and turbulence.
@@ -311,10 +300,6 @@ class Uniform(Steady):
         sized = changed(self.set_up(scene), numerics={"mesh_size": mesh_size})
         note = f"mesh_size {mesh_size:.3g}"
         return Attempt(sized, unknowns=unknowns, work=work, note=note)
-
-    def solve(self, run: Run) -> Loads:
-        solve_with_parts(run, run.fluid, run.parts)
-        return computed_loads(run)
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
         search, walls = self.search, run.wall_report()
@@ -363,7 +348,6 @@ class InTime(Strategy):
     """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`)."""
 
     most = next_mesh.MOST_RUNS
-    _recorder: SearchRecorder
     _last: Scene | None = None
 
     def first(self, failures: int = 0) -> Attempt:
@@ -389,8 +373,10 @@ class InTime(Strategy):
             terms.pop(OF_MESH, None)
         self._last = scene
         runs = KeptRuns(search.known.loads, lambda: "", lambda each: loads_of(each, search.comm))
+        assert self._recorder is not None
         try:
-            with told_where_kept(self._recorder.provisional(outcome(run)), search.comm):
+            kept = self._recorder.provisional(outcome(run))
+            with told_where_kept(kept, search.comm):
                 term = by_coarser_runs(scene, computed, runs, terms.get(OF_MESH))
         except Interrupted:
             raise
@@ -407,10 +393,6 @@ class InTime(Strategy):
         wanted = next_mesh.refined(attempt.scene, last, left)
         unknowns = last.unknowns * wanted.finer**-WORK_POWER
         return Attempt(next_mesh.finer(attempt.scene, wanted), unknowns=unknowns, work=wanted.work)
-
-    def concluded(self, run: Run) -> Any:
-        finished(run, cast(Recorder, self._recorder))
-        return self._recorder.result
 
 
 def computed_loads(run: Run) -> Loads:
