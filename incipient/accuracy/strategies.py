@@ -31,10 +31,10 @@ from . import next_mesh
 from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
 from .errorbars import coarse_scenes, error_bars, loads_of_run, of_interaction, unit_of
-from .finish import finished
 from .goal import relative
 from .modelling import lessened
 from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
+from .run import finished
 from .search import Attempt, Estimate, Search, SearchRecorder
 from .sizing import gathered, resized
 from .terms import (
@@ -52,7 +52,7 @@ CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search f
 CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
-# Fraction left of an estimated error on cells smaller by `finish.COARSER_CELLS`: 1.5^-4.
+# Fraction left of an estimated error on cells smaller by `run.COARSER_CELLS`: 1.5^-4.
 COMPARED = 0.2
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
 # The search ends after so many meshes with a smaller reduction of the error.
