@@ -53,9 +53,9 @@ class Holder:
         if kind is None or issubclass(kind, IncipientError) or self._comm.size == 1:
             self.destroy()
 
-    def holding(self, made: Any) -> Any:
-        self._held.append(made)
-        return made
+    def holding(self, freed: Any) -> Any:
+        self._held.append(freed)
+        return freed
 
     def destroy(self) -> None:
         while self._held:
@@ -127,7 +127,7 @@ class Meeting:
             if time.monotonic() > until:
                 return []
             time.sleep(OFTEN)
-        return [bool(one) for one in all_of_them]
+        return [bool(failed) for failed in all_of_them]
 
 
 def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:

@@ -223,7 +223,9 @@ def _require_numbers(section: str, key: str, value: Any) -> None:
     numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (
         len(numbers) == count
-        and all(isinstance(one, (int, float)) and least <= one <= LARGEST for one in numbers)
+        and all(
+            isinstance(number, (int, float)) and least <= number <= LARGEST for number in numbers
+        )
     ):
         return
     raise refusal(section, [Problem((key,), f"is {shown(value)}", remedy)])
