@@ -9,7 +9,7 @@ import logging
 import platform
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -278,6 +278,36 @@ def interpolation_matrix(coarse: Any, fine: Any) -> Any:
         matrix = dolfinx.cpp.fem.petsc.interpolation_matrix(*spaces)
     matrix.assemble()
     return matrix
+
+
+def matrix_of(compiled: Any, conditions: Sequence[Any] = (), matrix: Any = None) -> Any:
+    """Assemble the PETSc matrix of a bilinear form, a new one or `matrix`. Collective."""
+    if matrix is None:
+        matrix = petsc.create_matrix(compiled)
+    matrix.zeroEntries()
+    petsc.assemble_matrix(matrix, compiled, list(conditions))
+    matrix.assemble()
+    return matrix
+
+
+def vector_of(compiled: Any, vector: Any = None) -> Any:
+    """Assemble the PETSc vector of a linear form, a new one or `vector`. Collective."""
+    if vector is None:
+        vector = petsc.assemble_vector(compiled)
+    else:
+        with vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(vector, compiled)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return vector
+
+
+def owned_entries(compiled: Any) -> np.ndarray:
+    """Owned entries of the vector of a linear form. Collective."""
+    vector = vector_of(compiled)
+    entries = vector.array_r.copy()
+    vector.destroy()
+    return np.asarray(entries)
 
 
 def set_zero(vector: Any, conditions: list[Any]) -> None:

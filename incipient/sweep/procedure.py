@@ -33,7 +33,7 @@ from .cluster import client_of, exceeded_memory, local_client, number_of_workers
 from .refinement import SweepRefinement
 from .request import parsed_seconds, requested
 from .store import DONE, FAILED, Store
-from .table import in_words
+from .table import in_words, rests_elsewhere
 from .worker import RELEASE, CaseOutcome, computed_within
 
 LOOK = 0.5  # seconds between looks at the time and at the number of workers
@@ -172,6 +172,8 @@ def run(
             raise Interrupted(sweep.left("interrupted")) from interrupt
         finally:
             store.write_view()
+    for line in rests_elsewhere(path):
+        reporter.say(line)
     if refinement is not None:
         sweep.progress.refined = refinement.lines()
     return sweep.progress

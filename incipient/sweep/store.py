@@ -61,7 +61,7 @@ class Store:
             if make:
                 make_directory(path.parent, path)
                 lock = path.with_name(f".{path.name}.lock")
-                with reported(lock):
+                with reported(path):
                     alone = opened.enter_context(lock.open("a"))
                     busy = f"{path}: another sweep writes to it; wait until it has ended"
                     hold_alone(alone, lambda: busy)

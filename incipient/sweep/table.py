@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from math import degrees, dist
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from scipy.spatial.transform import Rotation
 
 from ..errors import MissingError
 from ..files import csv_text, part_of, replaced, require_ending
 from ..parquet import pyarrow
-from ..results.quantity import HIGH, at
+from ..results.quantity import AXES, HIGH, at
 from .store import COST, FAILED, Store
 
 if TYPE_CHECKING:
     import pandas
 
+# Move of the grain's surface over its size: in one pocket neither gravity nor flow moves a settled grain.
+ELSEWHERE = 0.01
 LAST = ("reason", *COST, "versions", "id")
 
 
@@ -42,6 +50,49 @@ def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
     first = {name: case[name] for name in ("source", "task", "status")}
     last = {name: case[name] for name in LAST} | {"versions": versions}
     return first | texts | case["columns"] | last
+
+
+def rests_elsewhere(path: Path | str) -> list[str]:
+    """Name neighbouring cases, along each varied number, in which the grain rests on other points of the bed.
+
+    Raises as `rows`.
+    """
+    with Store(Path(path)) as store:
+        keys = store.keys()
+    return pockets(rows(path), keys)
+
+
+def pockets(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
+    """The lines of `rests_elsewhere` from the rows of a sweep over `keys`; those of [body] move the grain anyway."""
+    kept = [row for row in table if "grain_size" in row]
+    return [line for key in keys if not key.startswith("body.") for line in _moves(kept, key, keys)]
+
+
+def _moves(table: Iterable[Mapping[str, Any]], key: str, keys: Sequence[str]) -> Iterator[str]:
+    along = defaultdict[tuple[Any, ...], list[Mapping[str, Any]]](list)
+    for row in table:
+        if isinstance(row.get(key), int | float):
+            along[tuple(row.get(other) for other in keys if other != key)].append(row)
+    for cases in along.values():
+        for one, other in pairwise(sorted(cases, key=itemgetter(key))):
+            centre, angle = _apart(one, other)
+            if centre + 0.5 * angle > ELSEWHERE:
+                yield (
+                    f"{key} = {one[key]:g} and {other[key]:g}: the grain rests on other points of the bed "
+                    f"({centre:.2g} of its size apart, {degrees(angle):.2g} degrees turned); "
+                    'body.settle = "level" keeps one pocket'
+                )
+
+
+def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, float]:
+    """Distance of two centres over the grain's size, and the angle between the rotations [rad]."""
+    centres, turns = (
+        [[row.get(f"{name}_{axis}", 0.0) for axis in AXES] for row in (one, other)]
+        for name in ("centre", "rotation")
+    )
+    turned = Rotation.from_rotvec(turns[1]) * Rotation.from_rotvec(turns[0]).inv()
+    in_plane = abs(one.get("rotation", 0.0) - other.get("rotation", 0.0))
+    return dist(*centres) / one["grain_size"], in_plane + float(turned.magnitude())
 
 
 def frame(path: Path | str) -> pandas.DataFrame:
