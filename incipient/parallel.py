@@ -135,7 +135,7 @@ class Meeting:
             if time.monotonic() > until:
                 return []
             time.sleep(OFTEN)
-        return [bool(one) for one in all_of_them]
+        return [bool(failed) for failed in all_of_them]
 
 
 def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
