@@ -379,7 +379,7 @@ def table(rows: list[dict[str, object]]) -> str:
 def figure(of_bed: list[dict[str, float]]) -> Figure:
     """Observations, curves, and the natural bed's median and spread.
 
-    Beads on regular substrates are left out: their Shields numbers are at the crests, those of the bed at its mean level.
+    Beads on regular substrates are left out: their datum is at the crests, that of the bed at its mean level.
     """
     drawn = Figure(figsize=(7.2, 6.0), layout="constrained")
     axes = drawn.add_subplot()

@@ -26,7 +26,7 @@ from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 Command = Callable[[argparse.Namespace, Comm], int]
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a closed pipe
-_MORE = "ask for less at once, or give the program more"
+_MORE = "make the problem smaller, or give the program more memory"
 # Message of the loader of libraries without memory.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}
@@ -80,7 +80,9 @@ def _parser() -> argparse.ArgumentParser:
         made.set_defaults(command=function)
         add_options(made)
         levels = ("debug", "info", "warning", "error")
-        made.add_argument("--log-level", choices=levels, default="info", help="how much to report")
+        made.add_argument(
+            "--log-level", choices=levels, default="info", help="lowest level of messages to print"
+        )
     for name in RETIRED:  # not listed without a help
         commands.add_parser(name).set_defaults(command=_refuse, name=name, log_level="info")
     return parser
@@ -97,7 +99,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "flume",
             "flume",
             options.of_flume,
-            "say in a second whether a bed of grains moves, from known thresholds",
+            "say whether a bed of grains moves, from published thresholds",
         ),
         ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
         (
@@ -110,19 +112,19 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "threshold",
             "runs",
             options.of_threshold,
-            "find the flow at which the scene's grain first moves",
+            "compute the flow at which the scene's grain first moves",
         ),
         (
             "gust",
             "runs",
             options.of_gust,
-            "find the weakest gusts that move the grain out of its pocket",
+            "compute the weakest gusts that move the grain out of its pocket",
         ),
         (
             "entrainment",
             "runs",
             options.of_entrainment,
-            "find the probability of motion in a fluctuating flow",
+            "compute the probability of motion in a fluctuating flow",
         ),
         (
             "plan",
@@ -146,14 +148,19 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "report",
             "showing",
             options.of_report,
-            "write one HTML page of results, to be read anywhere",
+            "write the results as one HTML page",
         ),
-        ("sweep", "sweep", options.of_sweep, "run or judge many cases, or find their thresholds"),
+        (
+            "sweep",
+            "sweep",
+            options.of_sweep,
+            "run or judge many cases, or compute their thresholds",
+        ),
         (
             "survey",
             "survey",
             options.of_survey,
-            "find the thresholds of the exposed grains of a bed of many",
+            "compute the thresholds of the exposed grains of a bed",
         ),
         (
             "table",
@@ -165,7 +172,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "judge",
             "judge",
             options.of_judge,
-            "judge forces of another program or a measurement, without a flow",
+            "judge forces from another program or a measurement",
         ),
         ("new", "writing", options.of_new, "write a commented example scene"),
         ("schema", "writing", options.no_options, "print the JSON schema of scenes, for editors"),
@@ -250,7 +257,7 @@ def _system_errors_reported() -> Iterator[None]:
             f"PETSc failed with PETSC_OPTIONS={shortened(options)} ({why}); correct them or leave them out"
         ) from error
     except MemoryError as error:
-        why = shortened(error) or "no more can be had"
+        why = shortened(error) or "an allocation failed"
         raise OutputError(f"the memory is too small ({why}); {_MORE}") from error
     except (OSError, ImportError) as error:
         if any(words in str(error) for words in _UNLOADED):
@@ -258,7 +265,7 @@ def _system_errors_reported() -> Iterator[None]:
         # From a library, or for the standard output.
         if isinstance(error, ImportError) or not error.errno or error.filename is None:
             raise
-        remedy = "give another name or directory, or make room"
+        remedy = "choose another name or directory, or free some space"
         name = shortened(error.filename, 300)
         raise OutputError(f"{name}: {cause_of(error)}; {remedy}") from error
 

@@ -157,7 +157,7 @@ def _refuse_link(path: Path) -> None:
 def require_ending(path: Path, ending: str) -> None:
     """Raise OutputError for another suffix: the path might be that of an input file."""
     if path.suffix.lower() != ending:
-        raise OutputError(f"{path}: is no name for this file; let it end in {ending}")
+        raise OutputError(f"{path}: has the wrong ending; let it end in {ending}")
 
 
 def write_text_atomically(path: Path, text: str) -> None:
@@ -321,7 +321,7 @@ def cut_after(path: Path, time: float, least: int = 0) -> None:
         last = time + 1e-12 * abs(time)
         kept = [row for row in rows if float(row.split(b",")[0]) <= last and row.endswith(b"\n")]
         if len(kept) < least:
-            remedy = "put the file back, or start a new run"
+            remedy = "restore the file, or start a new run"
             raise OutputError(f"{path}: has lost some of its {least} rows; {remedy}")
         if content:
             os.truncate(path, sum(map(len, [header, *kept])))

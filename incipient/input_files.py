@@ -82,9 +82,9 @@ def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
     names = [name.strip() for name in names]
     twice = next((name for name in names if name and names.count(name) > 1), None)
     if twice is not None:
-        raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
+        raise SceneError(f"{path}: has two columns {shortened(twice)}; remove one of them")
     wrong = next((k for k, row in enumerate(rows, 2) if len(row) != len(names)), None)
     if wrong is not None:
-        why = f"row {wrong} has not as many cells as the first"
-        raise SceneError(f"{path}: {why}; add or remove some")
+        why = f"row {wrong} and the first row differ in their number of cells"
+        raise SceneError(f"{path}: {why}; complete or shorten that row")
     return names, rows

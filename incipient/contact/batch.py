@@ -141,7 +141,7 @@ def judge_many(cases: Cases) -> Batch:
                 reasons[place] = str(error)
             except Exception as error:  # as above; one case does not end the others
                 why = shortened(error) or type(error).__name__
-                reasons[place] = f"cannot be judged ({why}); give numbers of a size with the others"
+                reasons[place] = f"cannot be judged ({why}); give numbers of similar magnitude"
             else:
                 factors[place], held[place] = exact.safety.value, not exact.moves
                 modes[place] = LABELS.index(exact.label)

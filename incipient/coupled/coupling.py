@@ -21,7 +21,7 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 # The flow is solved to this fraction of the residual of the body's equation.
 SHARE = 1e-3
 SLOW = (
-    "the iteration of fluid and {parts} did not converge in {number} iterations: use shorter steps, or a larger "
+    "the iteration of fluid and {parts} did not converge in {number} iterations: use a smaller time.step or a larger "
     "numerics.interface_tolerance"
 )
 # Corrections of the body's velocities in a step from which on the fluid's factors are taken for too old.

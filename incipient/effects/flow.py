@@ -61,7 +61,7 @@ class FlowEffect(Effect):
 def _reason_of_flow(setup: Setup) -> str:
     scene = setup.scene
     if scene.flow.kind == "log-law":
-        return "mean profile of a turbulent flow, kept by a force instead of its turbulent stress"
+        return "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
     if scene.flow.kind != "still":
         mean = "; without [gusts], which incipient entrainment adds" if scene.gusts else ""
         return f"{scene.flow.kind} flow{mean}"
@@ -104,7 +104,7 @@ class InertiaEffect(Effect):
             return
         remedy = "set fluid.inertia = true and effects.inertia = true"
         if not solved.run.scene.numerics.error_bars:
-            how = "by Oseen's term, at most"
+            how = "at most, from Oseen's term"
             yield Omission(self.name, decision.expected, how, False, remedy)
             return
         from ..forms.terms import convection
@@ -188,7 +188,7 @@ def shedding(setup: Setup, numbers: Numbers) -> str:
         or wall_distance(setup) < SHEDDING_CLEARANCE
     ):
         return ""
-    return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices from {least:g} on"
+    return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices above {least:g}"
 
 
 def expected_of_changes(setup: Setup) -> float | None:

@@ -94,19 +94,19 @@ class ContactEffect(Effect):
         gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
         if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
             yield (
-                f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
-                f"away from the bed; give {WIDE_GAP:g} or less"
+                f"contact.gap = {gap:g} is wide: loads are computed for a grain {gap:g} of its size above the bed; "
+                f"give {WIDE_GAP:g} or less"
             )
         if scene.body is None or scene.body.motion != "released":
             return
         begins, kept = setup.geometry.stance.gap, gap * setup.geometry.grain.size
         if begins < NEARER * kept:
             yield (
-                f"the grain begins {begins:.3g} from its bed, nearer than its gap of {kept:.3g}, which the first step "
-                "puts right: it stands on one side alone; set body.settle = true"
+                f"the grain starts {begins:.3g} from its bed, closer than its gap of {kept:.3g}, because it touches "
+                "on one side only; the first step corrects this: set body.settle = true"
             )
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """The verdict, which there is none of without contact."""
         if decision.forced:
-            yield Omission(self.name, None, "there is no verdict without it", False)
+            yield Omission(self.name, None, "without it there is no verdict", False)

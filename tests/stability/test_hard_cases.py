@@ -62,7 +62,7 @@ def test_exact_coupling_where_the_naive_iteration_fails(ratio: float) -> None:
 def test_naive_iteration_without_mass_is_refused_by_name() -> None:
     with in_cavity(0.0) as found:
         found.part.added_mass = False
-        with pytest.raises(SceneError, match="give the body mass"):
+        with pytest.raises(SceneError, match=r"give body\.density or body\.mass"):
             found.transient.advance(0.05)
 
 
@@ -75,7 +75,7 @@ def test_massless_body_in_tiny_and_huge_steps(courant: float) -> None:
         told = ride(found, 0.08 * courant, 2)
     assert told.speed < 0.2
     assert len(told.readings) > 1
-    assert told.completed or "folds over" in told.ended
+    assert told.completed or "fold over" in told.ended
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 1e3, 1e9])

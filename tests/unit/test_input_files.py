@@ -150,7 +150,9 @@ def test_tables_with_other_cells_than_names_are_refused(tmp_path: Path) -> None:
     path.write_bytes(b'\xef\xbb\xbfa , b\r\n\r\n1,"x\r\ny"\r\n')
     assert read_table(path, "") == (["a", "b"], [["1", "x\ny"]])
     path.write_text("a,b\n1,2\n3\n")
-    assert "row 3 has not as many cells as the first" in message(lambda: read_table(path, ""))
+    assert "row 3 and the first row differ in their number of cells" in message(
+        lambda: read_table(path, "")
+    )
 
 
 def test_a_scheduler_that_accepts_and_says_nothing_is_given_up(
@@ -177,19 +179,19 @@ def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
     for raised, said in (
         (
             MemoryError("Unable to allocate 89.0 GiB"),
-            "too small (Unable to allocate 89.0 GiB); ask",
+            "too small (Unable to allocate 89.0 GiB); make",
         ),
         (  # of `ulimit -v 400000`, when gmsh is imported
             OSError("libgmsh.so.4.8: failed to map segment from shared object"),
-            "too small (libgmsh.so.4.8: failed to map segment from shared object); ask",
+            "too small (libgmsh.so.4.8: failed to map segment from shared object); make",
         ),
         (
             ImportError("libvtk.so: failed to map segment from shared object"),
-            "too small (libvtk.so: failed to map segment from shared object); ask",
+            "too small (libvtk.so: failed to map segment from shared object); make",
         ),
         (
             OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/a.png"),
-            "out/a.png: No space left on device; give",
+            "out/a.png: No space left on device; choose",
         ),
     ):
 

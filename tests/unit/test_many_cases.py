@@ -274,7 +274,7 @@ class TestErrorBox:
 
     def test_words_of_what_the_flow_holds(self) -> None:
         assert held_words(None, None) == "no multiple of the flow's load holds it"
-        assert held_words((0.0, 0.0), (0.0, 0.0)) == "any part of the flow's load moves it"
+        assert held_words((0.0, 0.0), (0.0, 0.0)) == "any fraction of the flow's load moves it"
         may = "0.1 to 1 times the flow's load may hold it, none for certain"
         assert held_words((0.1, 1.0), None) == may
         assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")

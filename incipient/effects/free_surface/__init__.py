@@ -35,13 +35,13 @@ class FreeSurfaceEffect(Effect):
             speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
             reason = f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
             if pinned := sticking(setup):
-                reason += f"; the fluid sticks to {' and '.join(pinned)}, where its elevation stays"
+                reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
             return Decision(self.name, True, reason + _ends(setup))
         reason = f'domain.top = "{scene.top}"'
         if scene.top != "slip" or numbers.froude is None:
             return Decision(self.name, False, reason)
         rise = 0.5 * numbers.froude**2
-        reason += f"; Froude number {numbers.froude:.2g}: a surface would rise by {percent(rise)} of the depth"
+        reason += f"; Froude number {numbers.froude:.2g}: a free surface would rise by {percent(rise)} of the depth"
         return Decision(self.name, False, reason, expected=rise)
 
     def warnings(self, setup: Setup) -> Iterator[str]:
@@ -83,7 +83,7 @@ class FreeSurfaceEffect(Effect):
             how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
             yield Omission(self.name, None, how, True, remedy)
             return
-        how = "of the depth, by the pressure under the lid over gravity"
+        how = "of the depth, from the pressure under the lid over gravity"
         yield Omission(self.name, rise, how, False, remedy)
 
 
@@ -97,8 +97,8 @@ def _ends(setup: Setup) -> str:
     text += (
         "that of the still fluid beyond the outflow"
         if surface.outflow == "open"
-        else "and a wall at the right end"
+        else "and the outflow is closed by a wall"
     )
     if wave is not None:
-        text += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
-    return text + (f"; waves die out over the last {surface.sponge:g}" if surface.sponge else "")
+        text += f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
+    return text + (f"; waves are damped over the last {surface.sponge:g}" if surface.sponge else "")
