@@ -35,7 +35,7 @@ class Cases:
     """n cases of up to k contacts; in 2-D third components are zero. A value common to all cases may be given once.
 
     points, normals: (n, k, 3), unit normals out of the grain; a case with fewer contacts ends with NaN
-    force, couple: (n, 3), the flow's force, and its torque about the centre of mass
+    force, torque: (n, 3), the flow's force, and its torque about the centre of mass
     weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
     law: of the contacts, or coefficients of friction: one or (n,)
     mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
@@ -44,7 +44,7 @@ class Cases:
     points: Floats
     normals: Floats
     force: Floats
-    couple: Floats
+    torque: Floats
     weight: Floats
     centre: Floats
     law: FrictionCone
@@ -86,7 +86,7 @@ class Cases:
 
     def case(self, number: int) -> tuple[Load, Contacts, FrictionCone, MassAndInertia | None]:
         """A single case, as `judged` takes it; raises SceneError."""
-        acting = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
+        acting = [getattr(self, name)[number] for name in ("force", "torque", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])
         mass, inertia = float(self.mass[number]), self.inertia[number]
@@ -161,7 +161,7 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
         if len(places) == 0:
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
-        loads = some.force, some.couple, some.weight
+        loads = some.force, some.torque, some.weight
         problem = ContactProblem.of_rows(arms, normals, loads, some.law)
         axes, planar = problem.planes(some.inertia)
         for rows, plane in ((planar, axes[planar]), (~planar, None)):
@@ -172,7 +172,7 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
     """Mask (n,) of valid cases with friction and distinct contacts."""
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
-    acting = cases.force + cases.couple + cases.weight
+    acting = cases.force + cases.torque + cases.weight
     one, other = np.triu_indices(arms.shape[1], 1)
     apart = np.maximum(
         np.abs(arms[:, one] - arms[:, other]).max(axis=2) / reach[:, None],

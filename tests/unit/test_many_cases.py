@@ -187,7 +187,7 @@ class TestBatch:
         good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
         law, laws = FrictionCone.of(0.5), FrictionCone(np.array([0.5, 0.4, 0.3]))
         wrong = message(lambda: Cases(*surface, good, np.zeros((3, 3)), none, none, law))
-        assert wrong == "cases: couple does not fit 2 cases; give a row for each, or one for all"
+        assert wrong == "cases: torque does not fit 2 cases; give a row for each, or one for all"
         assert "law does not fit" in message(lambda: Cases(*surface, good, good, none, none, laws))
         batch = judge_many(Cases(*surface, good + np.nan, good, none, none, law))
         assert "give finite numbers" in message(batch.complete)
