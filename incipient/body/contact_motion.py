@@ -70,7 +70,7 @@ class ActiveContacts:
 
     points, normals: on the body, and from the bed to it, (k, gdim)
     impulses, velocities: over the step on the body, and of the body at the end, (k, 3): along the rows of `frames`
-    couples: impulses of torques that resist rolling, (k, 2), about the last two rows of `frames`
+    rolling: impulses of torques that resist rolling, (k, 2), about the last two rows of `frames`
     work: of friction with resistance to rolling, and of pressure (at impacts) over the step
     """
 
@@ -78,7 +78,7 @@ class ActiveContacts:
     normals: Floats
     impulses: Floats
     velocities: Floats
-    couples: Floats
+    rolling: Floats
     work: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
@@ -105,7 +105,7 @@ class ActiveContacts:
             return np.zeros(3 * len(place) - 3)
         ways = frames(self.normals)
         pushed = wrenches(self.points, ways, place).T @ self.impulses.ravel()
-        turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.couples)
+        turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.rolling)
         return np.asarray((pushed + turned) / length)
 
 

@@ -100,7 +100,7 @@ class RigidBody:
         added = np.zeros((self.size, self.size)) if added is None else np.array(added, dtype=float)
         if not all(np.isfinite(part).all() for part in (impulse, added, last)):
             raise ConvergenceError(
-                "the load on the body is not finite: the flow did not converge; shorten the step"
+                "the load on the body is not finite: the flow did not converge; use a smaller time.step"
             )
         last[~f] = self.freedom.imposed(end)[~f]
         inverse, path = self._inverse(start, added), self._path_inertia(start)
@@ -120,7 +120,7 @@ class RigidBody:
             change = -slope @ residual
             drive[f] += change
         raise ConvergenceError(
-            f"the body turns too far in a step of {dt:.3g} at t = {start.time:.6g}; shorten it"
+            f"the grain turns too far in a step of {dt:.3g} at t = {start.time:.6g}; use a smaller time.step"
         )
 
     def consistent(self, state: BodyState) -> BodyState:
@@ -195,7 +195,8 @@ class RigidBody:
         if values.min(initial=1.0) <= SINGULAR:
             weakest = np.flatnonzero(free)[int(np.argmax(np.abs(vectors[:, 0])))]
             raise SceneError(
-                f"neither mass nor fluid resists a change of {DEGREES[self.size][weakest]}: give the body mass"
+                f"neither mass nor fluid resists a change of {DEGREES[self.size][weakest]}; "
+                "give body.density or body.mass"
             )
         return np.asarray(np.linalg.inv(part))
 

@@ -97,7 +97,7 @@ def _further_runs(scene: Scene) -> list[str]:
         return []
     runs = [(order_of(run), run.time) for run in coarse_scenes(scene)]
     named = ", ".join(f"P{k}-P{k - 1} in steps of {time.step:.3g}" for k, time in runs if time)
-    said = f"  error bars take {len(runs)} more runs to the same end ({named})"
+    said = f"  error bars take {len(runs)} more runs of the same duration ({named})"
     return [f"{said}; numerics.error_bars = false leaves them out"]
 
 

@@ -45,7 +45,7 @@ class FrictionCone:
             )
         if not ((cone.cohesion >= 0.0) & np.isfinite(cone.cohesion)).all():
             raise SceneError(
-                f"cohesion {cone.cohesion} is no pull; give a finite number that is not negative"
+                f"cohesion {cone.cohesion} is not allowed; give a finite number that is not negative"
             )
         return cone
 

@@ -92,10 +92,13 @@ class Rocking:
         way, factor = self.way(self.last), f"safety factor {self.critical:.4g}"
         if self.leaves:
             way = f"begins to move ({self.mode}), having rocked, {way}"
-            return f"the grain {way}, {factor}: with more than that of the flow's load it leaves its pocket"
+            return f"the grain {way}, {factor}: above that multiple of the flow's load it leaves its pocket"
         if not math.isfinite(self.critical):
             factor = "safety factor infinite"
-        return f"the grain rocks to another rest, {way}, {factor}: up to that of the flow's load it keeps to its pocket"
+        return (
+            f"the grain rocks to another rest, {way}, {factor}: up to that multiple of the flow's load it stays in its "
+            "pocket"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; an infinite factor is None. The pose is the last one at factors up to one."""

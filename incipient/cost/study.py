@@ -267,7 +267,7 @@ def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRu
         make_directory(directory, source)
         place_scene(directory, dumps(scene), COST.files)
         return {}
-    with reading(source, "delete it to begin anew", error=OutputError):
+    with reading(source, "delete it to start again", error=OutputError):
         stored = json.loads(source.read_text(encoding="utf-8"))
         runs = TypeAdapter(list[MeasuredRun]).validate_python(stored["runs"])
         if stored["task"] == task and load(kept) == scene:

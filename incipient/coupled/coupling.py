@@ -18,7 +18,7 @@ from .part import Part, Stage
 # Tolerance of the flow relative to the residual of the body's equation.
 SHARE = 1e-3
 SLOW = (
-    "the iteration of fluid and {parts} did not converge in {number} iterations: use shorter steps, or a larger "
+    "the iteration of fluid and {parts} did not converge in {number} iterations: use a smaller time.step or a larger "
     "numerics.interface_tolerance"
 )
 # Updates of the body's velocities in a step after which the fluid's LU factorisation is renewed.

@@ -74,9 +74,7 @@ class RigidPart:
     """
 
     name = "body"
-    folded = (
-        "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
-    )
+    folded = "the cells around the grain fold over: use a larger numerics.remesh_below or a smaller time.step"
 
     def __init__(
         self,

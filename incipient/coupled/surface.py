@@ -31,12 +31,10 @@ ROUND_OFF = 1e-14
 STEEPEST = 2.0
 # Smallest depth relative to the largest.
 NEAREST = 0.02
-TOUCHING = (
-    "the free surface touches {below}: end before it does, or use a lower wave or deeper water"
-)
+TOUCHING = "the free surface touches {below}: use an earlier time.end, a lower wave or deeper water"
 STEEP = (
-    "the free surface ceases to be a graph: its slope is {slope:.2g}; use a finer mesh or a lower wave, or end before "
-    "it breaks"
+    "the free surface is too steep, its slope is {slope:.2g}: use a smaller numerics.mesh_size, a lower wave or an "
+    "earlier time.end"
 )
 
 
@@ -54,7 +52,9 @@ class SurfacePart:
     """
 
     name = "free surface"
-    folded = "the mesh below the free surface folds over: use shorter steps or a smaller numerics.mesh_size"
+    folded = (
+        "the cells below the free surface fold over: use a smaller time.step or numerics.mesh_size"
+    )
 
     def __init__(
         self,

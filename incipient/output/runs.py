@@ -134,7 +134,7 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
             continue
         raise SceneError(
             f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
-            f"leave it so (only {', '.join(allowed)} may change) or start a new run with: incipient run"
+            f"keep that value (only {', '.join(allowed)} may change) or start a new run with: incipient run"
         )
 
 
@@ -143,17 +143,19 @@ def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
     assert time is not None
     if kept.body is not None and kept.body.met and not passes:
         remedy = "set a smaller contact.gap"
-        raise SceneError(f"the run has ended: its grain met something; to resume it {remedy}")
+        raise SceneError(
+            f"the run has ended: its grain reached the bed or a wall; to resume it {remedy}"
+        )
     if (
         kept.body is not None
         and kept.body.on_bed is not None
         and time.until in kept.body.on_bed["done"]
     ):
-        why = f'its grain has come as far as time.until = "{time.until}"'
+        why = f'its grain has reached time.until = "{time.until}"'
         remedy = "give another, such as --set time.until=end"
         raise SceneError(f"the run has ended: {why}; to resume it {remedy}")
     if time.end - kept.time <= 1e-9 * time.end:
-        why = f"the run has come to t = {kept.time:g} already and time.end is {time.end:g}"
+        why = f"the run has already reached t = {kept.time:g}, and time.end is {time.end:g}"
         remedy = f"give a later one, such as --set time.end={2 * kept.time:g}"
         raise SceneError(f"{why}; to resume it {remedy}")
 

@@ -22,7 +22,7 @@ from ..parallel import Comm, collectively
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 8
+FORMAT, VERSION = "incipient checkpoint", 9
 ANEW = "start a new run with: incipient run"
 
 

@@ -22,7 +22,7 @@ from ..fluid.transient import Past, Transient
 from ..mesh.cells import cell_facets
 from ..mesh.domain import Domain, named_facets
 from ..parallel import NumberedRows, collectively, joined
-from .checkpoint import Checkpoint, StoredFlow, StoredMesh, StoredValues
+from .checkpoint import ANEW, Checkpoint, StoredFlow, StoredMesh, StoredValues
 
 # Largest distance of a node from its stored position, relative to the mesh's size.
 SAME_PLACE = 1e-10
@@ -103,7 +103,7 @@ def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
     known, matched = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
     if matched != known:
         why = f"{matched} of them are facets of the stored mesh"
-        raise OutputError(f"{known} boundary facets are stored, {why}")
+        raise OutputError(f"{known} boundary facets are stored, {why}; {ANEW}")
     return Domain(mesh, facets, dict(stored.names))
 
 
@@ -148,7 +148,7 @@ def _fetched(comm: MPI.Comm, places: Floats, values: Floats, points: Floats) -> 
     tolerance = SAME_PLACE * np.ptp(places, axis=0).max()
     with collectively(comm):
         if distances.max(initial=0.0) > tolerance or len(np.unique(rows)) < len(points):
-            raise OutputError("the stored flow has other nodes than the stored mesh")
+            raise OutputError(f"the stored flow and the stored mesh have different nodes; {ANEW}")
     return values[rows]
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
 
 
-NOT_STEADY = 'time.start: no steady flow to begin with; use a smaller numerics.mesh_size, or "rest"'
+NOT_STEADY = 'time.start: the steady flow did not converge; use a smaller numerics.mesh_size, or time.start = "rest"'
 
 
 class TimeLoop:
@@ -212,6 +212,6 @@ class TimeLoop:
         with suppress(OutputError):
             kept = self._keep()
             return type(error)(
-                f"{error}; t = {self._recorded:.6g} is kept: incipient resume {kept}"
+                f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
             )
         return error

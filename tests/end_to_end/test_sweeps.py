@@ -163,7 +163,7 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
     before = rows(file)
     assert cli.main(call) == 0
     assert rows(file) == before
-    assert "0 computed, 2 known before" in capfd.readouterr().out
+    assert "0 computed, 2 computed before" in capfd.readouterr().out
     assert cli.main(["table", str(file), "--csv"]) == 0
     listed = list(csv.DictReader(capfd.readouterr().out.splitlines()))
     assert [float(row["shields"]) for row in listed] == [row["shields"] for row in found]
@@ -227,7 +227,7 @@ def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
     assert "was killed, or a library has crashed" in reason and tries == 1
     again = [str(word) for word in call]
     assert cli.main(again) == 0
-    assert "0 computed, 1 known before" in capfd.readouterr().out  # it is not tried again
+    assert "0 computed, 1 computed before" in capfd.readouterr().out  # it is not tried again
     assert cli.main([*again, "--retry", "--limit", "1s"]) == 4
     assert rows(file, "reason") == [("was ended: it took longer than 1 s",)]
 

@@ -335,7 +335,7 @@ def test_the_directory_of_another_study_is_refused(tmp_path: Path) -> None:
         made = scene()
         run_ladder(made, ladder(made), tmp_path, Runner(), quiet, task="threshold")
     (tmp_path / "cost.json").write_text('{"runs": [{"rung": 1}]}')
-    with pytest.raises(OutputError, match="delete it to begin anew"):
+    with pytest.raises(OutputError, match="delete it to start again"):
         studied(tmp_path, Runner(), quick=True)
 
 

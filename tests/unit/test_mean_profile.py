@@ -114,7 +114,8 @@ def test_the_plan_tells_what_the_stream_is():
     assert numbers.shear_reynolds == pytest.approx(20.0)
     assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
     assert (
-        "mean profile of a turbulent flow, kept by a force instead of its turbulent stress" in text
+        "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
+        in text
     )
     assert (
         "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically"

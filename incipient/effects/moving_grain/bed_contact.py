@@ -207,7 +207,7 @@ class BedContact:
         course = kept["course"]
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)
-        sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "couples": 2}
+        sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "rolling": 2}
         points, normals, impulses, velocities, torques = (
             np.array(kept["contacts"][name]).reshape(-1, size) for name, size in sizes.items()
         )
