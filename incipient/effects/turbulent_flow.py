@@ -70,6 +70,7 @@ class TurbulentFlow(RunPart):
             velocity_order(setup)[0],
             walls.least_k,
             in_layers=walls.is_resolved and not walls.plane,
+            surfaces=walls.surfaces,
         )
 
     def _distances(self) -> dict[str, float]:
