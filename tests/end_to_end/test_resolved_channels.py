@@ -4,10 +4,10 @@ import textwrap
 
 import numpy as np
 import pytest
+from incipient.effects.plan import make_plan
 from one_dimensional import k_omega_channel
 
 import incipient
-from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
 from incipient.scene import (
     Contact,
