@@ -88,9 +88,9 @@ def computed(
     scene = incipient.scene.loads(SCENE.format(density=DENSITY, gravity=gravity, **given))
     result = incipient.run(scene)
     setup = Setup(scene)
-    walls = setup.resolved_walls
-    centre = scene.placement.centre[2] - walls.floor
-    at_centre = float(walls.velocity_at(np.array([centre]))[0, 0])
+    walls = setup.walls
+    centre = scene.placement.centre[2] - walls.ground
+    at_centre = float(walls.inflow.velocity_at(np.array([centre]))[0, 0])
     force = result.force.flow
     pressure = 0.5 * at_centre**2 * math.pi / 4.0
     factor = float(result.verdict["safety_factor"])
@@ -107,7 +107,7 @@ def computed(
         "safety_factor": factor,
         "leaves_at": at_centre * speed * math.sqrt(factor),
         "shields": factor * walls.shear_velocity**2 / ((DENSITY - 1.0) * gravity),
-        "resolved": bool(result.turbulence.applicable),
+        "converged": bool(result.turbulence.converged),
         "spread": result.turbulence.spread,
     }
 

@@ -26,7 +26,6 @@ import numpy as np
 import incipient.sweep
 from incipient.arrays import Floats, Integers
 from incipient.files import csv_text
-from incipient.planning.developed_channel import developed
 from incipient.planning.flow_setup import Setup
 from incipient.planning.mean_profile import MeanProfile
 from incipient.scene import Effects, Fluid, LogLaw, OpenChannel, Scene, Turbulence
@@ -37,6 +36,7 @@ from incipient.survey.full_runs import COMPONENTS, scene_of
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
 from incipient.survey.request import Deposited, FlowPast, Runs, Surveyed, SurveyRequest
 from incipient.survey.thresholds import features_of
+from incipient.turbulence.developed import developed
 
 ROOT = Path(__file__).parents[1]
 STORE, FILE = ROOT / "benchmarks/natural_bed.csv", ROOT / "results/natural_bed.sqlite"
@@ -222,7 +222,7 @@ def speed_entering(number: int, shear_reynolds: float) -> float:
     setup = Setup(scene(pocket, shear_reynolds, turbulent=True))
     top = np.array([setup.scene.body.centre[2] + 0.5])  # type: ignore[union-attr]
     at = setup.base_flow.column(setup.scene.domain.entrance, top)
-    return float(setup.resolved_walls.velocity(at, 0.0)[0, 0])
+    return float(setup.walls.inflow.velocity(at, 0.0)[0, 0])
 
 
 def protrusion_of(number: int) -> float:

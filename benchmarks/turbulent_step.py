@@ -125,19 +125,17 @@ def _inflow() -> Any:
     from programs import openfoam_step
 
     from incipient.planning.flow_setup import Setup
-    from incipient.planning.measured_profile import Measured
     from incipient.scene.file import load
 
     setup = Setup(load(SCENE))
-    asked = setup.turbulence
-    enters = Measured.of(setup.walls, asked.profile, asked.intensity, asked.length, asked.c_mu)
-    low, high = enters.walls.floor + enters.walls.distance, enters.walls.ceiling
-    heights = low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS)))
-    columns = (
-        enters.above(heights),
-        *(part(heights) for part in (enters.speed, enters.energy, enters.dissipation)),
+    walls = setup.walls
+    heights = walls.ground + (walls.ceiling - walls.ground) * 0.5 * (
+        1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS))
     )
-    return openfoam_step.Inflow(np.column_stack(columns), enters.viscosity)
+    x = np.zeros((3, ROWS))
+    x[walls.up] = heights
+    parts = (walls.inflow.velocity(x, 0.0)[0], *np.exp(walls.inflow.logarithms(x)))
+    return openfoam_step.Inflow(np.column_stack([heights - walls.ground, *parts]), walls.viscosity)
 
 
 def extrapolated(values: list[float]) -> tuple[float, float]:

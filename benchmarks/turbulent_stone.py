@@ -178,13 +178,12 @@ def inflow_of(asked: Any, walls: Any) -> Any:
     """What enters the scene, by heights."""
     from programs.openfoam import Inflow
 
-    from incipient.planning.flow_setup import Setup
-    from incipient.planning.wall_conditions import entering
-
-    enters = entering(walls, Setup(asked).turbulence)
-    low, high = walls.floor + walls.distance, walls.ceiling
-    heights = low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS)))
-    parts = (part(heights) for part in (enters.speed, enters.energy, enters.dissipation))
+    heights = walls.ground + (walls.ceiling - walls.ground) * 0.5 * (
+        1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS))
+    )
+    x = np.zeros((3, ROWS))
+    x[walls.up] = heights
+    parts = (walls.inflow.velocity(x, 0.0)[0], *np.exp(walls.inflow.logarithms(x)))
     return Inflow(np.column_stack([heights, *parts]), asked.viscosity)
 
 

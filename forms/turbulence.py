@@ -1,6 +1,6 @@
 """Transport of turbulence in logarithms, as weak forms, and the k-epsilon model in K = ln k and E = ln epsilon.
 
-A model is a closure: it says what diffuses, makes and destroys both quantities (`Closure`; `k_omega_sst.Closure`).
+A model is a closure: it says what diffuses, makes and destroys both quantities (`KEpsilon`; `k_omega_sst.KOmegaSST`).
 With k = exp(K) and epsilon = exp(E) both are positive on any mesh and at any step, and the logarithmic layer, where
 epsilon falls as 1/y, is smooth in E. Each equation is that of k or epsilon over k or epsilon itself:
 
@@ -13,6 +13,7 @@ Comput. Methods Appl. Mech. Engrg. 3, 269; logarithms: Ilinca & Pelletier (1998)
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,7 +46,6 @@ class Stream:
         then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v
     across: function of a slope that is the square of the change from node to node; where that of ln k is large, D
         |grad K|^2 is bounded; None: nowhere
-    slopes: whether what is upwinded has the slope of the diffusivity, with `reach`; in long cells that matters
     balanced: whether upwinding lasts no longer than what is made or destroyed takes to change a quantity by its own
         size: where omega of a start is a millionth of what the strain makes, upwinding of that source else throws
         other nodes about
@@ -61,29 +61,36 @@ class Stream:
     carrier: Any = None
     per_step: Any = 0
     reach: Any = None
-    slopes: bool = False
     across: Any = None
     balanced: bool = False
 
 
 @dataclass(frozen=True)
-class Closure:
-    """The constants of the k-epsilon model, and the most that P/epsilon may be; numbers or UFL constants."""
+class KEpsilon:
+    """The k-epsilon model.
 
-    c_mu: Any = 0.09
-    c_1: Any = 1.44
-    c_2: Any = 1.92
-    sigma_k: Any = 1.0
-    sigma_epsilon: Any = 1.3
-    most_produced: Any = MOST_PRODUCED
+    second: name of the second quantity; eddies: ln nu_t = eddies . (1, K, E)
+    """
+
+    c_mu: float = 0.09
+    c_1: float = 1.44
+    c_2: float = 1.92
+    sigma_k: float = 1.0
+    sigma_epsilon: float = 1.3
+    second = "epsilon"
+
+    @property
+    def eddies(self) -> tuple[float, float, float]:
+        """nu_t = C_mu k^2/epsilon."""
+        return math.log(self.c_mu), 2.0, -1.0
 
     def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
-        """nu_t = C_mu k^2/epsilon."""
-        return eddy_viscosity(logarithms, self)
+        """nu_t."""
+        return unlimited(logarithms, self)
 
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
         """Diffusivities of k and of epsilon, molecules and eddies together."""
-        eddies = eddy_viscosity(logarithms, self)
+        eddies = unlimited(logarithms, self)
         return (
             stream.viscosity + eddies / self.sigma_k,
             stream.viscosity + eddies / self.sigma_epsilon,
@@ -91,28 +98,20 @@ class Closure:
 
     def sources(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
         """What makes k and epsilon less what destroys them, over k and epsilon."""
-        made, lost = (
-            rate_of_production(logarithms, stream.velocity, self),
-            rate_of_dissipation(logarithms),
-        )
+        strain, lost = ufl.sym(ufl.grad(stream.velocity)), ufl.exp(logarithms[1] - logarithms[0])
+        made = self.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
+        made = ufl.min_value(made, MOST_PRODUCED * lost)
         return made - lost, self.c_1 * made - self.c_2 * lost
 
-
-def eddy_viscosity(logarithms: Any, closure: Closure) -> Any:
-    """nu_t = C_mu k^2/epsilon."""
-    return closure.c_mu * ufl.exp(2 * logarithms[0] - logarithms[1])
-
-
-def rate_of_dissipation(logarithms: Any) -> Any:
-    """epsilon/k."""
-    return ufl.exp(logarithms[1] - logarithms[0])
+    def powers_at_wall(self, viscous: Any) -> tuple[Any, Any]:
+        """Powers of the distance from a wall as which k and epsilon go: those of a logarithmic layer."""
+        return 0, -1
 
 
-def rate_of_production(logarithms: Any, velocity: Any, closure: Closure) -> Any:
-    """P/k with P = nu_t 2 D : D, at most `most_produced` times epsilon."""
-    strain = ufl.sym(ufl.grad(velocity))
-    made = closure.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
-    return ufl.min_value(made, closure.most_produced * rate_of_dissipation(logarithms))
+def unlimited(logarithms: Any, closure: Any) -> Any:
+    """nu_t by both quantities, where no strain limits it."""
+    constant, of_k, of_second = closure.eddies
+    return ufl.exp(constant + of_k * logarithms[0] + of_second * logarithms[1])
 
 
 def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Any) -> Any:
@@ -144,8 +143,6 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
             if stream.reach is not None:
                 along = carrier - 2 * known[i] * ufl.grad(stream.known[i])
                 size, strong = stream.reach(along), strong - diffusivity * ufl.div(slope)
-                if stream.slopes:
-                    strong -= ufl.dot(ufl.grad(known[i]), slope)
             delta = streamline_time(along, known[i], size)
             if stream.balanced:
                 delta /= ufl.max_value(1, delta * abs(closure.sources(stream.known, stream)[i]))
@@ -166,17 +163,23 @@ def _square(slope: Any, across: Any) -> Any:
     return square if across is None else square / (1 + (across(slope) / STEEPEST**2) ** 4) ** 0.25
 
 
-def at_wall(logarithms: Any, test: Any, distance: Any, viscosity: Any, closure: Closure) -> Any:
-    """-D_e/y b: the flux of E where a wall is a distance y beyond the boundary, epsilon falling as 1/y there.
+def at_walls(logarithms: Any, tests: Any, distance: Any, stream: Stream, closure: Any) -> Any:
+    """-D p/y b: the fluxes of both logarithms where a wall is a distance y beyond the boundary, for any y.
 
-    Its condition is of Neumann's type, as that of k, which does not change there: Kuzmin, Mierka & Turek (2007),
-    Int. J. Computing Science and Mathematics 1, 193.
+    Each quantity goes as a power p of the distance: in a logarithmic layer k does not change, and epsilon and omega go
+    as 1/y (Kuzmin, Mierka & Turek 2007, Int. J. Computing Science and Mathematics 1, 193); in the viscous sublayer
+    powers are those of the closure. Between them goes the square of the fraction of molecules in the viscosity.
     """
-    return (
-        -(viscosity + eddy_viscosity(logarithms, closure) / closure.sigma_epsilon) / distance * test
+    eddies = unlimited(logarithms, closure)
+    viscous = (stream.viscosity / (stream.viscosity + eddies)) ** 2
+    powers, diffusivities = (
+        closure.powers_at_wall(viscous),
+        closure.diffusivities(logarithms, stream),
     )
+    fluxes = zip(diffusivities, powers, tests, strict=True)
+    return sum(diffusivity * power / distance * test for diffusivity, power, test in fluxes)
 
 
-def shear_velocity(logarithms: Any, closure: Closure) -> Any:
+def shear_velocity(logarithms: Any, closure: Any) -> Any:
     """C_mu^(1/4) sqrt(k): u* of a logarithmic layer that has this k."""
     return closure.c_mu**0.25 * ufl.exp(logarithms[0] / 2)

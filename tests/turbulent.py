@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 import incipient
 from incipient import compat
+from incipient.forms.turbulence import KEpsilon
 from incipient.planning.flow_setup import Setup
-from incipient.planning.wall_conditions import entering
 from incipient.scene import (
     Disc,
     Domain,
@@ -22,6 +22,7 @@ from incipient.scene import (
     OpenChannel,
     Scene,
 )
+from incipient.turbulence.fields import TurbulenceFields
 
 CHANNEL = {
     "domain": Domain(length=20, height=1),
@@ -35,10 +36,21 @@ def channel(**changes):
     return Scene(**{**CHANNEL, **changes})
 
 
-def entering_of(scene):
-    """The turbulence that enters a scene."""
-    setup = Setup(scene)
-    return entering(setup.walls, setup.turbulence)
+def inflow_at(scene, heights):
+    """Speeds, k and epsilon or omega (n,) at heights (n,) of a 2-D scene's inflow."""
+    inflow, x = Setup(scene).walls.inflow, np.zeros((3, len(heights)))
+    x[1] = heights
+    return (inflow.velocity(x, 0.0)[0], *np.exp(inflow.logarithms(x)))
+
+
+def k_epsilon(domain, values, inflow=(), walls=None, **changes):
+    """ln k and ln epsilon on a mesh."""
+    return TurbulenceFields(domain, values, inflow, walls, k_epsilon=KEpsilon(), **changes)
+
+
+def k_omega(domain, values, inflow=(), walls=None, viscosity=0.01, **changes):
+    """ln k and ln omega on a mesh."""
+    return TurbulenceFields(domain, values, inflow, walls, viscosity, **changes)
 
 
 def grain(diameter, reynolds=2e5):

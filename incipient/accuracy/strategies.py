@@ -338,7 +338,7 @@ class Uniform(Steady):
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
         """See `Strategy`."""
         search, walls = self.search, on_mesh.turbulence
-        doubt = "" if walls is None or walls.applicable else walls.doubt
+        doubt = "" if walls is None else walls.doubt
         computed = loads_of_run(run, on_mesh.force, on_mesh.couple)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
@@ -353,8 +353,6 @@ class Uniform(Steady):
         runs = KeptRuns(search.known.loads, search.spent, lambda each: loads_of(each, search.comm))
         term = by_coarser_mesh(run.scene, computed, runs)
         search.known.terms["discretisation"] = term
-        if doubt and walls is not None and walls.by_cells:
-            return Estimate(None, term, note=doubt)  # a finer mesh may be as the model asks
         error = relative(search.goal, on_mesh, term.with_changes(computed.unsteady))
         return Estimate(error, term, doubt)
 

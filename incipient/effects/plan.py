@@ -104,7 +104,7 @@ def _geometry_order(setup: Setup) -> int:
     if geometry.bed is not None:
         curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
     # Cells in layers are of order two at most.
-    order = 2 if setup.resolves_walls else setup.order.number
+    order = 2 if setup.scene.resolves_walls else setup.order.number
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[order]
 
 

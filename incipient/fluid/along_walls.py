@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
-import dolfinx
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.spatial import cKDTree
 
 from .. import compat
 from ..compat import petsc
 from ..mesh.domain import Domain
-from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
@@ -29,7 +27,7 @@ class AlongWall:
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
     lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that k stands for; facets (m, 2) by the numbers of their ends, of a resolved 2-D wall
+    those that k stands for
     """
 
     places: np.ndarray
@@ -37,7 +35,6 @@ class AlongWall:
     lengths: np.ndarray
     velocities: np.ndarray
     shear_velocities: np.ndarray
-    facets: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property
     def speeds(self) -> np.ndarray:
@@ -46,34 +43,11 @@ class AlongWall:
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
-    def at_outflow(self) -> float:
-        """u* in the mean over the places farthest downstream."""
-        last = at_end(self.places[:, 0])
-        return float(np.average(self.shear_velocities[last], weights=self.lengths[last]))
-
     @property
     def _level(self) -> np.ndarray:
         """Which places (n,) are no corners, and rather level than steep."""
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
-
-    def coarse_share(self, largest: float) -> float:
-        """The fraction of the change of the stress along a 2-D wall in cells in which it changes too much.
-
-        Too much is more than `largest` times the larger stress at both ends of the cell, or the mean stress if that is
-        larger still. `velocities` are stresses. Where they are singular, at corners and at the ends of the wall, two
-        facets to both sides do not count, since stresses are means over two.
-        """
-        across = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
-        stress = self.velocities[:, 1] * across[:, 0] - self.velocities[:, 0] * across[:, 1]
-        count = np.bincount(self.facets.ravel(), minlength=len(stress))
-        singular = (count == 1) | (np.linalg.norm(self.normals, axis=1) < CORNER)
-        for _ in range(2):
-            singular[self.facets[singular[self.facets].any(axis=1)]] = True
-        ends = stress[self.facets[~singular[self.facets].any(axis=1)]]
-        change, size = np.abs(ends[:, 1] - ends[:, 0]), np.abs(stress)
-        bound = np.maximum(np.abs(ends).max(axis=1, initial=0.0), size.mean())
-        return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
@@ -109,58 +83,50 @@ def at_end(x: np.ndarray) -> np.ndarray:
     return np.asarray(x >= x.max() - ROUNDING * np.ptp(x))
 
 
-def coarse_along(
-    walls: Mapping[str, AlongWall], rough: Collection[str], largest: float
-) -> float | None:
-    """The largest `coarse_share` of 2-D walls but the rough ones; None without one, and in 3-D."""
-    shares = [
-        one.coarse_share(largest)
-        for name, one in walls.items()
-        if name not in rough and len(one.facets)
-    ]
-    return max(shares, default=None)
-
-
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
-    """Read the flow along a named boundary, in 3-D at corners of cells; `shear_velocity` is UFL. Collective."""
-    domain, gdim, flow = fluid.domain, fluid.space.gdim, fluid.velocity
-    # In 3-D the functions of corners in elements of order two integrate to zero: no area would go with them.
-    space = (
-        fluid.space.velocity if gdim == 2 else compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
-    )
-    if gdim == 3:
-        flow = dolfinx.fem.Function(space)
-        flow.interpolate(fluid.velocity)
+    """Read the flow along a named boundary at corners of cells, each value a mean over the facets there. Collective.
+
+    `shear_velocity` is UFL. Corners at both ends of the domain are left out, where the flow meets another condition.
+    """
+    domain, gdim = fluid.domain, fluid.space.gdim
+    space = compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
     nodes = _owned_nodes(space, domain, boundary)
-    lengths, normals = _lengths_and_normals(fluid, space, boundary)
-    found = dolfinx.fem.Function(space)
-    expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
-    compat.interpolate(found, expression)
-    places = space.tabulate_dof_coordinates()[nodes, :gdim]
+
+    def forms() -> list[Any]:
+        w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
+        one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
+        v = fluid.walls.relative(ufl.split(fluid.state)[0], boundary)
+        measure = domain.measure(boundary)
+        known = one, n, v, shear_velocity * one
+        return [compat.form(ufl.inner(value, w) * measure) for value in known]
+
+    made = fluid.kept(f"flow along {boundary}", forms)
     columns = [
-        places,
-        _at(lengths, nodes, gdim)[:, :1],
-        _at(normals, nodes, gdim),
-        flow.x.array.reshape(-1, gdim)[nodes] - fluid.walls.velocities(boundary, places),
-        found.x.array.reshape(-1, gdim)[nodes, :1],
+        space.tabulate_dof_coordinates()[nodes, :gdim],
+        *(_at(one, nodes, gdim) for one in made),
     ]
     whole = _on_all_ranks(domain, columns)
-    places, lengths, normals, velocities, shears = np.split(
-        whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1
-    )
-    return AlongWall(places, normals / lengths, lengths[:, 0], velocities, shears[:, 0])
+    whole = whole[~_at_ends(domain, whole[:, 0])]
+    places, lengths, *means = np.split(whole, 5, axis=1)
+    normals, velocities, shears = (one / lengths[:, :1] for one in means)
+    return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0])
 
 
-def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> AlongWall:
-    """Read the shear stress along a named wall, to which the fluid sticks. Collective.
+def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
+    """Which of abscissae (n,) are the least or the largest of a mesh. Collective."""
+    mine = domain.mesh.geometry.x[:, 0]
+    low = domain.comm.allreduce(mine.min(), op=MPI.MIN)
+    high = domain.comm.allreduce(mine.max(), op=MPI.MAX)
+    return np.asarray(np.minimum(x - low, high - x) <= ROUNDING * (high - low))
 
-    `velocities` stand for the direction, along the wall, in which the fluid pulls. In 2-D stresses are the
-    consistent tractions of the nodes, away from bodies means over two facets, since triangles lean to one side and the
-    other; the ends of the wall are left out. In 3-D they are those of the velocity's slope at corners of cells; on
-    rough walls they are consistent tractions there, too, and the ends are left out.
+
+def along_no_slip_wall(fluid: Fluid, boundary: str) -> AlongWall:
+    """Read the shear stress along a named 2-D wall, to which the fluid sticks. Collective.
+
+    `velocities` stand for the direction, along the wall, in which the fluid pulls. Stresses are the consistent
+    tractions of the nodes, means over two facets, since triangles lean to one side and the other; the ends of the wall
+    are left out.
     """
-    if fluid.domain.gdim == 3:
-        return _along_wall_in_space(fluid, boundary, rough)
     domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
     nodes = _owned_nodes(space, domain, boundary)
     lengths, normals = _lengths_and_normals(fluid, space, boundary)
@@ -172,58 +138,14 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
         -fluid.residual()[rows],
     ]
     whole = _on_all_ranks(domain, columns)
-    places, length, normal, pull = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
-    lengths = length[:, 0]
-    ends = cKDTree(places).query(places_on_facets(domain, [boundary])[:, [0, -1]])[1]
-    facets = np.unique(np.sort(ends, axis=1), axis=0)  # some are known to several ranks
-    if boundary != "body":
-        pull, lengths = _mean_of_facets(pull)[1:-1], _mean_of_facets(length)[1:-1, 0]
-        normal = _mean_of_facets(normal)[1:-1]
-        places = places[1:-1]
-        facets = facets[((facets > 0) & (facets <= len(places))).all(axis=1)] - 1
-    normals = normal / lengths[:, None]
+    places, *others = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
+    length, normal, pull = (_mean_of_facets(one)[1:-1] for one in others)
+    normals = normal / length
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    stress = pull / lengths[:, None]
+    stress = pull / length
     along = stress - (stress * units).sum(axis=1, keepdims=True) * units
     shear_velocities = np.sqrt(np.linalg.norm(along, axis=1))
-    return AlongWall(places, normals, lengths, along, shear_velocities, facets)
-
-
-def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
-    """The shear stress along a named 3-D wall, at corners of cells. Collective."""
-    domain = fluid.domain
-    space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
-    nodes = _owned_nodes(space, domain, boundary)
-    w, n, one = (
-        ufl.TestFunction(space),
-        ufl.FacetNormal(domain.mesh),
-        ufl.as_vector([1.0, 0.0, 0.0]),
-    )
-    slope = ufl.dot(ufl.grad(ufl.split(fluid.state)[0]), n)
-    known = one, n, ufl.dot(slope, n) * n - slope
-
-    def forms() -> list[Any]:
-        found = [compat.form(ufl.inner(value, w) * domain.measure(boundary)) for value in known]
-        # Within the cells at rough walls the viscosity of eddies changes, and the slope with it.
-        return [*found[:2], compat.form(-fluid.residual_form(w, ufl.as_ufl(0)))] if rough else found
-
-    areas, normals, pulls = fluid.kept(f"pull along {boundary}", forms)
-    columns = [space.tabulate_dof_coordinates()[nodes], _at(areas, nodes, 3)[:, :1]]
-    columns += [_at(form, nodes, 3) for form in (normals, pulls)]
-    whole = _on_all_ranks(domain, columns)
-    if rough:
-        x = whole[:, 0]
-        whole = whole[~(at_end(-x) | at_end(x))]
-    places, area, normal, pull = np.split(whole, [3, 4, 7], axis=1)
-    along = pull / area
-    if rough:
-        units = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        along -= (along * units).sum(axis=1, keepdims=True) * units
-    else:
-        along /= fluid.reynolds
-    return AlongWall(
-        places, normal / area, area[:, 0], along, np.sqrt(np.linalg.norm(along, axis=1))
-    )
+    return AlongWall(places[1:-1], normals, length[:, 0], along, shear_velocities)
 
 
 def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import dolfinx
@@ -86,11 +86,11 @@ class WallLoad:
             for wall, distance in self._walls
         )
 
-    def stand(self, distance: float) -> None:
-        """Let walls that bound the mesh themselves have another distance of the law. Not collective."""
+    def stand(self, distances: Mapping[str, float]) -> None:
+        """Let walls that bound the mesh themselves have other distances of the law, by name. Not collective."""
         for wall, held in self._walls:
             if wall.axis is None:
-                held.value = distance
+                held.value = distances[wall.boundary]
 
     def carry(
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray

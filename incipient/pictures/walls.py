@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
 from matplotlib.figure import Figure
 
-from ..planning.wall_law import WallLaw
 from .record import StoredRun
 from .style import FLOW, GROUND, INK, PUSH
 
 _COLOURS = (FLOW, PUSH, INK)
-LEAST = 0.1  # y+ from which on resolved walls are drawn
 _SIZE = (9.0, 5.5)  # inches
 
 
@@ -22,36 +17,20 @@ def has_walls(run: StoredRun) -> bool:
 
 
 def picture(run: StoredRun) -> Figure:
-    """y+ above, with the range in which walls are as the model asks, and below it the friction, which is signed."""
+    """y+ above, and below it the friction, which is signed."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)
     upper, lower = figure.subplots(2, 1, sharex=True)
     walls = run.result["turbulence"]
-    resolved = walls.get("model") == "k-omega-sst"  # results of earlier versions have no model
-    bounds = (LEAST, walls.get("thickest", 2.5)) if resolved else _bounds(walls)
-    label = "walls are resolved" if resolved else "the law of the wall holds"
-    upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
-    if (sand := walls.get("on_sand")) and sand != bounds[1]:
-        upper.axhline(sand, color=GROUND, linestyle=":", label="limit on rough walls")
     lower.axhline(0.0, color=GROUND)
     for colour, (name, found) in zip(_COLOURS, walls["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
             axes.plot(found["x"], found[column], ".", markersize=2, color=colour, label=name)
     upper.set(
         yscale="log",
-        ylabel="y+ of the wall" if not resolved else "y+ of the first cells",
+        ylabel="y+ of the wall",
         title="Along the walls",
     )
     lower.set(xlabel="x [scene units]", ylabel="friction 2 tau/V\u00b2")
     upper.legend(loc="best")
     return figure
-
-
-def _bounds(found: dict[str, Any]) -> tuple[float, float]:
-    """y+ at the walls' distance from which to which the law holds; both one where it never does."""
-    viscosity, distance = found["viscosity"], found["distance"]
-    law, y_plus = WallLaw(found.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
-    holds = law.holds(
-        y_plus * viscosity / distance, viscosity, distance, found.get("reach", np.inf)
-    )
-    return tuple(y_plus[holds][[0, -1]]) if holds.any() else (y_plus[0], y_plus[0])

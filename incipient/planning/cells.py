@@ -19,7 +19,6 @@ FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
 CLOSED = ("closed upstream", "closed downstream")
 GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GRID_CELLS_IN_SPACE = {2: 16, 3: 9, 4: 6}  # likewise (docs/contribute/defaults.md)
-FEWEST_ROWS = 6  # of a channel, whatever the cells' size
 FEWEST = {2: 4, 3: 2}  # along a side of such a grid, by dimension, whatever the cells' size
 
 # Behind a corner that sticks out: how far its shear layer reaches, and the cells in it, over the height by which the
@@ -70,33 +69,6 @@ def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:
     away = 1.0 - middles if half else 2.0 * np.minimum(middles, 1.0 - middles)
     ends = np.cumsum(grading + (1.0 - grading) * away)
     return (*map(float, ends[:-1] / ends[-1]), 1.0)
-
-
-@dataclass(frozen=True)
-class RowSizes:
-    """The first row at a wall, the growth of rows with the distance from it, and the largest row [length]."""
-
-    first: float
-    growth: float
-    largest: float
-
-    def counted(self, part: float) -> tuple[float, float]:
-        """Rows to where they are largest, and in all, over the part of a height that goes with one wall."""
-        bend = min((self.largest - self.first) / self.growth, part)
-        to_bend = math.log1p(self.growth * bend / self.first) / self.growth
-        return to_bend, to_bend + (part - bend) / self.largest
-
-
-def growing_rows(sizes: RowSizes, height: float, walls: int, coarse: float) -> np.ndarray:
-    """Ends of rows, as fractions of a height with one wall or two; rows are larger by the factor `coarse`."""
-    first, growth, largest, part = sizes.first, sizes.growth, sizes.largest, height / walls
-    to_bend, whole = sizes.counted(part)
-    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls)
-    counted = whole * np.arange(1, number + 1) / number
-    near = first * np.expm1(growth * np.minimum(counted, to_bend)) / growth
-    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / part
-    ends[-1] = 1.0
-    return 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]]) if walls == 2 else ends
 
 
 def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:

@@ -19,7 +19,7 @@ def conditions(
     factor, in its own units.
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
-    if setup.has_wall_layer:
+    if setup.is_averaged:
         from . import wall_conditions
 
         return wall_conditions.conditions(setup)

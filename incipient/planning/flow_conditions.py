@@ -40,8 +40,7 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked
     if "ends" in of_surface:
         yield from ((FREE, one) for one in of_surface["ends"])
     elif setup.scene.domain.kind == "channel":
-        enters = setup.resolved_walls.velocity if setup.resolves_walls else base_flow.entering
-        yield AROUND, Prescribed(left, enters)
+        yield AROUND, Prescribed(left, base_flow.entering)
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
         yield FREE, Open(right, base_flow.velocity if base_flow.changes else None)
     else:

@@ -13,15 +13,14 @@ from .cells import FarCells
 from .clearance import Surroundings, surroundings_of
 from .effects import Decision
 from .inertia import inertia_of
+from .meshed_bed import height_at_inflow
 from .numbers import Numbers, numbers_of
 from .order import VelocityOrder, velocity_order
 from .scene_geometry import Geometry
 from .sides import SideNames, side_names
-from .wall_law import WallLaw
 
 if TYPE_CHECKING:
-    from .resolved_walls import ResolvedWalls
-    from .wall_layer import LayeredWalls
+    from ..turbulence.walls import Walls
 
 WITH_BED_STRESS = ("shear", "poiseuille", "open-channel", "log-law")  # kinds of base flows
 
@@ -120,42 +119,23 @@ class Setup:
         return self.scene.surface or Surface()
 
     @property
-    def has_wall_layer(self) -> bool:
-        """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
-        return self.scene.has_wall_layer
-
-    @property
     def is_averaged(self) -> bool:
         """Whether turbulence is simulated by a model of the mean flow."""
         return self.scene.is_averaged
 
-    @property
-    def resolves_walls(self) -> bool:
-        """Whether a model of the mean flow reaches the walls."""
-        return self.scene.resolves_walls
-
     @cached_property
-    def resolved_walls(self) -> ResolvedWalls:
-        """Walls that the mesh resolves, and the inflow between them."""
-        from .measured_inflow import resolved_walls_as_asked
+    def walls(self) -> Walls:
+        """Walls of a mean flow, and the inflow between them."""
+        from ..turbulence.walls import walls_of
 
-        return resolved_walls_as_asked(self.geometry, self.base_flow, self.sides, self.turbulence)
-
-    @cached_property
-    def walls(self) -> LayeredWalls:
-        """Walls with their layer, whether the flow has one or not."""
-        from .wall_layer import walls_of
-
-        asked = self.turbulence
-        law = WallLaw(asked.roughness)
-        return walls_of(
-            law, asked.wall_distance, self.geometry, self.base_flow, self.sides, asked.profile
-        )
+        datum = 0.0 if self.geometry.gdim == 2 else self.base_flow.datum
+        ground = height_at_inflow(self.geometry, datum)
+        return walls_of(self.geometry, self.base_flow, self.sides, ground, self.turbulence)
 
     @cached_property
     def ceiling(self) -> float:
         """Height of the upper side of what is meshed: below the layer of a wall on top."""
-        return self.walls.ceiling if self.has_wall_layer else self.scene.domain.ceiling
+        return self.walls.ceiling if self.is_averaged else self.scene.domain.ceiling
 
     @cached_property
     def surroundings(self) -> Surroundings:
@@ -183,21 +163,14 @@ class Setup:
     def bed_stress(self, speed: float = 1.0) -> float:
         """Shear stress at the datum of a base flow `speed` times the scene's, in scene units with fluid density one.
 
-        The k-epsilon model takes it from the law of the wall, k-omega SST from the inflow. Not collective.
+        That of a mean flow is the inflow's. Not collective.
         """
         if not 0.0 < speed < float("inf"):
             return speed
         if not self.is_averaged:
             return self.base_flow_at(speed).bed_stress()
         faster = self if speed == 1.0 else self.faster(speed)
-        if self.resolves_walls:
-            return speed**2 * faster.resolved_walls.bed_stress
-        return float(speed**2 * faster.walls.bed_shear_velocity**2)
-
-    @property
-    def wall_cell(self) -> float:
-        """The length that the cells at the walls of a mean flow are made for."""
-        return self.resolved_walls.unit if self.resolves_walls else self.walls.distance
+        return speed**2 * faster.walls.bed_shear_velocity**2
 
 
 def order_of(scene: Scene) -> VelocityOrder:

@@ -12,7 +12,7 @@ from ..geometry.plane.curves import Curve, Line
 from ..meshes import Away, Grid, Near, Region, Sizes, SolidRegion, graded_ends
 from . import meshing_in_space as in_space
 from .boundary_layer import GRAIN_CELL
-from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating
+from .cells import CLOSED, FAR_CELL, FEWEST, corners
 from .flow_setup import Setup
 from .layout import Layout
 from .plan import Plan
@@ -27,8 +27,6 @@ GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters (docs/contribute/defaults.md).
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
-# At corners of a bed with layers of thin cells: cells along the walls, over the first layer's thickness.
-BED_CORNER_CELL, BED_CORNER_GROWTH = 20.0, 0.25
 # At an inflow given by formulas: which part of the discharge a cell's interpolation may miss, of a reattachment length
 # behind a step at Re 800 eight times as much; the least cell over the usual one; parts of a cell; instants.
 MISSED, FINEST, UNEVEN, INFLOW_SAMPLES = 1e-4, 1e-3, 0.382, 9
@@ -39,16 +37,10 @@ GRID_GRADING = 0.05  # of the cells of an empty box: spacing at walls over that 
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
-    if setup.has_wall_layer and setup.walls.plane:
+    if setup.is_averaged and setup.walls.plane:
         from .wall_cells import channel_grid
 
-        grid = channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
-        return _grid_layout(setup, plan, grid)
-    if setup.resolves_walls and setup.resolved_walls.plane:
-        rows = setup.resolved_walls.channel_rows(
-            setup.geometry, setup.sides, plan.order, plan.mesh_size
-        )
-        return _grid_layout(setup, plan, rows)
+        return _grid_layout(setup, plan, channel_grid(setup, plan.order, plan.mesh_size))
     if setup.scene.is_empty_box:
         return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
     if setup.scene.closes_contacts and moved is None:
@@ -132,7 +124,11 @@ def _bottom(geometry: Geometry, reaches: tuple[tuple[float, float], ...]) -> tup
 
 
 def _sizes(setup: Setup, order: int, finer: tuple[Near, ...]) -> Sizes:
-    layers = setup.resolved_walls.thin_layers(order) if setup.resolves_walls else None
+    layers = None
+    if setup.is_averaged:
+        from .wall_cells import layers as at_walls
+
+        layers = at_walls(setup, order, math.inf)
     return Sizes(FAR_CELL[order] * setup.geometry.domain.height, finer, layers=layers)
 
 
@@ -140,7 +136,7 @@ def _finer(
     setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance
 ) -> tuple[Near, ...]:
     """Where cells are smaller than away from everything."""
-    geometry, layered = setup.geometry, setup.has_wall_layer
+    geometry = setup.geometry
     near = [
         *_along_grain(geometry, order, outline, stance),
         *_along_bed(geometry, order, stance, setup.is_averaged),
@@ -148,19 +144,11 @@ def _finer(
     if setup.base_flow.flow.kind == "log-law":
         layer = setup.base_flow.mean_profile.layer
         near.append(Near(PROFILE_CELL[order] * layer, GROWTH, boundary=setup.sides.bottom))
-    if layered:
+    if setup.is_averaged:
         from .wall_cells import cells
 
         placement = stance.placement if geometry.moves else geometry.placement
-        near.extend(cells(setup.walls, geometry, order, placement))
-    if setup.resolves_walls:
-        placed = (
-            ()
-            if stance.placement is None
-            else (geometry.grain.size, point(stance.placement.centre))
-        )
-        near.extend(setup.resolved_walls.cells(*placed))
-        near.extend(_at_bed_corners(setup))
+        near.extend(cells(setup, order, placement))
     if setup.base_flow.flow.kind == "expression":
         near.extend(_at_inflow(setup, order))
     if setup.base_flow.flow.kind == "lid":
@@ -196,17 +184,6 @@ def _along_bed(geometry: Geometry, order: int, stance: Stance, layered: bool) ->
     if stance.placement is not None and not layered:
         away = Away(point(stance.placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
     return [Near(BED_CELL[order] * bed.feature, GROWTH, boundary="bed", away=away)]
-
-
-def _at_bed_corners(setup: Setup) -> Iterator[Near]:
-    """Cells where thin layers meet at a corner of the bed, and where a flow leaves one that sticks out."""
-    geometry, walls = setup.geometry, setup.resolved_walls
-    if geometry.bed is None:
-        return
-    bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
-    if sharp := corners(bed[:-1], bed[1:]):
-        yield Near(BED_CORNER_CELL * walls.first, BED_CORNER_GROWTH, points=sharp)
-    yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > walls.along)
 
 
 def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:

@@ -88,23 +88,27 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup, order, stance)]
     if layer < 1.0:
         near.extend(_in_wake(setup, setup.geometry.placement))
-    if setup.has_wall_layer:
-        from .wall_cells import cells
-
-        near.extend(cells(setup.walls, setup.geometry, order, setup.geometry.placement))
     layers = None
-    if setup.resolves_walls:
-        placement = setup.geometry.placement
-        near += [*_in_wake(setup, placement), *_at_plane_walls(setup, placement)]
-        layers = setup.resolved_walls.layers(order, min(one.size for one in near if one.boundary))
+    if setup.is_averaged:
+        from . import wall_cells
+
+        near.extend(wall_cells.cells(setup, order, setup.geometry.placement))
+        if setup.walls.is_resolved:
+            placement = setup.geometry.placement
+            near += [*_in_wake(setup, placement), *_at_plane_walls(setup, placement)]
+            along = min(one.size for one in near if one.boundary)
+            layers = wall_cells.layers(setup, order, along)
     far = setup.far_cells.largest_in_space(order)
     return Sizes(far, tuple(near), gap_part=GAP_CELL[order], layers=layers)
 
 
 def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]:
     """Cells along walls that have no forms and are resolved, with layers between the walls and them."""
-    walls, bed, grain = setup.resolved_walls, setup.geometry.bed, setup.geometry.grain
-    largest, size, away = walls.largest_row, walls.largest_row, None
+    from .wall_cells import LARGEST_ROW
+
+    walls, bed, grain = setup.walls, setup.geometry.bed, setup.geometry.grain
+    size = largest = LARGEST_ROW * walls.depth
+    away = None
     if grain is not None and placement is not None:
         size = min(PLANE_CELL * grain.size, largest)
         away = Away(point(placement.centre), BED_GROWTH, largest)

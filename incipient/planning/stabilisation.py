@@ -62,10 +62,10 @@ def _stretches_cells(setup: Setup) -> bool:
 
     In channels oscillations grow downstream until no flow converges; along boundary layers it is the pressure.
     """
-    if not setup.resolves_walls:
+    if not setup.is_averaged or not setup.walls.is_resolved:
         return False
-    walls = setup.resolved_walls
-    return walls.layer_over_forms or walls.plane
+    walls = setup.walls
+    return walls.plane or (bool(walls.asked.profile) and setup.geometry.grain is None)
 
 
 def upwinds(setup: Setup) -> bool:

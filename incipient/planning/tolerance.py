@@ -7,13 +7,8 @@ STEADY = 1e-6
 # Likewise where each of Newton's corrections is a rough one, and loads err far more by the cells.
 BY_TWO_LEVELS = 1e-5
 
-# Likewise of a turbulent flow whose walls are resolved: limiters of the k-omega model switch at single nodes, and past
-# a smooth hump the flow then changes by 2e-5 in each iteration (benchmarks/turbulent_hump.py).
-TO_THE_WALL = 1e-4
-# Tolerance of logarithms over that of the flow, in 3-D: in the wake of a sphere on a level bed at u* d/nu = 86 they
-# change by 1e-4 in the root mean square for ever, the flow by 2e-5. With changes of 4e-4 its loads changed by 2e-5 of
-# them.
-IN_WAKES = 10.0
+# Likewise of a flow with its turbulence: limiters of the k-omega model switch at single nodes.
+TURBULENT = 1e-4
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
@@ -23,10 +18,6 @@ def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float
     return BY_TWO_LEVELS if two_levels else STEADY
 
 
-def of_turbulent(
-    asked: float | Literal["auto"], to_the_wall: bool, in_space: bool
-) -> tuple[float, float]:
-    """Tolerances of a steady turbulent flow and of its logarithms, from `numerics.tolerance`. Not collective."""
-    automatic = TO_THE_WALL if to_the_wall else STEADY
-    tolerance = automatic if asked == "auto" else asked
-    return tolerance, (IN_WAKES if to_the_wall and in_space else 1.0) * tolerance
+def of_turbulent(asked: float | Literal["auto"]) -> float:
+    """The tolerance of a steady turbulent flow and of its logarithms, from `numerics.tolerance`. Not collective."""
+    return TURBULENT if asked == "auto" else asked

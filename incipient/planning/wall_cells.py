@@ -1,99 +1,159 @@
-"""Cells at walls with wall functions: rows of a channel, and sizes along other walls."""
+"""Cells at the walls of a mean flow: rows of a channel, layers in the viscous sublayer, and sizes along walls."""
 
 import math
+from collections.abc import Iterator
 
+import numpy as np
+
+from ..arrays import Floats
 from ..geometry.placement import Placement
-from ..meshes import Away, Grid, Near, graded_ends
-from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends, lee, separating
+from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
+from ..turbulence.walls import Walls
+from .cells import corners, layer_ends, lee, separating
 from .flow_setup import Setup
 from .scene_geometry import Geometry, point
-from .sides import SideNames
-from .wall_layer import LayeredWalls
 
-# A channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
-ROWS, COLUMN, GRADING = 14, 1.0, 0.3
-FEWEST_COLUMNS = 4  # whatever the cells' size
-# First of these rows over their mean; where the law's distance is less than 1/FINE_ROW of it, the first row is FINE_ROW
-# distances thick, and rows grow by ROW_GROWTH of the distance from it: velocity and epsilon change as fast as that.
-FIRST_ROW, FINE_ROW, ROW_GROWTH = 0.5, 4.0 / 3.0, 0.4
-FIRST_OF_GRADED = (
-    2.0 * GRADING / (1.0 + GRADING)
-)  # first over mean row of those that are graded as usual
-# Other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
-# over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
-WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
-AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
-LAYERS = 2  # of cells across a 3-D channel, at the least
-
-
-def channel_grid(
-    walls: LayeredWalls, geometry: Geometry, names: SideNames, order: int, mesh_size: float
-) -> Grid:
-    """The mesh between the walls, less what the law of the wall covers; in 3-D it is extruded. Not collective."""
-    domain, half = geometry.domain, geometry.symmetric
-    coarse = mesh_size * coarsening(order)
-    columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
-    height = domain.height - walls.number * walls.distance
-    bottom = domain.bottom + walls.distance
-    rows = _row_ends(walls, coarse, height) or graded_ends(
-        max(FEWEST_ROWS, round(ROWS * walls.number / coarse)), GRADING
-    )
-    along, upright = (domain.left, domain.right), (bottom, bottom + height)
-    along_ends = graded_ends(columns, GRADING)
-    if geometry.gdim == 2:
-        return Grid((along, upright), (along_ends, rows), names.of_rectangle)
-    low, high = geometry.half
-    layers = max(LAYERS, round((high - low) / (COLUMN * walls.depth * coarse)))
-    ends = along_ends, layer_ends(layers, 1.0, half), rows
-    return Grid((along, (low, high), upright), ends, names.of_box(half), half, parallel=True)
+# Rows of a channel: the first over the distance of the wall; growth with the distance from it; the largest over the
+# depth, along the channel as well.
+FIRST_ROW, ROW_GROWTH, LARGEST_ROW, COLUMN = 4.0 / 3.0, 0.3, 0.08, 0.5
+FEWEST_ROWS, FEWEST_COLUMNS, LAYERS = 6, 8, 2
+# Cells at other walls in the logarithmic layer, over the distance; in the viscous sublayer the first layer likewise,
+# and at a grain, where u* on its crest is twice that of the bed.
+WALL_CELL, FIRST_LAYER, AT_GRAIN = 4.0, 2.2, 0.5
+WALL_GROWTH, GROWTH, MOST_LAYERS = 0.25, {2: 1.35, 3: 2.0}, 80
+# Cells along walls with such layers: over the depth, a grain's size, and the length over which a bed would rise by its
+# relief at its steepest slope (tests/end_to_end/test_resolved_along_walls.py).
+ALONG, NEAR_GRAIN, ALONG_RISE, RISE_SAMPLES, GROWTH_ALONG = 0.1, 0.1, 0.1, 4001, 0.3
+AWAY_GROWTH, CORNER_CELL = (
+    0.05,
+    0.05,
+)  # of cells along a bed away from a grain; cells at corners that stick out
+BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the distance of the walls
 
 
-def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:
-    """Where rows end that are as fine at walls as the law's distance asks for; none: rows graded as usual do."""
-    largest, first = walls.depth / ROWS, FINE_ROW * walls.distance
-    if first >= FIRST_ROW * largest:
-        return ()
-    ends = growing_rows(RowSizes(first, ROW_GROWTH, largest), height, walls.number, coarse)
-    # Few rows, graded as usual, may have the thinner one at the wall.
-    return tuple(map(float, ends)) if ends[0] < FIRST_OF_GRADED / len(ends) else ()
-
-
-def coarsening(order: int) -> float:
-    """The size of cells at walls with elements of an order, relative to those of order three."""
+def coarsening(walls: Walls, order: int) -> float:
+    """The size of cells at walls with elements of an order; sizes in the logarithmic layer are those of order three."""
+    if walls.is_resolved:
+        return 1.0 if order == 2 else 1.3
     return 1.0 if order > 2 else 0.75
+
+
+def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
+    """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D. Not collective."""
+    walls, geometry, names = setup.walls, setup.geometry, setup.sides
+    domain, half, coarse = geometry.domain, geometry.symmetric, mesh_size * coarsening(walls, order)
+    extents = (domain.left, domain.right), (domain.bottom + walls.nearest, walls.ceiling)
+    rows = tuple(map(float, _row_ends(walls, extents[1][1] - extents[1][0], coarse)))
+    columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
+    along = graded_ends(columns, 1.0)
+    if geometry.gdim == 2:
+        return Grid(extents, (along, rows), names.of_rectangle)
+    low, high = geometry.half
+    layers = max(LAYERS, round((high - low) / (2.0 * COLUMN * walls.depth * coarse)))
+    ends = along, layer_ends(layers, 1.0, half), rows
+    extents_in_space = extents[0], (low, high), extents[1]
+    return Grid(extents_in_space, ends, names.of_box(half), half, parallel=True)
+
+
+def _rows(walls: Walls) -> tuple[float, float, float, float]:
+    """First and largest row, rows to where they are largest, and in all, over the depth of a wall."""
+    largest = LARGEST_ROW * walls.depth
+    first = min(FIRST_ROW * walls.from_origin(walls.names[0]), largest)
+    part = walls.depth - walls.nearest
+    bend = min((largest - first) / ROW_GROWTH, part)
+    to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
+    return first, largest, to_bend, to_bend + (part - bend) / largest
+
+
+def _row_ends(walls: Walls, height: float, coarse: float) -> Floats:
+    """Ends of rows, as fractions of a height with one wall or two; rows are larger by the factor `coarse`."""
+    first, largest, to_bend, whole = _rows(walls)
+    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
+    counted = whole * np.arange(1, number + 1) / number
+    near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
+    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / (height / walls.number)
+    ends[-1] = 1.0
+    if walls.number == 1:
+        return ends
+    return 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]])
 
 
 def coarsest(setup: Setup) -> float:
     """The largest numerics.mesh_size by which all cells become larger; no bound but between planes. Not collective."""
-    if setup.resolves_walls:
-        return setup.resolved_walls.coarsest(setup.geometry.domain, setup.order.number)
-    walls, length = setup.walls, setup.geometry.domain.length
+    walls = setup.walls
     if not walls.plane:
         return math.inf
-    rows, columns = (
-        ROWS * walls.number / FEWEST_ROWS,
-        length / (COLUMN * walls.depth * FEWEST_COLUMNS),
-    )
-    return min(rows, columns) / coarsening(setup.order.number)
+    rows = _rows(walls)[-1] / (FEWEST_ROWS // walls.number)
+    columns = setup.geometry.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+    return min(rows, columns) / coarsening(walls, setup.order.number)
 
 
-def cells(
-    walls: LayeredWalls, geometry: Geometry, order: int, placement: Placement | None = None
-) -> tuple[Near, ...]:
+def cells(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
     """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
-    away = None
-    size = WALL_CELL * coarsening(order) * walls.distance
+    walls, geometry = setup.walls, setup.geometry
+    if walls.is_resolved:
+        yield from _along_layers(walls, geometry, placement)
+    else:
+        yield from _in_logarithmic_layer(walls, geometry, order, placement)
+
+
+def _in_logarithmic_layer(
+    walls: Walls, geometry: Geometry, order: int, placement: Placement | None
+) -> Iterator[Near]:
+    away, size = None, WALL_CELL * coarsening(walls, order) * walls.nearest
     if placement is not None:
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
-        away = Away(point(placement.centre), AWAY_GROWTH, max(size, walls.depth / ROWS))
-    found = [
-        Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
-        for name in walls.names
-    ]
-    if geometry.bed is not None and geometry.gdim == 2:
-        bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
-        if leaving := tuple(separating(bed)):
-            points = tuple(corner for corner, _ in leaving)
-            found.append(Near(CORNER_CELL * size, WALL_GROWTH, points=points))
-        found.extend(lee(corner, drop) for corner, drop in leaving if drop > size)
-    return tuple(found)
+        away = Away(point(placement.centre), AWAY_GROWTH, max(size, LARGEST_ROW * walls.depth))
+    for name in walls.names:
+        yield Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
+    if geometry.bed is None or geometry.gdim == 3:
+        return
+    leaving = tuple(separating(geometry.bed.curves(geometry.domain.left, geometry.domain.right)))
+    if leaving:
+        points = tuple(corner for corner, _ in leaving)
+        yield Near(CORNER_CELL * size, WALL_GROWTH, points=points)
+    yield from (lee(corner, drop) for corner, drop in leaving if drop > size)
+
+
+def _along_layers(walls: Walls, geometry: Geometry, placement: Placement | None) -> Iterator[Near]:
+    if geometry.gdim == 3:
+        return
+    largest = ALONG * walls.depth
+    size, far = min(largest, ALONG_RISE * _rise(geometry)), None
+    if placement is not None:
+        size = min(largest, NEAR_GRAIN * geometry.grain.size)
+        far = Away(point(placement.centre), AWAY_GROWTH, largest)
+    for name in walls.names:
+        yield Near(size, GROWTH_ALONG, boundary=name, away=None if name == "body" else far)
+    if geometry.bed is None:
+        return
+    bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
+    if sharp := corners(bed[:-1], bed[1:]):
+        yield Near(BED_CORNER * walls.smooth, WALL_GROWTH, points=sharp)
+    yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > largest)
+
+
+def _rise(geometry: Geometry) -> float:
+    """The length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
+    bed, domain = geometry.bed, geometry.domain
+    if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):
+        return math.inf
+    x = np.linspace(domain.left, domain.right, RISE_SAMPLES)
+    heights = bed.height(x)
+    return float(np.ptp(heights) / np.abs(np.gradient(heights, x)).max())
+
+
+def layers(setup: Setup, order: int, along: float) -> WallLayers | None:
+    """Layers at walls of which some are no planes, with cells of a size along them in 3-D; None: there are none."""
+    walls, gdim = setup.walls, setup.geometry.gdim
+    if not walls.is_resolved:
+        return None
+    coarse = FIRST_LAYER * coarsening(walls, order)
+    first = {name: min(coarse * walls.from_origin(name), along) for name in walls.names}
+    if "body" in first:
+        first["body"] *= AT_GRAIN
+    if gdim == 2:
+        return WallLayers(first, MOST_LAYERS, GROWTH[2], graded=True)
+    most = LAYERS_SHARE * along / min(first.values())
+    number = math.ceil(math.log(1.0 + (GROWTH[3] - 1.0) * most) / math.log(GROWTH[3]))
+    return WallLayers(first, max(number, 1), GROWTH[3])

@@ -10,18 +10,16 @@ from pydantic import Field, model_validator
 from .section import NotNegative, Positive, Section, key
 
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
-OF_K_EPSILON = ("wall_distance", "c_mu", "c_1", "c_2", "sigma_k", "sigma_epsilon")
+OF_K_EPSILON = ("c_mu", "c_1", "c_2", "sigma_k", "sigma_epsilon")
 
 
 class Turbulence(Section):
     """Turbulence by a model of the mean flow, with effects.turbulence = true."""
 
-    model: Literal["k-epsilon", "k-omega-sst"] = key(
-        "Model: k-epsilon with wall functions, or k-omega SST to the wall", "k-epsilon"
-    )
+    model: Literal["k-epsilon", "k-omega-sst"] = key("Model: k-epsilon or k-omega SST", "k-epsilon")
     wall: Literal["equilibrium", "rough"] = key("Law of the wall", "equilibrium")
     roughness: NotNegative = key(
-        'Equivalent sand roughness of walls that are "rough"; a grain is smooth with model = "k-omega-sst" [length]',
+        'Equivalent sand roughness of walls that are "rough"; a grain is smooth [length]',
         0.0,
     )
     upstream_roughness: NotNegative = key(
@@ -29,7 +27,7 @@ class Turbulence(Section):
         0.0,
     )
     wall_distance: Positive | None = key(
-        "Distance from the walls at which the mesh ends; without it 50 nu/u*, estimated [length]",
+        "Distance of walls from the mesh; without it 50 nu/u* with k-epsilon, 0.45 nu/u* with k-omega-sst [length]",
         None,
         examples=[0.05],
     )

@@ -150,9 +150,9 @@ class Run:
         """Intervals of x of reverse laminar flow along the bed; None: not of interest. Collective."""
         if not self.scene.has_separation:
             return None
-        from ..fluid.along_walls import along_resolved_wall
+        from ..fluid.along_walls import along_no_slip_wall
 
-        return along_resolved_wall(self.fluid, self.setup.sides.bottom).backward()
+        return along_no_slip_wall(self.fluid, self.setup.sides.bottom).backward()
 
     @property
     def steadiness(self) -> Steadiness | None:

@@ -34,13 +34,7 @@ def _of_threshold(result: Result) -> dict[str, Any]:
     columns |= _with_bar("shields_nominal", result["shields_nominal"], None)
     if result["reason"]:
         columns["note"] = result["reason"]
-    return columns | _of_walls(result)
-
-
-def _of_walls(result: Result) -> dict[str, Any]:
-    """Whether walls were as a model of the mean flow requires; nothing without one."""
-    applicable = result.get("applicable")
-    return {} if applicable is None else {"applicable": applicable}
+    return columns
 
 
 def _of_gust(result: Result) -> dict[str, Any]:
@@ -57,7 +51,7 @@ def _of_entrainment(result: Result) -> dict[str, Any]:
     for quantile in result["quantiles"]:
         name = f"shields_at_{quantile['probability']:g}"
         columns |= _with_bar(name, quantile["shields"], quantile["error"])
-    return columns | _of_walls(steady)
+    return columns
 
 
 def _of_verdict(result: Result) -> dict[str, Any]:

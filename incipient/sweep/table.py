@@ -88,10 +88,9 @@ def in_words(row: Mapping[str, Any]) -> str:
     if row["task"] == "threshold":
         bar = row.get(f"shields{HIGH}")
         error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
-        return f"{row['mode']} at Shields number {row['shields']:.4g}{error}{_of_walls(row)}"
+        return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
     if row["task"] == "entrainment":
-        words = f"probability of motion {row['probability']:.3g}, steady Shields number {row['shields']:.4g}"
-        return words + _of_walls(row)
+        return f"probability of motion {row['probability']:.3g}, steady Shields number {row['shields']:.4g}"
     if row["task"] == "gust":
         return f"critical strength {row['strength']:.4g}"
     return _run_in_words(row)
@@ -108,8 +107,4 @@ def _run_in_words(row: Mapping[str, Any]) -> str:
     if "friction" not in row:
         return words
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"
-    return words + (", NOT CONVERGED" if row.get("load_spread") else "") + _of_walls(row)
-
-
-def _of_walls(row: Mapping[str, Any]) -> str:
-    return ", walls NOT as the model asks" if row.get("applicable") is False else ""
+    return words + (", NOT CONVERGED" if row.get("load_spread") else "")

@@ -124,7 +124,7 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
         rest = flow.rocking.rests[-1]
         load, contacts = replace(load, centre=spatial(rest.placement.centre)), rest.contacts
     assert scene.grain is not None and contacts is not None
-    critical, walls = _judged(run, contacts, load), run.wall_report()
+    critical = _judged(run, contacts, load)
     stress, size = run.setup.bed_stress(flow.factor), scene.grain.size
     threshold = Threshold(
         factor=flow.factor,
@@ -151,7 +151,6 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
         threshold,
         si=in_si(scene, flow.factor, load.flow_force, load.flow_couple),
         steepness=flow.path.steepness(flow.factor),
-        applicable=None if walls is None else walls.applicable,
         notes=(threshold.shields_note(scene.gdim), *_notes(run, flow)),
     )
 

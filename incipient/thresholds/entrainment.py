@@ -117,7 +117,7 @@ class Entrainment:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for entrainment.json."""
-        named = ("factor", "shields", "shear_reynolds", "mode", "errors", "applicable")
+        named = ("factor", "shields", "shear_reynolds", "mode", "errors")
         return {
             "schema_version": SCHEMA_VERSION,
             "title": self.title,

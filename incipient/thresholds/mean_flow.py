@@ -129,13 +129,10 @@ class MeanFlow:
 
     @cached_property
     def _energy_and_loss(self) -> tuple[float, float]:
-        """Mean k and epsilon of the inflow at the heights of the grain.
-
-        epsilon is NaN in a flow that is too slow for the law of the wall.
-        """
-        with np.errstate(invalid="ignore"):
-            energy, other = np.exp(self._inflow[1](self._at_inflow))
-        loss = other if self.setup.has_wall_layer else self.setup.turbulence.c_mu * other * energy
+        """Mean k and epsilon of the inflow at the heights of the grain."""
+        energy, other = np.exp(self._inflow[1](self._at_inflow))
+        asked = self.setup.turbulence
+        loss = other if asked.model == "k-epsilon" else asked.c_mu * other * energy
         return float(energy.mean()), float(loss.mean())
 
     @cached_property
@@ -165,11 +162,8 @@ class MeanFlow:
     @cached_property
     def _inflow(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
         """Velocity, and logarithms of k and its loss or frequency, at the inflow of a turbulent flow."""
-        if self.setup.has_wall_layer:
-            from ..planning import wall_conditions
-
-            return wall_conditions.velocity(self.setup), wall_conditions.logarithms(self.setup)
-        return self.setup.resolved_walls.velocity, self.setup.resolved_walls.logarithms
+        inflow = self.setup.walls.inflow
+        return inflow.velocity, inflow.logarithms
 
     @cached_property
     def _places(self) -> Floats:

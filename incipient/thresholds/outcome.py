@@ -20,7 +20,7 @@ DOUBTED = "in the last flow of the search "  # begins a note on walls outside th
 SAME_SIZE = 1e-9  # relative
 AS_THEY_ARE = (
     *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
-    *("errors", "mode", "verdict", "unsolved", "cost", "si", "applicable"),
+    *("errors", "mode", "verdict", "unsolved", "cost", "si"),
 )
 
 
@@ -47,7 +47,6 @@ class Threshold:
     steepness:       the power of the factor that the load goes with; None without a critical flow
     bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
-    applicable:      whether walls are within the range of the turbulence model, in the last flow
     """
 
     factor: float
@@ -74,7 +73,6 @@ class Threshold:
     adaptation: Adaptation | None = None
     si: dict[str, Any] | None = None
     computed: float | None = None
-    applicable: bool | None = None
 
     @property
     def is_critical(self) -> bool:

@@ -121,7 +121,9 @@ class CriticalSearch:
         self._largest = max(LARGEST / self._reynolds, MOST_FASTER)
         setup, self._near = run.setup, NEAR
         # Whether wakes may change for ever: then the nearest flow is the best start.
-        self._lingers = setup.is_averaged and setup.resolves_walls and setup.geometry.gdim == 3
+        self._lingers = (
+            setup.is_averaged and setup.scene.resolves_walls and setup.geometry.gdim == 3
+        )
         if self._lingers:
             self._near = NEAR_IN_SPACE
         self._sure = 0.0  # factor up to which the grain is surely held

@@ -23,14 +23,14 @@ from manufactured import (
     orders,
     start_from,
 )
+from turbulent import k_epsilon
 
-from incipient.effects.turbulence.continuation import continued
-from incipient.effects.turbulence.fields import TurbulenceConditions
-from incipient.effects.turbulence.in_time import InTime
-from incipient.effects.turbulence.k_epsilon import KEpsilon
 from incipient.fluid import FlowModel, Fluid
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
+from incipient.turbulence.continuation import continued
+from incipient.turbulence.fields import TurbulenceFields
+from incipient.turbulence.in_time import InTime
 
 CONSTANTS = (0.09, 1.44, 1.92, 1.0, 1.3)
 NU, END = 0.01, 0.5
@@ -80,10 +80,13 @@ class Eddying(Flow):
             found.append((rate - spread) / one - (of_made * made - of_lost * epsilon) / k)
         return found
 
-    def joined(self, domain: Domain, model: FlowModel, order: int) -> tuple[Fluid, KEpsilon]:
+    def joined(
+        self, domain: Domain, model: FlowModel, order: int
+    ) -> tuple[Fluid, TurbulenceFields]:
         """Flow and turbulence, exact at time zero, all values given on the sides; the fluid frees both."""
-        given = TurbulenceConditions(SIDES[:4], lambda x: interpolated(self.logarithms, x, 0.0))
-        fields = KEpsilon(domain, given, order, CONSTANTS)
+        fields = k_epsilon(
+            domain, lambda x: interpolated(self.logarithms, x, 0.0), SIDES[:4], order=order
+        )
         fluid = fluid_of(self, domain, replace(model, viscosity=fields.viscosity), 1 / NU)
         fluid.holding(fields)
         start_from(fluid, self)
@@ -116,7 +119,7 @@ def test_orders_in_space() -> None:
         fluid, fields = STEADY.joined(unit_box(2, cells), FlowModel(), 2)
         with fluid:
             fields.state.x.array[:] *= 0.8
-            assert continued(fluid, fields, (1e-8, 1e-8)).converged
+            assert continued(fluid, fields, 1e-8).converged
             found.append(errors_with_eddies(fluid, fields, STEADY))
     observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
     print(found[-1], observed)

@@ -24,14 +24,14 @@ from manufactured import (
     start_from,
 )
 from moving import Swaying
+from turbulent import k_omega
 
-from incipient.effects.turbulence.continuation import continued
-from incipient.effects.turbulence.fields import TurbulenceConditions
-from incipient.effects.turbulence.in_time import InTime
-from incipient.effects.turbulence.k_omega_sst import KOmegaSST
 from incipient.fluid import FlowModel, Fluid
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
+from incipient.turbulence.continuation import continued
+from incipient.turbulence.fields import TurbulenceFields
+from incipient.turbulence.in_time import InTime
 
 NU, END = 0.01, 0.5
 DISTANCE = 1.0  # taken as that from walls, at which both models are blended
@@ -99,12 +99,19 @@ class Eddying(Flow):
             found.append((rate - spread - source) / one)
         return found
 
-    def joined(self, domain: Domain, model: FlowModel, order: int) -> tuple[Fluid, KOmegaSST]:
+    def joined(
+        self, domain: Domain, model: FlowModel, order: int
+    ) -> tuple[Fluid, TurbulenceFields]:
         """Flow and turbulence, exact at time zero, all values given on the sides; the fluid frees both."""
-        given = TurbulenceConditions(
-            SIDES[:4], lambda x: interpolated(self.logarithms, x, 0.0), distance=DISTANCE
+        fields = k_omega(
+            domain,
+            lambda x: interpolated(self.logarithms, x, 0.0),
+            SIDES[:4],
+            viscosity=NU,
+            order_of_flow=order,
+            order=order,
         )
-        fields = KOmegaSST(domain, given, order, NU, order)
+        fields._distance.x.array[:] = DISTANCE
         fluid = fluid_of(self, domain, replace(model, viscosity=fields.viscosity), 1 / NU)
         fluid.holding(fields)
         start_from(fluid, self)
@@ -140,7 +147,7 @@ def test_orders_in_space() -> None:
         fluid, fields = STEADY.joined(unit_box(2, cells), FlowModel(), 2)
         with fluid:
             fields.state.x.array[:] *= 0.9
-            assert continued(fluid, fields, (1e-8, 1e-8)).converged
+            assert continued(fluid, fields, 1e-8).converged
             found.append(errors_with_eddies(fluid, fields, STEADY))
     observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
     print(found[-1], observed)

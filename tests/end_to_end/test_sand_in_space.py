@@ -169,10 +169,11 @@ def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
     """Behind a bed of spheres and on sand; omega of rows is that of the mixing length, which the model's is not."""
     given = {"model": "k-omega-sst", **walls}
     developed = sand(reynolds, 3.0, turbulence=Turbulence(**given), **bed)
-    enters = Setup(developed).resolved_walls
+    enters = Setup(developed).walls
     places = np.zeros((3, len(HEIGHTS)))
-    places[2] = enters.floor + np.array(HEIGHTS)
-    rows = [HEIGHTS, enters.velocity(places, 0.0)[0], np.exp(enters.logarithms(places)[0])]
+    places[2] = enters.ground + np.array(HEIGHTS)
+    inflow = enters.inflow
+    rows = [HEIGHTS, inflow.velocity(places, 0.0)[0], np.exp(inflow.logarithms(places)[0])]
     given |= {
         "inflow": "profile",
         "profile": np.transpose(rows).tolist(),

@@ -1,7 +1,5 @@
 """Along walls of a turbulent flow, where it runs upstream and where it leaves; peaks of k; upwinding of its sources."""
 
-from dataclasses import replace
-
 import dolfinx
 import numpy as np
 import pytest
@@ -12,8 +10,7 @@ from incipient import compat
 from incipient.compat import petsc
 from incipient.fluid.along_walls import AlongWall, at_end
 from incipient.forms import turbulence as forms
-from incipient.forms.k_omega_sst import BETA_STAR, Closure
-from incipient.results.resolved_wall_report import ResolvedWallReport
+from incipient.forms.k_omega_sst import BETA_STAR, KOmegaSST
 
 
 def along(velocities):
@@ -22,57 +19,6 @@ def along(velocities):
     places = np.column_stack([np.arange(count), np.zeros(count)]).astype(float)
     flow = np.column_stack([velocities, np.zeros(count)]).astype(float)
     return AlongWall(places, np.tile([0.0, -1.0], (count, 1)), np.ones(count), flow, np.ones(count))
-
-
-def stressed(stresses, normals=(0.0, -1.0), closed=False):
-    """A wall of facets from node to node with stresses; closed: the last node is the first one's neighbour."""
-    count = len(stresses)
-    normals = np.broadcast_to(np.array(normals, dtype=float), (count, 2))
-    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-    facets = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
-    lengths = np.ones(count)
-    flow = tangents * np.array(stresses, dtype=float)[:, None]
-    return AlongWall(flow, normals, lengths, flow, lengths, facets if closed else facets[:-1])
-
-
-@pytest.mark.parametrize(
-    ("stresses", "share"),
-    [
-        ([9, 9, 9, 4, 4, 5, 5, 4, 4, 9, 9, 9], 0.0),  # 1 of 5 twice; the ends do not count
-        ([9, 9, 9, 4, 4, 8, 7, 4, 4, 9, 9, 9], 7.0 / 8.0),  # 4 of 8, 1 of 8, 3 of 7
-        ([9, 9, 9, 1, 1, 2, 2, 1, 1, 9, 9, 9], 0.0),  # 1 of the mean, 5.2
-    ],
-)
-def test_the_change_of_the_stress_from_cell_to_cell(stresses, share):
-    """By hand: the fraction of all change that lies in facets with more than a quarter, two at both ends left out."""
-    assert stressed(stresses).coarse_share(0.25) == pytest.approx(share)
-
-
-def test_facets_at_corners_do_not_count_and_the_stress_turns_with_the_wall():
-    """By hand: a square of 16 facets a side, a stress of one around it, and jumps on both sides of a corner."""
-    sides = np.repeat([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]], 16, axis=0)
-    corners = np.arange(0, 64, 16)
-    normals = sides.copy()
-    normals[corners] = 0.5 * (sides[corners] + sides[corners - 1])
-    stresses = np.ones(64)
-    stresses[[15, 17]] = 50.0
-    assert stressed(stresses, normals, closed=True).coarse_share(0.25) == 0.0
-    stresses[24:28] = 5.0  # in the middle of a side, mean 3.8: one step of four up, one down
-    assert stressed(stresses, normals, closed=True).coarse_share(0.25) == 1.0
-
-
-def test_walls_with_corners_or_a_grain_are_called_resolved_with_evidence_alone():
-    known = ResolvedWallReport(0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, plane=False)
-    told = {
-        (judged, share): replace(known, coarse_along=share, judged_along=judged)
-        for judged, share in ((True, 0.6), (False, 0.6), (False, 0.2), (False, None))
-    }
-    lines = {key: one.lines()[0] for key, one in told.items()}
-    assert [one.applicable for one in told.values()] == [False, True, True, True]
-    assert "NOT RESOLVED" in lines[True, 0.6] and "stress along the bed" in lines[True, 0.6]
-    assert "walls are resolved across; 60% of the change" in lines[False, 0.6]
-    assert "walls are resolved;" in lines[False, 0.2]
-    assert "walls are resolved across; cells along them are not judged" in lines[False, None]
 
 
 @pytest.mark.parametrize(
@@ -151,7 +97,7 @@ def test_upwinding_lasts_no_longer_than_its_source(balance, part):
     state, velocity = dolfinx.fem.Function(space), dolfinx.fem.Constant(mesh, (2.0, 0.0))
     omega = 8.0 * balance / BETA_STAR
     state.x.array[0::2], state.x.array[1::2] = -60.0, np.log(omega)
-    closure, logarithms = Closure(dolfinx.fem.Constant(mesh, 1.0)), ufl.split(state)
+    closure, logarithms = KOmegaSST(dolfinx.fem.Constant(mesh, 1.0)), ufl.split(state)
     measure = ufl.dx(metadata={"quadrature_degree": 2})
 
     def of_k(size, balanced):

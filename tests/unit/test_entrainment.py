@@ -182,13 +182,13 @@ def test_intensity_by_a_model_to_the_wall_is_that_of_its_developed_flow() -> Non
         *(f'gusts.{name}="model"' for name in ("intensity", "microscale", "integral_time")),
     ]
     setup = Setup(load(sand, words))
-    gusts, scene, walls = setup.scene.gusts, setup.scene, setup.resolved_walls
+    gusts, scene, walls = setup.scene.gusts, setup.scene, setup.walls
     assert gusts is not None and scene.grain is not None and scene.placement is not None
-    half, centre = 0.5 * scene.grain.size, scene.placement.centre[1] - walls.floor
+    half, centre = 0.5 * scene.grain.size, scene.placement.centre[1] - walls.ground
     # Strips of a disc, weighted by their widths.
     heights = centre + half * np.sin(np.linspace(-0.5, 0.5, 2001) * np.pi)
     weights = np.gradient(heights) * np.sqrt(np.maximum(half**2 - (heights - centre) ** 2, 0.0))
-    flow, unit = walls.developed, walls.shear_velocity
+    flow, unit = walls.profile.channel, walls.shear_velocity
     at = heights / walls.depth
     speed = np.average(np.interp(at, flow.heights, flow.speed), weights=weights) * unit
     energy = np.average(

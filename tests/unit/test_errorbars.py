@@ -33,7 +33,6 @@ from incipient.accuracy.terms import (
     on_more_bed,
     with_other_datum,
 )
-from incipient.effects.turbulence.continuation import Continued
 from incipient.errors import ConvergenceError
 from incipient.planning.boundary_layer import is_resolved
 from incipient.planning.flow_setup import Setup, order_of
@@ -47,6 +46,7 @@ from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of, solved
 from incipient.simulation.state import Accounts
 from incipient.thresholds.critical import find_threshold
+from incipient.turbulence.continuation import Continued
 
 # A light disc that rises in still fluid at Re 1000; its boundary layer is 0.02 thick at the end.
 RISING = """
@@ -275,7 +275,7 @@ def test_the_highest_order_is_compared_on_a_coarser_mesh() -> None:
 def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> None:
     """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
     unsteady = Continued(False, ((0.1, 0.1),), spread=0.01)
-    walls = WallReport(0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, 0.09, iteration=unsteady)
+    walls = WallReport("k-epsilon", 0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, iteration=unsteady)
     flow, nothing = np.array([4.0, 0.0, 0.0]), np.zeros(3)
     force = Forces(flow, flow, nothing, nothing)
     couple = Couples(np.array([0.0, 6.0, 0.0]), np.zeros(3), nothing)

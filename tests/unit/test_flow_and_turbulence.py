@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from incipient.effects.turbulence import linear
-from incipient.effects.turbulence.coupled_flow import half_where_reversed
-from incipient.effects.turbulence.linear import ROUGH, BlockByBlock
 from incipient.fluid.solvers import direct
 from incipient.fluid.solvers.compressed import CompressedFactors
+from incipient.turbulence import linear
+from incipient.turbulence.coupled_flow import half_where_reversed
+from incipient.turbulence.linear import ROUGH, BlockByBlock
 
 ROWS = 40
 

@@ -130,7 +130,9 @@ class TestDiscOnAPlane:
     """One contact below the centre: (7) is zero, F_tau = (tau / R, 0), and (24), (25) can be written down."""
 
     @pytest.mark.parametrize("friction", [0.1, 0.5, 2.0])
-    @pytest.mark.parametrize(("force", "torque"), [(0.3, -0.1), (0.3, 0.1), (0.0, -0.2), (1.0, 0.5)])
+    @pytest.mark.parametrize(
+        ("force", "torque"), [(0.3, -0.1), (0.3, 0.1), (0.0, -0.2), (1.0, 0.5)]
+    )
     def test_resultants(self, force, torque, friction):
         found = classify(*disc(force, torque), friction)
         # With R = 1/2 and N = 1: T = force + torque / R presses along the plane, friction answers C T.

@@ -139,19 +139,14 @@ def test_numbers_in_si_units() -> None:
     assert not shown.in_si(None).strip()
 
 
-def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> None:
-    stored = {
-        "applicable": False,
-        "suitable_distance": 0.1,
-        "plane": False,
-        "outside": 0.25,
-        "backward": [[1.0, 2.0]],
-    }
+def test_walls_are_reported_with_reverse_flow_and_what_has_not_converged() -> None:
+    stored = {"least": 3.0, "largest": 71.25, "backward": [[1.0, 2.0]]}
     assert TurbulenceEffect().findings({}) is None
-    found = TurbulenceEffect().findings({"turbulence": stored})
-    assert found is not None
-    assert found.sentence.endswith("does NOT hold; give turbulence.wall_distance = 0.1.")
-    assert [value for _, value in found.rows] == [0.25, (1.0, 2.0)]
+    for converged, words in ((True, "3 to 71.2."), (False, "loads are means, within 1.2%.")):
+        told = stored | {"converged": converged, "spread": 0.012}
+        found = TurbulenceEffect().findings({"turbulence": told})
+        assert found is not None and found.sentence.endswith(words)
+    assert [value for _, value in found.rows] == [(1.0, 2.0)]
 
 
 def test_a_wide_picture_is_made_smaller(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from turbulent import channel, grain
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
 from incipient.effects.effect import SlowestFlow
-from incipient.effects.turbulence.models import BY_SWEEP
+from incipient.effects.turbulence import BY_SWEEP
 from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.closest import touching
@@ -161,7 +161,9 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
-        is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3)
+        is_averaged=True,
+        scene=SimpleNamespace(resolves_walls=True),
+        geometry=SimpleNamespace(gdim=3),
     )
     monkeypatch.setattr(pretended.voice, "say", said.append)
     found = pretended.from_rest()
@@ -176,7 +178,9 @@ def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: Slow
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
     monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
     pretended.setup = SimpleNamespace(
-        is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2)
+        is_averaged=True,
+        scene=SimpleNamespace(resolves_walls=True),
+        geometry=SimpleNamespace(gdim=2),
     )
 
 
@@ -498,7 +502,7 @@ def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
 def test_a_mesh_serves_as_long_as_the_distance_of_the_law_does():
     """It is 50 nu/u* and goes nearly as the inverse of the flow, unless it or the sand is given."""
     smooth = grain(0.2)
-    ratio = Setup(smooth).walls.distance / Setup(smooth).faster(1.5).walls.distance
+    ratio = Setup(smooth).walls.nearest / Setup(smooth).faster(1.5).walls.nearest
     assert 1.4 < ratio < 1.5
     assert meshes.outgrown(Setup(smooth), 1.0, 1.5) and meshes.outgrown(Setup(smooth), 1.5, 1.0)
     assert not meshes.outgrown(Setup(smooth), 1.5, 1.52)

@@ -10,7 +10,7 @@ from incipient.errors import MeshError
 from incipient.geometry import Sphere
 from incipient.geometry.plane.curves import Arc, Line, Spline
 from incipient.mesh.domain import build
-from incipient.mesh.wall_distance import cells_at, distances
+from incipient.mesh.wall_distance import distances
 from incipient.meshes import Near, Region, Sizes, WallLayers
 from incipient.meshes.expected import expected_cells
 from incipient.meshes.layers import evened, stacked
@@ -74,6 +74,15 @@ def step():
 def circle(x, y, radius):
     places = [(x + radius, y), (x, y + radius), (x - radius, y), (x, y - radius)]
     return tuple(Arc(a, (x, y), b) for a, b in zip(places, places[1:] + places[:1], strict=True))
+
+
+def cells_at(domain, walls):
+    """Cells that have a corner on one of the named walls, of one rank."""
+    corners = compat.space(domain.mesh, ("Lagrange", 1))
+    facets = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
+    on_wall = np.zeros(len(corners.tabulate_dof_coordinates()), dtype=bool)
+    on_wall[compat.nodes_on(corners, facets)] = True
+    return np.flatnonzero(on_wall[compat.cell_dofs(corners)].any(axis=1))
 
 
 def area_of(domain):

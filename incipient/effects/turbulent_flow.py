@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -12,35 +11,36 @@ import dolfinx
 import numpy as np
 import ufl
 
-from ... import compat
-from ...arrays import Floats
-from ...coupled.tractions import TractionProbe
-from ...fluid import FlowModel, Fluid
-from ...fluid.transient import Interface, TimeStep, Transient
-from ...mesh.domain import Domain
-from ...mesh.transfer import Transfer
-from ...planning.base_flow import Velocity
-from ...planning.conditions import conditions
-from ...planning.effects import EffectName
-from ...planning.flow_setup import Setup
-from ...planning.linear import FEW_CELLS
-from ...planning.tolerance import of_turbulent
-from ...restart.redistribution import spread_values, stored_values
-from ...results.wall_report import WallReport
-from ..run_part import RunPart, Solving, Stage
-from .continuation import Continued, continued
-from .fields import TurbulenceFields, Values
-from .in_time import InTime, Moving
+from .. import compat
+from ..arrays import Floats
+from ..coupled.tractions import TractionProbe
+from ..fluid import FlowModel, Fluid
+from ..fluid.along_walls import along_wall, at_end
+from ..fluid.conditions import Friction
+from ..fluid.transient import Interface, TimeStep, Transient
+from ..forms.turbulence import KEpsilon
+from ..mesh.domain import Domain
+from ..mesh.transfer import Transfer
+from ..mesh.wall_distance import distances
+from ..planning.conditions import conditions
+from ..planning.effects import EffectName
+from ..planning.flow_setup import Setup
+from ..planning.linear import FEW_CELLS
+from ..planning.tolerance import of_turbulent
+from ..restart.redistribution import spread_values, stored_values
+from ..results.wall_report import WallReport
+from ..turbulence.continuation import Continued, continued
+from ..turbulence.fields import ORDER, TurbulenceFields
+from ..turbulence.in_time import InTime, Moving
+from .run_part import RunPart, Solving, Stage
 
 if TYPE_CHECKING:
-    from ...coupled.coupling import Coupling
-    from ...restart.checkpoint import Checkpoint
-
-ORDER = 2  # of the elements of both logarithms
+    from ..coupled.coupling import Coupling
+    from ..restart.checkpoint import Checkpoint
 
 
 class TurbulentFlow(RunPart):
-    """The turbulence of a scene's flow; each model derives from it. Every method is collective.
+    """The turbulence of a scene's flow. Every method is collective.
 
     Args:
         stage: context managers by name that take the time.
@@ -52,33 +52,28 @@ class TurbulentFlow(RunPart):
     """
 
     effect = EffectName.TURBULENCE
-    fields: TurbulenceFields
     in_time: InTime | None = None
     continued: Continued | None = None
 
     def __init__(self, setup: Setup, domain: Domain, stage: Stage):
         self._setup = self._of_run = setup
         self._scene, self._stage = setup.scene, stage
-        self.fields = self._made(domain)
+        asked, walls = setup.turbulence, setup.walls
+        self.fields = TurbulenceFields(
+            domain,
+            walls.inflow.logarithms,
+            (setup.sides.left,),
+            self._distances(),
+            setup.scene.viscosity,
+            KEpsilon(*asked.constants) if asked.model == "k-epsilon" else None,
+            setup.order.number,
+            walls.least_k,
+            in_layers=walls.is_resolved and not walls.plane,
+        )
 
-    # -- what a model says of itself ----------------------------------------------------------------
-
-    @abstractmethod
-    def _made(self, domain: Domain) -> TurbulenceFields:
-        """Both quantities on a mesh, as they are at the inflow."""
-
-    @abstractmethod
-    def _entering(self) -> tuple[Velocity, Values]:
-        """The velocity that enters and the logarithms of both quantities there, functions of places."""
-
-    @property
-    @abstractmethod
-    def _walls(self) -> Any:
-        """The walls of the flow."""
-
-    @abstractmethod
-    def wall_report(self) -> WallReport:
-        """u* and y+ along the walls, and what they say of the model."""
+    def _distances(self) -> dict[str, float]:
+        walls = self._setup.walls
+        return {name: walls.from_origin(name) for name in walls.names}
 
     # -- in the flow --------------------------------------------------------------------------------
 
@@ -111,7 +106,7 @@ class TurbulentFlow(RunPart):
         """
         fluid, loads = self._fluid, self._loads(run)
         scene = self._scene
-        tolerances = of_turbulent(scene.numerics.tolerance, scene.resolves_walls, scene.gdim == 3)
+        tolerance = of_turbulent(scene.numerics.tolerance)
         self._take(fluid, factor)
         for from_inflow in (False, True) if onwards else (True,):
             if from_inflow:
@@ -120,7 +115,7 @@ class TurbulentFlow(RunPart):
                 found = self.continued = continued(
                     fluid,
                     self.fields,
-                    tolerances,
+                    tolerance,
                     loads,
                     lambda number, change: run.voice.iterate(1.0, number, change),
                 )
@@ -138,7 +133,7 @@ class TurbulentFlow(RunPart):
         """A function that returns force and torque over the grain's size, (6,), or else the force on the bed, (3,)."""
         grain, probe = self._of_run.geometry.grain, run.probe
         if probe is None or grain is None:
-            on_bed = TractionProbe(self._fluid, self._walls.names[0], (0.0, 0.0, 0.0))
+            on_bed = TractionProbe(self._fluid, self._setup.walls.names[0], (0.0, 0.0, 0.0))
             return lambda: on_bed.resultant().force
         if run.fluid is not self._fluid:  # the steady flow that one in time begins with
             probe = TractionProbe(self._fluid, probe.boundary, probe.about)
@@ -161,12 +156,18 @@ class TurbulentFlow(RunPart):
         self.fields.state.x.array[:] = steady.fields.state.x.array
 
     def enter(self, fluid: Fluid) -> None:
-        """Let the velocity and its turbulence be those of the inflow everywhere."""
-        enters, logarithms = self._entering()
-        start = dolfinx.fem.Function(fluid.space.velocity)
-        start.interpolate(lambda x: enters(x, 0.0))
-        fluid.state.x.array[fluid.space.velocity_map] = start.x.array
-        self.fields.state.interpolate(logarithms)
+        """Set velocity and turbulence everywhere to the inflow's at the distance from the next wall."""
+        inflow, space = self._setup.walls.inflow, fluid.space.velocity
+        speeds = inflow.velocity_at(self._from_walls(space))
+        fluid.state.x.array[fluid.space.velocity_map] = speeds.T.ravel()
+        logarithms = inflow.logarithms_at(self._from_walls(self.fields.space))
+        self.fields.state.x.array[:] = logarithms.T.ravel()
+
+    def _from_walls(self, space: Any) -> Floats:
+        """Distances (n,) of the nodes of a space from the next boundary of the mesh that is a wall."""
+        domain = self.fields.domain
+        places = space.tabulate_dof_coordinates()[:, : domain.gdim]
+        return distances(domain, self._setup.walls.names, places)
 
     def _take(self, fluid: Fluid, factor: float) -> None:
         """Let viscosity, inflow and walls be those of a flow faster by a factor."""
@@ -176,12 +177,11 @@ class TurbulentFlow(RunPart):
             return
         self._setup, self._scene = setup, scene
         fluid.reynolds, self._viscosity.value = 1.0 / scene.viscosity, scene.viscosity
-        self._give(fluid)
-        fluid.let_in(conditions(setup))
-
-    def _give(self, fluid: Fluid) -> None:
-        """Let inflow and walls of both quantities be those of the setup as it is now."""
-        self.fields.give(self._entering()[1])
+        walls = setup.walls
+        self.fields.give(walls.inflow.logarithms, scene.viscosity, self._distances(), walls.least_k)
+        new = conditions(setup)
+        fluid.walls.stand({one.boundary: one.distance for one in new if isinstance(one, Friction)})
+        fluid.let_in(new)
 
     def around(self, interface: Interface | None) -> InTime:
         """The flow in time with its turbulence, and what moves in it."""
@@ -196,8 +196,7 @@ class TurbulentFlow(RunPart):
     def carry_over(self, before: TurbulentFlow) -> None:
         """Carry both logarithms over from another mesh, now and before; both meshes are where they are.
 
-        At each point the new mesh takes what the old one has there or next to it, in cells at walls what is given: both
-        quantities stay positive.
+        At each point the new mesh takes what the old one has there or next to it: both quantities stay positive.
         """
         old, new = before.in_time, self.in_time
         assert old is not None and new is not None
@@ -208,14 +207,9 @@ class TurbulentFlow(RunPart):
         new.past = []
         for state in old.past:
             values.x.array[:] = state
-            found = np.maximum(transfer.values(values), np.array([self._least_carried, -np.inf]))
-            new.past.append(new.turbulence.at_walls(found.ravel()))
+            least = [np.log(self._setup.walls.least_k), -np.inf]
+            new.past.append(np.maximum(transfer.values(values), least).ravel())
         new.turbulence.state.x.array[:] = new.past[0]
-
-    @property
-    def _least_carried(self) -> float:
-        """The least logarithm of k on a mesh to which it is carried over."""
-        return -np.inf
 
     def states(self) -> tuple[Any, ...]:
         """The logarithms of both quantities."""
@@ -245,6 +239,44 @@ class TurbulentFlow(RunPart):
         """u* and y+ along the walls at the end."""
         return {"turbulence": self.wall_report()}
 
+    def wall_report(self) -> WallReport:
+        """u* and y+ along the walls."""
+        scene, walls, in_plane = self._scene, self._setup.walls, self._scene.gdim == 2
+        columns = list[np.ndarray]()
+        for name in walls.names:
+            along = along_wall(self._fluid, name, self.fields.shear_velocity())
+            drag = walls.law(name).drag(
+                along.speeds, along.shear_velocities, scene.viscosity, walls.slip(name)
+            )
+            u = np.sqrt(drag * along.speeds)
+            if name == walls.names[0]:
+                backward = along.backward() if in_plane else ()
+            friction = 2.0 * np.sign(along.velocities[:, 0]) * (u / scene.reference_velocity) ** 2
+            y_plus = u * walls.distance(name) / scene.viscosity
+            columns.append(np.array([along.places[:, 0], y_plus, friction, u, along.lengths]))
+        x, y_plus, _, u, lengths = np.concatenate(columns, axis=1)
+        end = at_end(x)
+        last = float(np.average(u[end], weights=lengths[end]))
+        drawn = {
+            name: dict(zip(("x", "y_plus", "friction"), _in_six_digits(one[:3]), strict=True))
+            for name, one in zip(walls.names, columns, strict=True)
+        }
+        return WallReport(
+            model=self._setup.turbulence.model,
+            distance=walls.nearest,
+            least=float(y_plus.min()),
+            largest=float(y_plus.max()),
+            shear_velocity=float(np.average(u, weights=lengths)),
+            at_outflow=last,
+            friction=2.0 * (last / scene.reference_velocity) ** 2,
+            viscosity=scene.viscosity,
+            plane=walls.plane,
+            roughness=walls.roughness,
+            backward=backward,
+            along=drawn if in_plane else {},
+            iteration=self.continued,
+        )
+
     def unknowns(self) -> dict[str, int]:
         """Unknowns of both quantities."""
         space = self.fields.space
@@ -255,8 +287,8 @@ class TurbulentFlow(RunPart):
         """Both quantities and the eddy viscosity on the nodes, by the names that files have."""
         logarithms = ufl.split(self.fields.state)
         expressions = {
-            "k": self.fields.energy(logarithms[0]),
-            self.fields.second: ufl.exp(logarithms[1]),
+            "k": ufl.exp(logarithms[0]),
+            self.fields.closure.second: ufl.exp(logarithms[1]),
             "eddy_viscosity": self.fields.viscosity(self._viscosity) - self._viscosity,
         }
         scalar = compat.space(self.fields.domain.mesh, ("Lagrange", ORDER))
@@ -269,3 +301,7 @@ class TurbulentFlow(RunPart):
     def _timed(self) -> AbstractContextManager[Any]:
         """Takes the time of both quantities."""
         return self._stage("turbulence")
+
+
+def _in_six_digits(columns: Floats) -> list[list[float]]:
+    return [[float(f"{one:.6g}") for one in values] for values in columns]

@@ -10,13 +10,13 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ... import compat
-from ...arrays import Floats, Integers
-from ...compat import petsc
-from ...fluid import Fluid
-from ...fluid.solvers.direct import Direct
-from ...fluid.space import cell_size
-from ...parallel import Holder
+from .. import compat
+from ..arrays import Floats, Integers
+from ..compat import petsc
+from ..fluid import Fluid
+from ..fluid.solvers.direct import Direct
+from ..fluid.space import cell_size
+from ..parallel import Holder
 from .fields import TurbulenceFields
 from .linear import BlockByBlock
 
@@ -100,7 +100,7 @@ class CoupledFlow(Holder):
         measure = ufl.dx(domain=self._fluid.domain.mesh, metadata=degree)
         if own is self._fluid.state:
             return found + rate * ufl.inner(ufl.split(change)[0], ufl.split(test)[0]) * measure
-        return found + rate * self._turbulence.inside * ufl.inner(change, test) * measure
+        return found + rate * ufl.inner(change, test) * measure
 
     def _passing(self) -> Any:
         """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL.

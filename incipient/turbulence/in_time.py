@@ -9,9 +9,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...fluid import Fluid
-from ...fluid.newton import NewtonReport
-from ...fluid.transient import Interface
+from ..fluid import Fluid
+from ..fluid.newton import NewtonReport
+from ..fluid.transient import Interface
 from .coupled_flow import relative_change
 from .fields import TurbulenceFields
 

@@ -2,15 +2,14 @@
 
 The equations are those of `forms.k_omega_sst` for a flow that depends on the height alone, in units of u* and the
 depth, by finite volumes for ln k and ln omega. The shear stress falls linearly to zero on top. At a smooth wall volumes
-begin where only molecules matter, at a rough one on the wall.
+begin where only molecules matter, the flow over a rough one is that over a smooth wall farther away.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from types import SimpleNamespace
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -25,13 +24,12 @@ from ..forms.k_omega_sst import (
     MOST_PRODUCED,
     OUTER,
     SIGMA_CROSS,
-    at_rough_wall,
-    little_k,
 )
+from .wall_law import shift
 
 VOLUMES = 160
 FIRST = 0.5  # wall units, from which on volumes begin; below only molecules matter
-FIRST_ON_SAND = 0.1  # of the length over which omega falls at a rough wall: its first volume
+POWERS = EXPONENT, -2.0  # of the distance as which k and omega go there
 LARGEST_ARGUMENT = 5.0
 STEP, GROWTH, CUT, LONGEST = 1e-4, 2.0, 0.5, 1e9  # of pseudo-time, in h/u*
 MOST_STEPS, ENOUGH = 300, 1e-7
@@ -41,7 +39,6 @@ LARGEST_CORRECTION, SMALL, LARGE = (
     3.0,
 )  # of logarithms: applied; for longer steps; for shorter ones
 LAMINAR = -25.0  # ln k+ below which a flow is laminar
-NUMPY = SimpleNamespace(exp=np.exp, tanh=np.tanh, log=np.log, sqrt=np.sqrt, larger=np.maximum)
 SLIGHT = 1e-6  # by which logarithms are changed for derivatives
 MOST_TRIALS, SAME_DISCHARGE = 30, 1e-6
 
@@ -61,7 +58,6 @@ class DevelopedChannel:
     speed: Floats
     log_k: Floats
     log_omega: Floats
-    sand: float = 0.0
 
     @property
     def is_laminar(self) -> bool:
@@ -69,34 +65,37 @@ class DevelopedChannel:
         return bool(self.log_k.max() <= LAMINAR)
 
     def logarithms(self, heights: Floats) -> Floats:
-        """ln k and ln omega (2, ...) at heights; next to a smooth wall they are those of the first one above it."""
-        if self.sand:
-            return np.array(
-                [np.interp(heights, self.heights, one) for one in (self.log_k, self.log_omega)]
-            )
+        """ln k and ln omega (2, ...) at heights; next to the wall they are those of the first one above it."""
         nodes = self.heights[1:]
         at = np.log(np.maximum(heights, nodes[0]))
         return np.array(
             [np.interp(at, np.log(nodes), one[1:]) for one in (self.log_k, self.log_omega)]
         )
 
+    def shifted(self, away: float) -> DevelopedChannel:
+        """The flow over a rough wall, which begins a distance from the smooth one, over the depth."""
+        start = float(np.interp(away, self.heights, self.speed))
+        above = self.heights > away
+        heights, speed, log_k, log_omega = (
+            np.concatenate([[np.interp(away, self.heights, one)], one[above], one[-1:]])
+            for one in (self.heights, self.speed, self.log_k, self.log_omega)
+        )
+        heights, speed = heights - away, speed - start
+        heights[-1] = 1.0
+        mean = float(0.5 * (speed[1:] + speed[:-1]) @ np.diff(heights))
+        return replace(
+            self, mean=mean, heights=heights, speed=speed, log_k=log_k, log_omega=log_omega
+        )
+
 
 class _Column:
     """The equations for a Re_tau and a roughness over the depth."""
 
-    def __init__(self, re_tau: float, sand: float):
-        self.viscosity, self._laminar, self._sand = 1.0 / re_tau, False, sand
+    def __init__(self, re_tau: float):
+        self.viscosity, self._laminar = 1.0 / re_tau, False
         first = min(FIRST / re_tau, 0.02)
-        if sand:
-            k, omega = at_rough_wall(sand * re_tau, NUMPY)
-            k += little_k(sand * re_tau)
-            self._on_wall = np.log([k, omega * self.viscosity / sand**2])
-            first = min(first, FIRST_ON_SAND * length_at_sand(re_tau * sand) * sand)
         # Even in the logarithm next to the wall, evenly growing to the top.
-        stretch = np.linspace(0.0, 1.0, VOLUMES + 1)
-        self.faces = first * (1.0 / first) ** stretch
-        if sand:
-            self.faces[0] = 0.0
+        self.faces = first ** np.linspace(1.0, 0.0, VOLUMES + 1)
         self.centres = 0.5 * (self.faces[1:] + self.faces[:-1])
         self.sizes, self.apart = np.diff(self.faces), np.diff(self.centres)
         self.stress = 1.0 - self.centres
@@ -107,9 +106,6 @@ class _Column:
         damped = (1.0 - np.exp(-y / self.viscosity / 12.0)) ** 3
         k = (3.3 - 2.3 * y) * damped + 1e-8
         omega = 6.0 * self.viscosity / (INNER[2] * y**2) + 1.0 / (0.3 * 0.41 * y)
-        if self._sand:
-            wall = np.exp(self._on_wall)
-            k, omega = np.maximum(k, wall[0] * (1.0 - y)), np.minimum(omega, wall[1])
         return np.log(np.column_stack([k, omega]))
 
     def strain(self, k: Floats, omega: Floats) -> tuple[Floats, Floats]:
@@ -129,8 +125,7 @@ class _Column:
         k, omega = np.exp(logarithms).T
         strain, time = self.strain(k, omega)
         slope_faces = np.diff(logarithms, axis=0) / self.apart[:, None]
-        edge, starts, spread_at_edge = self._edge(logarithms)
-        slopes = np.vstack([edge, slope_faces, np.zeros((1, 2))])
+        slopes = np.vstack([np.divide(POWERS, self.faces[0]), slope_faces, np.zeros((1, 2))])
         middle = 0.5 * (slopes[1:] + slopes[:-1])
         cross = np.maximum(y**2 * middle[:, 0] * middle[:, 1], 1e-10)
         argument = np.maximum(np.sqrt(k) / (BETA_STAR * omega * y), 500.0 * nu / (y**2 * omega))
@@ -144,31 +139,17 @@ class _Column:
         found = np.empty_like(logarithms)
         for i, sigma in enumerate((sigma_k, sigma_omega)):
             spread = nu + sigma * k * time
-            at_edge = nu + sigma[0] * spread_at_edge
-            at_faces = np.concatenate([[at_edge], 0.5 * (spread[1:] + spread[:-1]), [spread[-1]]])
+            at_faces = np.concatenate([spread[:1], 0.5 * (spread[1:] + spread[:-1]), spread[-1:]])
             # div(D grad K) + D |grad K|^2 = div(k D grad K)/k, k being its mean between neighbours.
             weight = np.exp(0.5 * np.diff(logarithms[:, i]))
             flux = at_faces * slopes[:, i]
             upper = flux[1:] * np.concatenate([weight, [0.0]])
-            lower = flux[:-1] * np.concatenate([[starts[i]], 1.0 / weight])
+            start = (self.faces[0] / y[0]) ** POWERS[i]
+            lower = flux[:-1] * np.concatenate([[start], 1.0 / weight])
             found[:, i] = upper - lower + sources[i] * self.sizes
         if self._laminar:
             found[:, 0] = 0.0
         return found
-
-    def _edge(self, logarithms: Floats) -> tuple[Floats, Floats, float]:
-        """At the lowest face: slopes (2,), k and omega over those in the lowest volume (2,), and eddy viscosity."""
-        face, centre, lowest = self.faces[0], self.centres[0], logarithms[0]
-        if self._sand:
-            slopes = (lowest - self._on_wall) / (centre - face)
-            return (
-                slopes,
-                np.exp(self._on_wall - lowest),
-                math.exp(self._on_wall[0] - self._on_wall[1]),
-            )
-        omega = math.log(6.0 * self.viscosity / (INNER[2] * face**2))
-        slopes = np.array([EXPONENT / face, (lowest[1] - omega) / (centre - face)])
-        return slopes, np.array([(face / centre) ** EXPONENT, math.exp(omega - lowest[1])]), 0.0
 
     def jacobian(self, logarithms: Floats) -> Floats:
         """The derivatives of the rates as a banded matrix (7, 2 n), unknowns in the order K, W of each volume."""
@@ -214,19 +195,11 @@ class _Column:
         start = (first - 0.5 * first**2) * re_tau
         speed = start + np.cumsum(rise) - 0.5 * rise
         below = re_tau * (first**2 / 2.0 - first**3 / 6.0)
-        heights = np.concatenate([[0.0], self.centres, [1.0]])
         mean = below + float(speed @ self.sizes)
+        heights = np.concatenate([[0.0], self.centres, [1.0]])
         speeds = np.concatenate([[0.0], speed, [speed[-1] + 0.5 * rise[-1]]])
-        wall = self._on_wall if self._sand else logarithms[0]
-        log_k, log_omega = (
-            np.concatenate([[a], one, one[-1:]]) for a, one in zip(wall, logarithms.T, strict=True)
-        )
-        return DevelopedChannel(re_tau, mean, heights, speeds, log_k, log_omega, self._sand)
-
-
-def length_at_sand(sand: float) -> float:
-    """Length over which omega falls at a rough wall by molecules, over its roughness k_s; `sand` is u* k_s/nu."""
-    return math.sqrt(6.0 / (INNER[2] * float(at_rough_wall(sand, NUMPY)[1])))
+        ends = (np.concatenate([one[:1], one, one[-1:]]) for one in logarithms.T)
+        return DevelopedChannel(re_tau, mean, heights, speeds, *ends)
 
 
 @lru_cache(maxsize=256)
@@ -236,8 +209,9 @@ def developed(re_tau: float, sand: float = 0.0) -> DevelopedChannel:
     Raises:
         ConvergenceError: it did not converge.
     """
-    column = _Column(re_tau, sand)
-    return column.profiles(column.solve(column.guess()))
+    column = _Column(re_tau)
+    smooth = column.profiles(column.solve(column.guess()))
+    return smooth.shifted(shift(sand * re_tau) / re_tau) if sand else smooth
 
 
 def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:

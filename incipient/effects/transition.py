@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...planning.flow_setup import Setup
-from ...planning.numbers import Numbers
+from ..planning.flow_setup import Setup
+from ..planning.numbers import Numbers
 
 # From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
 # velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley

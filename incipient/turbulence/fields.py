@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import dolfinx
@@ -13,17 +11,22 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ... import compat
-from ...compat import petsc
-from ...errors import ConvergenceError
-from ...fluid import Fluid
-from ...fluid.solvers.direct import Direct
-from ...fluid.space import cell_size
-from ...forms import turbulence as forms
-from ...mesh.domain import Domain
-from ...parallel import Holder
+from .. import compat
+from ..arrays import Floats
+from ..compat import petsc
+from ..errors import ConvergenceError
+from ..fluid import Fluid
+from ..fluid.solvers.direct import Direct
+from ..fluid.space import cell_size, size_along
+from ..forms import turbulence as forms
+from ..forms.k_omega_sst import KOmegaSST
+from ..mesh.domain import Domain
+from ..mesh.wall_distance import distances
+from ..parallel import Holder
 
 Values = Callable[[np.ndarray], np.ndarray]
+ORDER = 2
+FAR = 1e9  # distance where there are no walls
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
@@ -33,126 +36,143 @@ HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that t
 LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 
-@dataclass(frozen=True)
-class TurbulenceConditions:
-    """Boundaries with given quantities, and walls.
+class TurbulenceFields(Holder):
+    """The logarithms of k and of a second quantity in Lagrange elements. Every method is collective.
 
-    inflow: names of boundaries at which the logarithms are given, with a function of places (3, n) that returns (2, n)
-    walls:  names of boundaries that are walls, or have a wall a distance beyond them
-    distance: of walls beyond the mesh, or where there are none of that from which the model blends its constants
-    """
+    Holds PETSc objects: use it as a context manager, or call `destroy`.
 
-    inflow: tuple[str, ...]
-    values: Values
-    walls: tuple[str, ...] = ()
-    distance: float = 0.0
-
-
-class TurbulenceFields(Holder, ABC):
-    """The logarithms of k and of a second quantity in Lagrange elements of an order. Every method is collective.
-
-    Each model of turbulence derives from it. Holds PETSc objects: use it as a context manager, or call `destroy`.
+    Args:
+        values: at the inflow, a function of places (3, n) that returns (2, n).
+        inflow: names of boundaries at which the logarithms are given.
+        walls: distances by names of boundaries that are walls, or have a wall a distance beyond them.
+        viscosity: of the molecules.
+        k_epsilon: the closure; None: the k-omega SST model.
+        order_of_flow: of the velocity, whose strain limits the eddy viscosity of the k-omega SST model.
+        least: k at which that model destroys no more of it.
+        in_layers: whether layers of thin cells lie along walls that are no planes.
+        order: of the elements of both logarithms.
 
     Attributes:
-        second: name of the second quantity.
-        wanted: changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration to a steady
-            flow.
-        stretched: whether cells in 2-D are so along boundary layers.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
         form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
     """
 
-    second: str
-    wanted: tuple[float, float]
-    stretched = False
-    closure: Any
     form: Any
     of_molecules: Any
 
-    def __init__(self, domain: Domain, surroundings: TurbulenceConditions, order: int):
+    def __init__(
+        self,
+        domain: Domain,
+        values: Values,
+        inflow: Sequence[str] = (),
+        walls: Mapping[str, float] | None = None,
+        viscosity: float = 1.0,
+        k_epsilon: forms.KEpsilon | None = None,
+        order_of_flow: int = 2,
+        least: float = 0.0,
+        in_layers: bool = False,
+        order: int = ORDER,
+    ):
         super().__init__(domain.comm)
-        self.domain, self.surroundings, self.order = domain, surroundings, order
+        self.domain, self.order, self._molecules = domain, order, viscosity
         self.space = compat.space(domain.mesh, ("Lagrange", order), (2,))
         self.state, self._before, self._older = (dolfinx.fem.Function(self.space) for _ in range(3))
         self.rate = tuple(self.constant(0.0) for _ in range(3))
-        self._given = dolfinx.fem.Function(self.space)
-        self._conditions = self._at_inflow()
-        self.state.interpolate(surroundings.values)
+        self._inflow, self._given = tuple(inflow), dolfinx.fem.Function(self.space)
+        self.conditions = self._at_inflow(values)
+        self.state.interpolate(values)
+        self._walls = {name: self.constant(away) for name, away in (walls or {}).items()}
+        self._in_layers = in_layers
+        self._distance = dolfinx.fem.Function(compat.space(domain.mesh, ("Lagrange", order)))
+        self._distance.x.array[:] = FAR
+        self._least = self.constant(least)
+        self.closure: Any = k_epsilon or KOmegaSST(self._distance, self._least)
+        self._seen = dolfinx.fem.Function(
+            compat.space(domain.mesh, ("Lagrange", order_of_flow), (domain.gdim,))
+        )
+        self._fluid: Fluid | None = None
+        self.follow()
 
     @property
     def names(self) -> str:
         """Both quantities, in words."""
-        return f"k and {self.second}"
+        return f"k and {self.closure.second}"
 
     def constant(self, value: float) -> Any:
         """A number on the mesh that recompiles nothing."""
         return dolfinx.fem.Constant(self.domain.mesh, PETSc.ScalarType(value))
 
-    def _at_inflow(self) -> list[Any]:
-        if not self.surroundings.inflow:
+    def _at_inflow(self, values: Values) -> list[Any]:
+        """Dirichlet conditions on the logarithms."""
+        if not self._inflow:
             return []
-        self._given.interpolate(self.surroundings.values)
-        facets = np.concatenate([self.domain.facets_of(name) for name in self.surroundings.inflow])
+        self._given.interpolate(values)
+        facets = np.concatenate([self.domain.facets_of(name) for name in self._inflow])
         return [
             dolfinx.fem.dirichletbc(self._given, compat.nodes_on(self.space, np.unique(facets)))
         ]
 
-    def give(self, values: Values) -> None:
-        """Take other values at the inflow. Collective."""
+    def give(
+        self, values: Values, viscosity: float, walls: Mapping[str, float], least: float
+    ) -> None:
+        """Take other values at the inflow, and other walls, those of a flow of another viscosity."""
         self._given.interpolate(values)
+        self._molecules, self._least.value = viscosity, least
+        for name, away in walls.items():
+            self._walls[name].value = away
+        self.follow()
+
+    def follow(self) -> None:
+        """Let distances from walls be those of the mesh where it is now."""
+        if not self._walls or not isinstance(self.closure, KOmegaSST):
+            return
+        places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
+        away = [
+            distances(self.domain, [name], places) + float(beyond.value)
+            for name, beyond in self._walls.items()
+        ]
+        self._distance.x.array[:] = np.min(away, axis=0)
 
     # -- what the flow sees of it ------------------------------------------------------------------
 
-    @abstractmethod
     def viscosity(self, of_molecules: Any) -> Any:
-        """The molecular and eddy viscosity, for `FlowModel.viscosity`."""
-
-    def energy(self, logarithm: Any) -> Any:
-        """k by its unknown (UFL)."""
-        return ufl.exp(logarithm)
+        """The molecular and eddy viscosity, for `FlowModel.viscosity`, limited by the strain last looked at."""
+        stream = forms.Stream(self._seen, of_molecules, None)
+        return of_molecules + self.closure.eddy_viscosity(ufl.split(self.state), stream)
 
     def shear_velocity(self) -> Any:
-        """u* of a layer of this k, for `FlowModel.shear_velocity`; None where walls have no law."""
-        return None
+        """u* of a logarithmic layer of this k, for `FlowModel.shear_velocity`."""
+        return forms.shear_velocity(ufl.split(self.state), self.closure)
 
     def watch(self, fluid: Fluid) -> None:
-        """Enter the flow, where the eddy viscosity depends on more than both quantities."""
+        """Take the flow by whose strain the eddy viscosity is limited."""
+        self._fluid = fluid
+        self.look()
 
     def look(self) -> None:
-        """Take note of the flow as it is, where the eddy viscosity depends on more than both quantities."""
-
-    def follow(self) -> None:
-        """Take note of where the mesh is, where the model depends on distances."""
-
-    def at_walls(self, values: np.ndarray) -> np.ndarray:
-        """State (local unknowns,) with what is given at walls. Not collective."""
-        return values
+        """Take note of the flow as it is."""
+        if self._fluid is not None:
+            self._seen.interpolate(self._fluid.velocity)
 
     def watching(self, form: Any, velocity: Any) -> Any:
         """A form in which the eddy viscosity depends on a velocity (UFL) instead of the flow last looked at."""
-        return form
+        return ufl.replace(form, {self._seen: velocity})
 
     # -- a steady state, solved together with the flow ------------------------------------------------
 
-    @property
-    def conditions(self) -> list[Any]:
-        """Dirichlet conditions on one or both logarithms."""
-        return self._conditions
-
-    @property
-    def inside(self) -> Any:
-        """One in the cells whose equations are solved, zero elsewhere (UFL)."""
-        return 1
-
-    def weights(self) -> np.ndarray:
-        """(owned nodes,) how much both quantities matter to the flow there, from zero to one. Not collective."""
-        return np.ones(self.state.function_space.dofmap.index_map.size_local)
+    def weights(self) -> Floats:
+        """(owned nodes,) the fraction of eddies in the viscosity, before strain limits it. Not collective."""
+        k, second = (
+            self.state.x.array[: 2 * self.space.dofmap.index_map.size_local].reshape(-1, 2).T
+        )
+        constant, of_k, of_second = self.closure.eddies
+        eddies = np.exp(np.clip(constant + of_k * k + of_second * second, -100.0, 100.0))
+        return np.asarray(eddies / (self._molecules + eddies))
 
     def impose(self) -> None:
         """Let the state be as it is given."""
-        self.prepare()
-        compat.impose(self.state.x.array, self._conditions)
+        compat.impose(self.state.x.array, self.conditions)
         self.state.x.scatter_forward()
         self._before.x.array[:] = self.state.x.array
 
@@ -165,7 +185,6 @@ class TurbulenceFields(Holder, ABC):
             one.value = 0.0
         known = self._before.x.array
         known += 0.5 * (self.state.x.array - known)
-        self.prepare()
 
     # -- its equations ------------------------------------------------------------------------------
 
@@ -195,10 +214,9 @@ class TurbulenceFields(Holder, ABC):
             carrier,
             self.rate[0],
             self._reach,
-            self.stretched,
             self._across,
             # In 3-D as many steps are needed without, and no more flows converge with it.
-            balanced=self._reach is not None and self.domain.gdim == 2,
+            balanced=self._in_layers and self.domain.gdim == 2,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         self.form = self._equations(rate, tests, stream)
@@ -220,17 +238,38 @@ class TurbulenceFields(Holder, ABC):
 
     @property
     def _reach(self) -> Any:
-        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along streamlines."""
-        return None
+        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along streamlines.
+
+        Stretched cells grow away from walls faster than the logarithms allow if upwinded along streamlines alone.
+        """
+        if not self._in_layers:
+            return None
+        return lambda direction: size_along(self.domain.mesh, direction) / self.order
 
     @property
     def _across(self) -> Any:
-        """Square of the change from node to node by a slope, for `forms.turbulence.Stream`; None: any may be."""
-        return None
+        """Square of the change from node to node by a slope, for `forms.turbulence.Stream`, in 3-D wakes.
+
+        Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
+        """
+        if self.domain.gdim == 2 or not self._in_layers:
+            return None
+        jacobian = ufl.Jacobian(self.domain.mesh)
+
+        def square(slope: Any) -> Any:
+            change = ufl.dot(slope, jacobian)
+            return ufl.inner(change, change) / self.order**2
+
+        return square
 
     def _equations(self, rate: Any, tests: Any, stream: forms.Stream) -> Any:
-        """The residual of both equations in UFL."""
-        return forms.residual(ufl.split(self.state), rate, tests, stream, self.closure)
+        """The residual of both equations in UFL, with the fluxes at walls."""
+        logarithms = ufl.split(self.state)
+        form = forms.residual(logarithms, rate, tests, stream, self.closure)
+        for name, away in self._walls.items():
+            flux = forms.at_walls(logarithms, tests, away, stream, self.closure)
+            form += flux * self.domain.measure(name)(metadata=stream.measure.metadata())
+        return form
 
     def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:
         """Set dK/dt = a0 K + a1 K(1) + a2 K(2), `past` being the states K(1) and K(2). Not collective."""
@@ -273,9 +312,8 @@ class TurbulenceFields(Holder, ABC):
 
     def _correct(self, fresh: bool) -> float:
         """One correction, with the matrix of the present state or the one before; its size, infinite if it fails."""
-        conditions = self._conditions
+        conditions = self.conditions
         assert self.solver is not None
-        self.prepare()
         with self._vector.localForm() as local:
             local.set(0.0)
         petsc.assemble_vector(self._vector, self._residual)
@@ -310,9 +348,6 @@ class TurbulenceFields(Holder, ABC):
             self.domain.comm.allreduce(float((weights**2).sum())),
         )
         return float(np.sqrt(0.5 * total / count))
-
-    def prepare(self) -> None:
-        """Make ready for a correction, where a model has data that depend on the state."""
 
     # -- its values -----------------------------------------------------------------------------------
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from ...fluid import Fluid
-from ...fluid.solvers.compressed import PART_OF_EXACT, CompressedFactors
-from ...fluid.solvers.direct import Direct, bytes_of_factors
-from ...fluid.solvers.options import defaults
+from ..fluid import Fluid
+from ..fluid.solvers.compressed import PART_OF_EXACT, CompressedFactors
+from ..fluid.solvers.direct import Direct, bytes_of_factors
+from ..fluid.solvers.options import defaults
 
 log = logging.getLogger("incipient")
 

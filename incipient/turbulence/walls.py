@@ -1,0 +1,202 @@
+"""The walls of a mean flow: how far beyond the mesh they are, and the flow that enters between them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import SceneError
+from ..scene import Turbulence
+from .developed import of_discharge
+from .inflow import Developed, Inflow, Measured
+from .wall_law import CROSSING, WallLaw, shift
+
+if TYPE_CHECKING:
+    from ..planning.base_flow import BaseFlow
+    from ..planning.scene_geometry import Geometry
+    from ..planning.sides import SideNames
+
+# Distance of the mesh from smooth walls by model [nu/u*]: within the logarithmic layer, and in the viscous sublayer.
+DISTANCE = {"k-epsilon": 50.0, "k-omega-sst": 0.45}
+LARGEST = 0.2  # roughness, and distance of the mesh from walls, over the depth
+# Likewise over a grain's size, a layer on both its sides then being as thick as itself, and over half a bedform.
+LARGEST_AT_GRAIN, LARGEST_AT_FORMS = 0.5, 2.0
+LEAST_K = 1e-3  # k over u*^2, at which no more of it is destroyed: in still corners ln k would fall for ever
+# Likewise over V^2 where a boundary layer enters: its edge otherwise is a front of ln k.
+LEAST_K_MEASURED = 1e-4
+
+
+@dataclass(frozen=True)
+class Walls:
+    """The walls of a flow, as estimated before it is computed.
+
+    depth:    over which a wall is felt: that of an open channel, half of that between two walls
+    number:   of walls above each other at the inflow, one or two
+    ground:   height of the lower side there: where the mesh begins past grains and bedforms, else the wall
+    top:      height of what is above
+    mean:     reference velocity; viscosity: kinematic
+    plane:    whether all walls are planes, from which the mesh stands off: no bedforms, no grain
+    names:    of the boundaries that have a wall beyond them
+    up:       axis of heights
+    smooth:   distance of smooth walls from the mesh; past grains and bedforms of the law alone
+    roughness: equivalent sand roughness of all walls but a grain, which is smooth; 0: all are
+    shear_velocity: u* of the inflow, of two walls the larger; bed_shear_velocity: at the lower wall
+    asked:    the section [turbulence]; profile: of the inflow
+    """
+
+    depth: float
+    number: int
+    ground: float
+    top: float
+    mean: float
+    viscosity: float
+    plane: bool
+    names: tuple[str, ...]
+    up: int
+    smooth: float
+    roughness: float
+    shear_velocity: float
+    bed_shear_velocity: float
+    asked: Turbulence
+    profile: Developed | Measured
+
+    @property
+    def unit(self) -> float:
+        """nu/u* [length]."""
+        return self.viscosity / self.shear_velocity
+
+    def distance(self, name: str) -> float:
+        """Distance of a wall from the mesh."""
+        smooth = self.is_resolved or name == "body"
+        return self.smooth if smooth else max(self.smooth, self.roughness)
+
+    def from_origin(self, name: str) -> float:
+        """Distance from the mesh of the wall that turbulence is as next to: beyond a rough one in the sublayer."""
+        rough = self.is_resolved and self.roughness and name != "body"
+        beyond = self.unit * shift(self.roughness / self.unit) if rough else 0.0
+        return self.distance(name) + beyond
+
+    @property
+    def nearest(self) -> float:
+        """Distance of the lower wall from the mesh."""
+        return self.distance(self.names[0])
+
+    def slip(self, name: str) -> float:
+        """Length over which the velocity next to a wall falls to zero, as the law of friction has it.
+
+        A plane wall really is beyond the mesh. At other walls, where the mesh ends itself, the velocity vanishes the
+        more the thinner the layer is that the law stands for.
+        """
+        y = self.distance(name)
+        return y if self.is_beyond(name) else y * min(1.0, y / (CROSSING * self.unit))
+
+    def is_beyond(self, name: str) -> bool:
+        """Whether the mesh really ends a distance from a wall: between planes, and below a wall on top."""
+        return self.plane or name in self.names[1 : self.number]
+
+    def law(self, name: str) -> WallLaw:
+        """The law of a wall between it and the mesh."""
+        return WallLaw(0.0 if name == "body" or self.is_resolved else self.roughness)
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether smooth walls begin within the viscous sublayer, so that cells at them are thin layers."""
+        return self.smooth < CROSSING * self.unit
+
+    @property
+    def ceiling(self) -> float:
+        """Height of the upper side of the mesh."""
+        return self.top - (self.number - 1) * self.nearest
+
+    @cached_property
+    def inflow(self) -> Inflow:
+        """The flow that enters the mesh."""
+        return Inflow(self, self.profile)
+
+    @property
+    def is_laminar(self) -> bool:
+        """Whether the inflow is laminar by the k-omega model."""
+        return isinstance(self.profile, Developed) and self.profile.channel.is_laminar
+
+    @property
+    def least_k(self) -> float:
+        """k at which no more of it is destroyed."""
+        least = LEAST_K * self.shear_velocity**2
+        return max(least, LEAST_K_MEASURED * self.mean**2) if self.asked.profile else least
+
+    def text(self) -> str:
+        """How walls are treated, in words."""
+        kind = "" if not self.roughness else f", u* k_s/nu about {self.roughness / self.unit:.3g}"
+        return (
+            f"walls {self.nearest:.3g} from the mesh, y+ about {self.nearest / self.unit:.3g}{kind}, "
+            f"u* about {self.shear_velocity:.3g}"
+        )
+
+
+def walls_of(
+    geometry: Geometry, base_flow: BaseFlow, names: SideNames, ground: float, asked: Turbulence
+) -> Walls:
+    """The walls of a flow, and how far from them the mesh ends. Not collective.
+
+    ground: height of the bed at the inflow
+
+    Raises:
+        SceneError: rows of the inflow lie beyond a wall, or walls are rougher or farther than the model is for.
+        ConvergenceError: no developed flow converged.
+    """
+    number = 2 if geometry.top == "wall" else 1
+    depth, viscosity = (geometry.domain.ceiling - ground) / number, base_flow.viscosity
+    if why := asked.rows_beyond(number, depth):
+        raise SceneError(why)
+    of_grain = math.inf if geometry.grain is None else geometry.grain.size
+    of_roughness = {"roughness": min(depth, of_grain), "upstream_roughness": depth}
+    for key, size in of_roughness.items():
+        if (share := getattr(asked, key) / size) > LARGEST:
+            raise SceneError(
+                f"turbulence.{key}: is {getattr(asked, key):g}, {100 * share:.0f}% of the depth or the grain, at most "
+                f"{100 * LARGEST:.0f}%; use a smaller one, or bedforms next to the grain and upstream_roughness"
+            )
+    mean = base_flow.reference
+    sand = asked.upstream_roughness or asked.roughness
+    channel = of_discharge(mean * depth / viscosity, sand / depth)
+    shear_velocities = np.array([mean / channel.mean])
+    profile: Developed | Measured = Developed(channel, depth, number, mean / channel.mean)
+    if asked.inflow != "developed":
+        profile = Measured.of(asked, number, depth, mean, viscosity)
+    if asked.profile:
+        shear_velocities = profile.shear_velocities
+    shear_velocity = float(shear_velocities.max())
+    feature = math.inf if geometry.bed is None else geometry.bed.feature
+    most = min(LARGEST * depth, LARGEST_AT_GRAIN * of_grain, LARGEST_AT_FORMS * feature)
+    smooth = asked.wall_distance or min(DISTANCE[asked.model] * viscosity / shear_velocity, most)
+    if smooth > most:
+        raise SceneError(
+            f"turbulence.wall_distance: is {smooth:g}, at most {most:.3g} in this depth and next to this grain and "
+            "bedforms; leave it out, or use a smaller one"
+        )
+    plane = geometry.grain is None and not np.isfinite(feature)
+    return Walls(
+        depth=depth,
+        number=number,
+        ground=ground,
+        top=geometry.domain.ceiling,
+        mean=mean,
+        viscosity=viscosity,
+        plane=plane,
+        names=(
+            names.bottom,
+            *((names.top,) if number == 2 else ()),
+            *(() if geometry.grain is None else ("body",)),
+        ),
+        up=geometry.up,
+        smooth=smooth,
+        roughness=asked.roughness,
+        shear_velocity=shear_velocity,
+        bed_shear_velocity=float(shear_velocities[0]),
+        asked=asked,
+        profile=profile,
+    )
