@@ -84,7 +84,9 @@ def coarsest(setup: Setup) -> float:
     if not walls.plane:
         return math.inf
     rows = _rows(walls)[-1] / (FEWEST_ROWS // walls.number)
-    columns = setup.geometry.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+    columns = math.inf
+    if walls.asked.inflow != "developed":  # else the flow does not change along them
+        columns = setup.geometry.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
     return min(rows, columns) / coarsening(walls, setup.order.number)
 
 

@@ -24,7 +24,7 @@ from .fields import TurbulenceFields
 FIRST, SMALLEST, LARGEST = 5.0, 1e-2, 1e8
 SHRINKS, GROWS = 0.1, 2.0
 # Wanted changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration.
-WANTED = 0.5, 0.05
+WANTED = 1.0, 0.1
 # Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many
 # last ones give the mean of the loads and its spread.
 MOST_ITERATIONS, STAGNANT = 150, 40

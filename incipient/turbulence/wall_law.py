@@ -16,6 +16,8 @@ ROUGH = (
 SMOOTH_TO, ROUGH_FROM = 2.25, 90.0
 SCALE = math.log(ROUGH_FROM / SMOOTH_TO)
 CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous sublayer
+# Power of the blend of both frictions (Menter, Ferreira, Esch & Konno 2003 have 2): at y+ = 50 it adds 0.9%.
+SHARP = 3
 LEAST = 1.0  # u+ where the roughness is higher than the wall distance, on the way to a solution
 # Newton's corrections of u*, which leave less than 1e-7 of it between smooth and rough walls, else 1e-12.
 CORRECTIONS = 4
@@ -76,7 +78,7 @@ class WallLaw:
     def drag(
         self, speed: Any, fluctuations: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
     ) -> Any:
-        """Friction over the velocity, u*/u+, not below that of a viscous sublayer, nu/y.
+        """Friction over the velocity: u*/u+, next to the wall that of the viscous sublayer, nu/y, blended as by Menter.
 
         u* is the larger of that for the speed and of `fluctuations`, that which k stands for there: where the flow
         separates the speed vanishes and k does not (Kuzmin, Mierka & Turek 2007).
@@ -84,7 +86,7 @@ class WallLaw:
         in_layer = self._in_layer(speed, viscosity, distance, functions)
         found = functions.larger(in_layer, fluctuations)
         outer = self._outer(found, viscosity, distance, functions)
-        return functions.larger(found / outer, viscosity / distance)
+        return ((found / outer) ** SHARP + (viscosity / distance) ** SHARP) ** (1 / SHARP)
 
 
 def shift(sand: float) -> float:

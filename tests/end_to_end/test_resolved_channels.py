@@ -104,7 +104,9 @@ def test_a_rough_channel_is_that_of_finite_volumes(sand, distance):
 
 def test_sand_as_high_as_the_flow_is_deep_is_refused():
     rough = Turbulence(model="k-omega-sst", wall="rough", roughness=0.3)
-    with pytest.raises(SceneError, match=r"turbulence\.roughness: .* of the depth, at most 20%"):
+    with pytest.raises(
+        SceneError, match=r"turbulence\.roughness: .* of the depth or the grain, at most 20%"
+    ):
         incipient.run(channel(11000.0, turbulence=rough))
 
 
