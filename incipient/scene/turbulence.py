@@ -88,11 +88,6 @@ class Turbulence(Section):
 
     def _wrong_upstream(self) -> tuple[str, str] | None:
         """What contradicts a rough bed upstream, and the remedy; None: nothing."""
-        if self.has_wall_functions:
-            return (
-                'is not read by model = "k-epsilon"',
-                'leave it out, or use model = "k-omega-sst"',
-            )
         if self.roughness:
             return (
                 'is for smooth walls, but wall is "rough"',

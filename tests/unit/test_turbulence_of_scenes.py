@@ -124,10 +124,6 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
             )
             for asked, words in (
                 (
-                    {},
-                    'is not read by model = "k-epsilon"; leave it out, or use model = "k-omega-sst"',
-                ),
-                (
                     TO_THE_WALL | {"wall": "rough", "roughness": 0.1},
                     'is for smooth walls, but wall is "rough"',
                 ),
