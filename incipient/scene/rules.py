@@ -505,7 +505,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
              "describes turbulence, which effects.turbulence does not ask for",
              "set effects.turbulence = true or leave the section out"),
         Rule("turbulence.upstream_roughness",
-             lambda s: s.is_averaged and s.turbulence and s.turbulence.upstream_roughness and s.body is None and not _forms(s),
+             lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not _forms(s),
              "is read only past grains and bedforms: its inflow is not in equilibrium over a smooth planar bed",
              "leave it out"),
     ),
