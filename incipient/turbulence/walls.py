@@ -166,9 +166,9 @@ def walls_of(
     shear_velocities = np.array([mean / channel.mean])
     profile: Developed | Measured = Developed(channel, depth, number, mean / channel.mean)
     if asked.inflow != "developed":
-        profile = Measured.of(asked, number, depth, mean, viscosity)
-    if asked.profile:
-        shear_velocities = profile.shear_velocities
+        profile = measured = Measured.of(asked, number, depth, mean, viscosity)
+        if asked.profile:
+            shear_velocities = measured.shear_velocities
     shear_velocity = float(shear_velocities.max())
     feature = math.inf if geometry.bed is None else geometry.bed.feature
     most = min(LARGEST * depth, LARGEST_AT_GRAIN * of_grain, LARGEST_AT_FORMS * feature)
