@@ -55,8 +55,9 @@ types: setup ## mypy
 	$(PYTHON) -m mypy
 
 # MkDocs says that Material will be replaced one day; that is no warning of these pages.
-docs: setup ## the documentation: site/index.html, without warnings, links checked
+docs: setup ## the documentation: pages of reference, site/index.html, without warnings, links checked
 	@$(PYTHON) -c "import latex2mathml, material" 2>/dev/null || $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[docs]'
+	$(PYTHON) docs/reference.py
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict
 
 docs-commands: setup ## every command on every page, run once: hours (PAGE=howto/sweeps.md for one page)

@@ -91,7 +91,7 @@ def main() -> int:
 
 
 def _section(demo: Demo) -> str:
-    """A study on the page: its sentence, its picture, the runs on its frontier."""
+    """A study on the page: its sentence and its picture."""
     if not (demo.directory / "cost.png").exists():
         return f"## {demo.name}\n\nNot measured yet."
     figure = FIGURES / f"cost_{demo.name}.png"
@@ -99,27 +99,15 @@ def _section(demo: Demo) -> str:
     stored = json.loads((demo.directory / "cost.json").read_text())
     reference, doubt = stored["reference"], stored["reference"]["doubt"]
     names = ", ".join(reference["quantities"])
-    law, error = stored["law"], f"largest relative error of {names}, against {reference['source']}"
-    known = f" (known to {percent(doubt)})" if doubt else ""
-    digit = (
-        law
-        and f" A tenth of the error takes {10 ** (1 / law['power']):.2g} times the time beyond the start."
-    )
+    known = f", known to {percent(doubt)}" if doubt else ""
     parts = [
         f"## {stored['title']}",
         f"`{demo.command}`. {demo.said}".rstrip(),
         f"**{stored['sentence']}**",
         f"![Error against CPU time and memory](../figures/{figure.name})",
-        f"Error: {error}{known}.{digit or ''}",
-        "| error | CPU time [s] | memory [MiB] | unknowns | run |\n| --: | --: | --: | --: | :-- |",
+        f"Largest relative error of {names}. Reference: {reference['source']}{known}.",
     ]
-    rows = [
-        f"| {run['said']} | {run['cpu']:.1f} | {run['peak_mib']:.0f} | {run['unknowns']:,} | "
-        f"{run['name']}{', as the scene stands' if run['own'] else ''} |"
-        for run in stored["judged"]
-        if run["on_frontier"] or run["own"]
-    ]
-    return "\n\n".join(parts) + "\n" + "\n".join(rows)
+    return "\n\n".join(parts)
 
 
 if __name__ == "__main__":

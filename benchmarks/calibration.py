@@ -38,8 +38,16 @@ CELLS = {
     2: 0.7,
     3: 0.75,
 }  # numerics.mesh_size of the true loads, over that of the scene, by the dimension
-HEAD = """| scene | error as computed | its bar | error corrected | its bar | error over bar |
+HEAD = """| scenes | runs | error as computed | error corrected | its bar | error over bar |
 | --- | --: | --: | --: | --: | --: |"""
+# The last kind that a scene's name has a word of.
+KINDS = {
+    "2-D, flat bed or channel": ("disc", "ellipse", "square"),
+    "2-D, pocket or trough": ("pocket", "trough"),
+    "2-D, uniform flow": ("uniform flow",),
+    "2-D, unsteady": ("t = 4",),
+    "3-D": ("sphere", "ellipsoid"),
+}
 
 PLANE = """
 [domain]
@@ -178,10 +186,17 @@ class Row:
         """Whether the corrected load is as near to the true one as its bar says, component by component."""
         return self.apart <= 1.0
 
+    @property
+    def kind(self) -> str:
+        """Which of `KINDS` it is of."""
+        return [kind for kind, words in KINDS.items() if any(word in self.name for word in words)][
+            -1
+        ]
+
     def text(self) -> str:
-        """A row of the table."""
+        """The row for the screen."""
         errors = (self.computed, self.computed_bar, self.corrected, self.corrected_bar)
-        return f"| {self.name} | {' | '.join(f'{100 * one:.2g}%' for one in errors)} | {self.apart:.2f} |"
+        return f"{self.name}: {', '.join(f'{100 * one:.2g}%' for one in errors)}; {self.apart:.2f}"
 
 
 def row_of(name: str) -> Row:
@@ -216,11 +231,23 @@ def table(rows: list[Row]) -> str:
     """The table of all scenes, and what it comes to."""
     ratio = float(np.median([row.corrected_bar / row.computed_bar for row in rows]))
     within = sum(row.within for row in rows)
+    alone = sum(row.corrected <= row.corrected_bar for row in rows)
     summary = (
-        f"{within} of {len(rows)} corrected forces are within their bars (and those of the true forces); "
-        f"the bars are {ratio:.2f} times those without corrections in the median."
+        f"{within} of {len(rows)} corrected forces differ from the finer runs' by less than both bars together, "
+        f"{alone} by less than their own bars. The median ratio of bars with and without corrections is {ratio:.2f}."
     )
-    return "\n".join([HEAD, *(row.text() for row in rows), "", summary])
+    kinds = {kind: [row for row in rows if row.kind == kind] for kind in KINDS}
+    lines = [_of_kind(kind, some) for kind, some in kinds.items() if some]
+    return "\n".join([HEAD, *lines, "", summary])
+
+
+def _of_kind(kind: str, rows: list[Row]) -> str:
+    """A row of the table: medians, and the largest in brackets."""
+    columns = [
+        [getattr(row, name) for row in rows] for name in ("computed", "corrected", "corrected_bar")
+    ]
+    cells = [f"{100 * np.median(one):.2g}% ({100 * max(one):.2g}%)" for one in columns]
+    return f"| {kind} | {len(rows)} | {' | '.join(cells)} | {max(row.apart for row in rows):.2f} |"
 
 
 def main(wanted: list[str]) -> int:

@@ -39,7 +39,7 @@ def read_result(directory: Path) -> dict[str, Any]:
             numbers[section] = result[section]
     if result["force"]:
         numbers["force"] = result["force"]["flow"]
-        numbers["couple"] = result["couple"]["flow"][2]
+        numbers["couple"] = result["torque"]["flow"][2]
     cost = result["cost"]
     numbers |= {key: cost[key] for key in ("unknowns", "cells", "iterations")}
     numbers |= {"stages": cost["wall_time"], "all_ranks_mib": cost["peak_memory_mib"]}

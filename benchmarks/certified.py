@@ -36,11 +36,8 @@ CASES: dict[str, tuple[Path, tuple[str, ...]]] = {
     "sphere in a pocket": (SCENES / "sphere_in_pocket.toml", ()),
     "free sphere, Re 100": (MINE / "free_sphere.toml", ()),
 }
-HEAD = """| scene | asked for | corrected: error | s | MiB | unknowns | as computed: error | s | MiB | unknowns |
-| --- | --: | --: | --: | --: | --: | --: | --: | --: | --: |"""
-
-
-UNTRIED = ("not tried", "", "", "")  # after a larger error that was not reached
+HEAD = """| scene | default: error | s | 3%: s | 1%: s | 0.3%: s |
+| --- | --: | --: | --: | --: | --: |"""
 
 
 @dataclass(frozen=True)
@@ -61,15 +58,9 @@ class Row:
         """Whether the error is as small as it was to be."""
         return self.error <= (self.asked or math.inf)
 
-    def cells(self) -> tuple[str, ...]:
-        """Cells of the table: error, seconds, MiB, unknowns; an error that was not reached in brackets."""
-        error = f"{100 * self.error:.2g}%"
-        return (
-            error if self.reached else f"({error})",
-            f"{self.seconds:.1f}",
-            f"{self.mib:.0f}",
-            f"{self.unknowns:,}",
-        )
+    def seconds_of_success(self) -> str:
+        """Processor time in s; a dash where the error was not reached."""
+        return f"{self.seconds:.0f}" if self.reached else "-"
 
 
 def row_of(
@@ -100,28 +91,36 @@ def row_of(
 
 
 def table(rows: dict[tuple[str, float | None, bool], Row]) -> str:
-    """The table of all pairs of runs, and what they come to."""
+    """The table of all scenes, in brackets with loads as computed, and what they come to."""
     lines, ratios = [HEAD], []
     for name in CASES:
-        for asked in ACCURACIES:
-            pair = [rows.get((name, asked, corrected)) for corrected in (True, False)]
-            if pair == [None, None]:
-                continue
-            goal = "default" if asked is None else f"{100 * asked:g}%"
-            cells = [cell for row in pair for cell in (row.cells() if row else UNTRIED)]
-            lines.append(f"| {' | '.join((name, goal, *cells))} |")
-            if asked is not None and pair[0] and pair[0].reached:
-                ratios.append(
-                    pair[0].seconds / pair[1].seconds if pair[1] and pair[1].reached else 0.0
-                )
+        runs = [[rows.get((name, asked, way)) for way in (True, False)] for asked in ACCURACIES]
+        if (own := runs[0][0]) is None:
+            continue
+        cells = [_errors(runs[0]), _seconds(runs[0]), *map(_seconds, runs[1:])]
+        lines.append(f"| {' | '.join((own.name, *cells))} |")
+        for corrected, computed in runs[1:]:
+            if corrected and corrected.reached:
+                reached = computed and computed.reached
+                ratios.append(corrected.seconds / computed.seconds if reached else 0.0)
     if ratios:
         lines += [
             "",
-            f"With corrected loads {len(ratios)} of {3 * len(CASES)} accuracies are reached, "
-            f"{ratios.count(0.0)} of them not with loads as computed. Their time is {median(ratios):.2f} of that with "
-            "loads as computed in the median, counted as 0 where those do not reach it.",
+            f"Corrected loads reach {len(ratios)} of {3 * len(CASES)} accuracies; {ratios.count(0.0)} of these are not "
+            "reached by loads as computed. "
+            f"The median ratio of the times is {median(ratios):.2f}, with 0 for the latter.",
         ]
     return "\n".join(lines)
+
+
+def _errors(pair: list[Row | None]) -> str:
+    corrected, computed = (f"{100 * row.error:.2g}%" if row else "-" for row in pair)
+    return f"{corrected} ({computed})"
+
+
+def _seconds(pair: list[Row | None]) -> str:
+    corrected, computed = (row.seconds_of_success() if row else "-" for row in pair)
+    return f"{corrected} ({computed})"
 
 
 def main() -> int:

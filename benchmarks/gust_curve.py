@@ -205,7 +205,7 @@ def measured(pocket: Pocket, duration: float, stays: float, leaves: float) -> Fo
     one = held(scene([*gust(math.sqrt(stays * leaves), duration), f"time.end={0.5 + duration}"]))
     _, still = history_of(one)
     length = np.diff(still["time"], prepend=0.0)
-    load = driving(pocket, np.array([still["force_x"], still["force_y"]]), still["couple"])
+    load = driving(pocket, np.array([still["force_x"], still["force_y"]]), still["torque"])
     blown = still["time"] > one.flow.gust.start + 1e-9  # type: ignore[union-attr]
     works = trajectory["on_bed"]["works"]
     speed = leaves * pocket.speed
@@ -235,8 +235,8 @@ def compute() -> Found:
         keep(found)
     for strength in STEADY[len(found["steady"]) :]:
         result = incipient.run(steady(strength))
-        assert result.force is not None and result.couple is not None
-        load = driving(pocket, result.force.flow, float(result.couple.flow[2]))
+        assert result.force is not None and result.torque is not None
+        load = driving(pocket, result.force.flow, float(result.torque.flow[2]))
         found["steady"].append([strength, float(load)])
         keep(found)
     for duration in DURATIONS[len(found["brackets"]) :]:

@@ -126,7 +126,7 @@ def solved(name: str, reynolds: float, mesh_size: float, estimates: bool = True)
             found["corrected"] = (
                 float(loads.force[0]),
                 float(loads.force[2]),
-                float(loads.couple[1]),
+                float(loads.torque[1]),
             )
             found["estimate_seconds"] = process_time() - began
     except IncipientError as error:

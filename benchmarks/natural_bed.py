@@ -265,7 +265,7 @@ def turbulent_over_laminar(shear_reynolds: float) -> dict[int, Floats]:
     for row in stored():
         if row["shear_reynolds"] == shear_reynolds and not row["check"]:
             by_model[row["model"]][int(row["pocket"])] = row
-    names, found = ("force_x", "force_z", "couple_y"), {}
+    names, found = ("force_x", "force_z", "torque_y"), {}
     for number, row in by_model["k-omega-sst"].items():
         if (other := by_model["laminar"].get(number)) is not None:
             loads, laminar = (np.array([one[name] for name in names]) for one in (row, other))

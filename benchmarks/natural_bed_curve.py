@@ -18,6 +18,7 @@ import numpy as np
 
 from incipient.arrays import Floats, Integers
 from incipient.contact.batch import Cases, judge_many
+from incipient.contact.friction import FrictionCone
 from incipient.planning.mean_profile import LAYER, MeanProfile
 from incipient.survey.deposition import DOWN, Spheres, rolled
 from incipient.survey.emulator import FEWEST, FOLDS, Emulator
@@ -234,17 +235,15 @@ def critical(
     for place, one in enumerate(grains):
         normals[place, : len(one.contacts.normals)] = one.contacts.normals
     normals = np.repeat(normals, count, axis=0)
-    loads, total = coefficients.reshape(-1, 6), len(grains) * count
+    loads = coefficients.reshape(-1, 6)
     cases = Cases(
         points=0.5 * normals,
         normals=normals,
         force=loads[:, :3],
         couple=loads[:, 3:],
-        weight=np.tile(SUBMERGED_WEIGHT * DOWN, (total, 1)),
-        centre=np.zeros((total, 3)),
-        friction=np.full(total, friction),
-        mass=np.full(total, np.nan),
-        inertia=np.full((total, 3, 3), np.nan),
+        weight=SUBMERGED_WEIGHT * DOWN,
+        centre=np.zeros(3),
+        law=FrictionCone.of(friction),
     )
     return judge_many(cases).factors.reshape(len(grains), count)
 

@@ -69,7 +69,7 @@ def coefficient(gdim: int, gap: float, cells: float) -> float:
         table = np.genfromtxt(Path(place) / "history.csv", delimiter=",", names=True)
     drag, couple = (
         -table["force_x"][-1],
-        table["couple"][-1] if gdim == 2 else -table["couple_y"][-1],
+        table["torque"][-1] if gdim == 2 else -table["torque_y"][-1],
     )
     return float(2.0 * (drag + 2.0 * couple) / (1.0 if gdim == 2 else math.pi / 4.0))
 

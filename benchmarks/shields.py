@@ -8,7 +8,7 @@ Soulsby & Whitehouse's.
 
 Cost:    five minutes; the natural bed's flows an hour (natural_bed.py), the beads' an hour and a half (beads.py).
 Run:     python benchmarks/shields.py
-Results: docs/figures/shields.webp, docs/validation/shields.csv, natural_bed.csv, pockets.csv, tables
+Results: docs/figures/shields.webp, docs/validation/shields.csv, pockets.csv, tables, incipient/flumes/natural_bed.csv
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from tables import publish
 
 from incipient.arrays import Floats
 from incipient.files import csv_text
+from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.pictures import style
 from incipient.planning.mean_profile import MeanProfile
 from incipient.survey.deposition import Spheres
@@ -52,13 +53,14 @@ ROOT = Path(__file__).resolve().parents[1]
 BEADS, FLUMES, ZANKE = (
     ROOT / "docs/validation/beads.csv",
     ROOT / "benchmarks" / "reference" / "shields_flume.csv",
-    ROOT / "benchmarks" / "reference" / "zanke_2003.csv",
+    ROOT / "incipient/flumes/zanke_2003.csv",
 )
 NUMBERS, PICTURE = (
     ROOT / "docs/validation/shields.csv",
     ROOT / "docs/figures/shields.webp",
 )
-OF_BED, POCKETS = (ROOT / "docs/validation" / name for name in ("natural_bed.csv", "pockets.csv"))
+OF_BED = ROOT / "incipient/flumes/natural_bed.csv"
+POCKETS = ROOT / "docs/validation/pockets.csv"
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 VISCOSITY, GRAVITY = 1e-6, 9.81  # of water at 20 degrees, of the flumes [m^2/s, m/s^2]
 SAMPLES, SEED = 20_000, 1
@@ -345,11 +347,6 @@ def truncated(
     """Samples of a normal distribution between bounds."""
     drawn = random.normal(mean, deviation, 10 * SAMPLES)
     return drawn[(drawn > low) & (drawn < high)][:SAMPLES]
-
-
-def soulsby_whitehouse(size: np.ndarray) -> np.ndarray:
-    """Critical Shields number of sand in water by the dimensionless size D* (Soulsby & Whitehouse 1997)."""
-    return 0.30 / (1.0 + 1.2 * size) + 0.055 * (1.0 - np.exp(-0.020 * size))
 
 
 def table(rows: list[dict[str, object]]) -> str:

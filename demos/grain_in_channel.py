@@ -25,7 +25,7 @@ def told(name, scene):
     if MPI.COMM_WORLD.rank == 0:
         force, verdict = result.force.flow, result.verdict
         print(
-            f"{name:<18}force ({force[0]:.4f}, {force[1]:.4f})  couple {result.couple.flow[2]:+.4f}  "
+            f"{name:<18}force ({force[0]:.4f}, {force[1]:.4f})  torque {result.torque.flow[2]:+.4f}  "
             f"safety factor {verdict['safety_factor']:.4f}"
         )
     return Path("results") / name

@@ -34,7 +34,7 @@ if __name__ == "__main__":
         result = incipient.run(scene, f"results/sphere_{gap:g}")
         a, h = 0.5, 0.5 + gap
         force = result.force.plain[0] / (6 * pi * scene.viscosity * a * h)
-        couple = result.couple.plain[1] / (4 * pi * scene.viscosity * a**3)
+        couple = result.torque.plain[1] / (4 * pi * scene.viscosity * a**3)
         if MPI.COMM_WORLD.rank == 0:
             exact = "exact {:.4f}, {:.4f}".format(*EXACT[gap]) if gap in EXACT else ""
             print(f"gap {gap:g}: force {force:.4f}, couple {couple:.4f}; {exact}")

@@ -76,10 +76,13 @@ def commands(page: Path) -> Iterator[Command]:
 
 def main() -> int:
     """Run what has not been run; say what failed."""
-    asked = sys.argv[1:]
+    chosen = sys.argv[1:]
     failed = []
     for page in pages():
-        if asked and str(page.relative_to(ROOT)) not in (*asked, *(f"docs/{one}" for one in asked)):
+        if chosen and str(page.relative_to(ROOT)) not in (
+            *chosen,
+            *(f"docs/{one}" for one in chosen),
+        ):
             continue
         directory = _prepared(page)
         done = (
@@ -140,12 +143,12 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
             "mine",
             *(["--space"] if "three_dimensions" in command.page else []),
         ]
-    for made in (
+    for result in (
         word
         for word in words[1:2]
         if word.startswith("results/") and not (directory / word).exists()
     ):
-        stem = made.removeprefix("results/").removesuffix(".sqlite")
+        stem = result.removeprefix("results/").removesuffix(".sqlite")
         base, _, task = stem.partition("_threshold")
         scene = next(
             (f for f in (f"{base}.toml", f"demos/scenes/{base}.toml") if (directory / f).exists()),
@@ -153,7 +156,7 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
         )
         if scene == "mine.toml" and not (directory / scene).exists():
             yield ["incipient", "new", "mine"]
-        if made.endswith(".sqlite"):
+        if result.endswith(".sqlite"):
             yield [
                 "incipient",
                 "sweep",
@@ -163,12 +166,12 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
                 "--do",
                 "threshold",
                 "--out",
-                made,
+                result,
                 *COARSE,
             ]
         else:
             do = "threshold" if stem != base or task else "run"
-            yield ["incipient", do, scene, "--out", made, *COARSE]
+            yield ["incipient", do, scene, "--out", result, *COARSE]
 
 
 def _as_run(command: Command) -> list[str]:
@@ -192,9 +195,9 @@ def _as_run(command: Command) -> list[str]:
 def _finished(words: list[str], directory: Path) -> int:
     """The exit code of a command with the project's own programs first in the path; 124 where the time was up."""
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    given = dict(word.split("=", 1) for word in words if re.match(r"[A-Z_]+=", word))
+    variables = dict(word.split("=", 1) for word in words if re.match(r"[A-Z_]+=", word))
     words = [word for word in words if not re.match(r"[A-Z_]+=", word)]
-    surroundings = {**os.environ, **given, "PATH": path, "OMP_NUM_THREADS": "1"}
+    surroundings = {**os.environ, **variables, "PATH": path, "OMP_NUM_THREADS": "1"}
     with (directory / "log.txt").open("a") as log:
         log.write(f"$ {shlex.join(words)}\n")
         log.flush()

@@ -19,12 +19,12 @@ MARKED = re.compile(
 )
 
 
-def on_page_content(content: str, **given: Any) -> str:
+def on_page_content(content: str, **arguments: Any) -> str:
     """The HTML of a page with its formulas as MathML; a hook of mkdocs."""
     return MARKED.sub(_mathml, content)
 
 
-def _mathml(found: re.Match[str]) -> str:
-    inline = found["inline"] is not None
-    formula = html.unescape(found["inline"] if inline else found["block"]).strip()
+def _mathml(match: re.Match[str]) -> str:
+    inline = match["inline"] is not None
+    formula = html.unescape(match["inline"] if inline else match["block"]).strip()
     return convert(formula, display="inline" if inline else "block")

@@ -1,6 +1,7 @@
-"""The pages of the site that are made from the code: keys of scenes, commands, Python. A hook of MkDocs.
+"""Writes the pages that are made from the code: keys of scenes, commands, Python; a hook of MkDocs.
 
-After the build the site is looked through for what it would load from elsewhere.
+Run: python docs/reference.py; they end in .markdown, those by hand in .md. After a build the site is searched for what
+it would load from elsewhere.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ import re
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.exceptions import PluginError
-from mkdocs.structure.files import File, Files
+from typing import TYPE_CHECKING, Any
 
 from incipient import cli
 from incipient.scene import schema
 
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+
+PAGES = Path(__file__).parent / "reference"
 BOUNDS = {
     "exclusiveMinimum": "> {}",
     "minimum": "≥ {}",
@@ -49,21 +50,21 @@ FOREIGN = re.compile(
 FOREIGN_STYLE = re.compile(r"""(?:url\(|@import)\s*["']?(?:https?:)?//""")
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages."""
-    pages = {"scene": scene_page(), "commands": commands_page(), "python": python_page()}
-    for name, text in pages.items():
-        files.append(File.generated(config, f"reference/{name}.md", content=text))
-    return files
+def pages() -> dict[Path, str]:
+    """The text of each page."""
+    texts = {"scene": scene_page(), "commands": commands_page(), "python": python_page()}
+    return {PAGES / f"{name}.markdown": text for name, text in texts.items()}
 
 
 def on_post_build(config: MkDocsConfig) -> None:
     """Refuse a site that loads anything from another host."""
+    from mkdocs.exceptions import PluginError
+
     for path in Path(config.site_dir).rglob("*"):
         pattern = {".html": FOREIGN, ".css": FOREIGN_STYLE}.get(path.suffix)
-        found = pattern and pattern.search(path.read_text(encoding="utf-8"))
-        if found:
-            raise PluginError(f"{path}: would load from another host: {found[0]}")
+        link = pattern and pattern.search(path.read_text(encoding="utf-8"))
+        if link:
+            raise PluginError(f"{path}: would load from another host: {link[0]}")
 
 
 # -- keys of scenes -----------------------------------------------------------------------------------------
@@ -77,9 +78,9 @@ def scene_page() -> str:
         "Every key that a scene file may have, made from the code that checks it. A key without a default must "
         "be given. `incipient schema` prints the same for editors; `incipient new` explains them in a scene.",
     ]
-    for name, found in stored["properties"].items():
-        models = [stored["definitions"][one] for one in references(found)]
-        parts += [f"## `[{name}]`" if models else f"## `{name}`", f"{found['description']}."]
+    for name, definition in stored["properties"].items():
+        models = [stored["definitions"][one] for one in references(definition)]
+        parts += [f"## `[{name}]`" if models else f"## `{name}`", f"{definition['description']}."]
         parts += section(models, stored["required"], name)
         for key, part in models[0]["properties"].items() if len(models) == 1 else ():
             for one in references(part):
@@ -90,16 +91,16 @@ def scene_page() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def references(found: Any) -> Iterator[str]:
-    """Names of the definitions that a part of the schema refers to."""
-    if isinstance(found, dict):
-        if "$ref" in found:
-            yield found["$ref"].rpartition("/")[2]
-        for part in found.values():
-            yield from references(part)
-    elif isinstance(found, list):
-        for part in found:
-            yield from references(part)
+def references(node: Any) -> Iterator[str]:
+    """Names of the definitions that a node of the schema refers to."""
+    if isinstance(node, dict):
+        if "$ref" in node:
+            yield node["$ref"].rpartition("/")[2]
+        for child in node.values():
+            yield from references(child)
+    elif isinstance(node, list):
+        for child in node:
+            yield from references(child)
 
 
 def section(models: list[dict[str, Any]], required: list[str], name: str) -> Iterator[str]:
@@ -137,20 +138,22 @@ def section(models: list[dict[str, Any]], required: list[str], name: str) -> Ite
 
 def value_of(model: dict[str, Any], tag: str) -> str:
     """What the key that tells kinds apart says for one, as TOML has it."""
-    found = model["properties"][tag]
-    return json.dumps(found["const"] if "const" in found else found["enum"][0])
+    choice = model["properties"][tag]
+    return json.dumps(choice["const"] if "const" in choice else choice["enum"][0])
 
 
 def keys(model: dict[str, Any], chosen: Any) -> str:
     """A table of keys of a section."""
     lines = ["| key | what | values | default |", "| --- | --- | --- | --- |"]
     for key in chosen:
-        found = model["properties"][key]
+        definition = model["properties"][key]
         default = (
-            "must be given" if key in model.get("required", ()) else shown(found.get("default"))
+            "must be given"
+            if key in model.get("required", ())
+            else shown(definition.get("default"))
         )
-        what = escaped(found.get("description", ""))
-        lines.append(f"| `{key}` | {what} | {escaped(values(found))} | {escaped(default)} |")
+        what = escaped(definition.get("description", ""))
+        lines.append(f"| `{key}` | {what} | {escaped(values(definition))} | {escaped(default)} |")
     return "\n".join(lines)
 
 
@@ -159,16 +162,18 @@ def shown(value: Any) -> str:
     return "none" if value is None else f"`{json.dumps(value, ensure_ascii=False)}`"
 
 
-def values(found: dict[str, Any]) -> str:
+def values(definition: dict[str, Any]) -> str:
     """What a key may be, in words."""
-    if "$ref" in found:
+    if "$ref" in definition:
         return "table"
-    if "anyOf" in found:
-        return ", or ".join(values(one) for one in found["anyOf"] if one.get("type") != "null")
-    if "enum" in found or "const" in found:
-        return ", ".join(f"`{json.dumps(one)}`" for one in found.get("enum", [found.get("const")]))
-    if found.get("type") == "array":
-        least, most = found.get("minItems"), found.get("maxItems")
+    if "anyOf" in definition:
+        return ", or ".join(values(one) for one in definition["anyOf"] if one.get("type") != "null")
+    if "enum" in definition or "const" in definition:
+        return ", ".join(
+            f"`{json.dumps(one)}`" for one in definition.get("enum", [definition.get("const")])
+        )
+    if definition.get("type") == "array":
+        least, most = definition.get("minItems"), definition.get("maxItems")
         number = (
             f"{least} "
             if least == most and least
@@ -177,7 +182,7 @@ def values(found: dict[str, Any]) -> str:
             else ""
         )
         number = number or (f"at least {least} " if least else "")
-        return f"list of {number}({values(found['items'])})"
+        return f"list of {number}({values(definition['items'])})"
     words = {
         "number": "number",
         "integer": "whole number",
@@ -185,9 +190,9 @@ def values(found: dict[str, Any]) -> str:
         "string": "text",
     }
     bounds = " and ".join(
-        form.format(f"{found[key]:g}") for key, form in BOUNDS.items() if key in found
+        form.format(f"{definition[key]:g}") for key, form in BOUNDS.items() if key in definition
     )
-    return f"{words[found['type']]} {bounds}".strip()
+    return f"{words[definition['type']]} {bounds}".strip()
 
 
 def escaped(text: str) -> str:
@@ -244,8 +249,8 @@ def python_page() -> str:
     parts = [
         "# Python",
         "The public functions and classes, made from the code. Scenes are built from the classes of `incipient.scene`, "
-        'one for each section; their keys are those of [the scene file](scene.md). "Collective" is said of functions '
-        "that all ranks of an MPI run must call together.",
+        'one for each section; their keys are those of [the scene file](scene.markdown). "Collective" is said of '
+        "functions that all ranks of an MPI run must call together.",
     ]
     for name, what in PUBLIC.items():
         module = importlib.import_module(name)
@@ -260,10 +265,10 @@ def python_page() -> str:
 def exported(module: Any) -> list[str]:
     """Names that a module gives: those it says, or those it defines."""
     named = getattr(module, "__all__", None)
-    found = named or [name for name in vars(module) if not name.startswith("_")]
+    names = named or [name for name in vars(module) if not name.startswith("_")]
     here = [
         name
-        for name in found
+        for name in names
         if named or getattr(getattr(module, name), "__module__", "") == module.__name__
     ]
     return [name for name in here if callable(getattr(module, name))]
@@ -273,7 +278,7 @@ def documented(name: str, thing: Any) -> Iterator[str]:
     """A function with its signature, or a class with its own methods."""
     yield f"### `{name}`"
     if inspect.isclass(thing) and issubclass(thing, Exception):
-        yield told(thing)
+        yield docstring(thing)
         return
     if (
         not inspect.isclass(thing)
@@ -281,17 +286,17 @@ def documented(name: str, thing: Any) -> Iterator[str]:
         or hasattr(thing, "__dataclass_fields__")
     ):
         yield f"```python\n{signature(name, thing)}\n```"
-    yield told(thing)
+    yield docstring(thing)
     yield from described_fields(thing)
     if not inspect.isclass(thing) or hasattr(thing, "model_fields"):
         return
-    for method, made in vars(thing).items():
+    for method, member in vars(thing).items():
         if not method.startswith("_") and (
-            inspect.isfunction(made) or isinstance(made, property | classmethod)
+            inspect.isfunction(member) or isinstance(member, property | classmethod)
         ):
-            made = made.__func__ if isinstance(made, classmethod) else made
-            said = textwrap.indent(told(made), "    ").strip()
-            yield f"- `{method}{'' if isinstance(made, property) else '()'}`: {said}"
+            member = member.__func__ if isinstance(member, classmethod) else member
+            text = textwrap.indent(docstring(member), "    ").strip()
+            yield f"- `{method}{'' if isinstance(member, property) else '()'}`: {text}"
 
 
 def described_fields(thing: Any) -> Iterator[str]:
@@ -317,12 +322,14 @@ def described_fields(thing: Any) -> Iterator[str]:
 def signature(name: str, thing: Any) -> str:
     """A call on as many lines as it needs."""
     try:
-        found = inspect.signature(thing)
+        call = inspect.signature(thing)
     except (TypeError, ValueError):
         return name
-    parameters = [re.sub(r": '([^']*)'", r": \1", str(one)) for one in found.parameters.values()]
-    given = found.return_annotation
-    result = "" if given is inspect.Signature.empty or inspect.isclass(thing) else f" -> {given}"
+    parameters = [re.sub(r": '([^']*)'", r": \1", str(one)) for one in call.parameters.values()]
+    returned = call.return_annotation
+    result = (
+        "" if returned is inspect.Signature.empty or inspect.isclass(thing) else f" -> {returned}"
+    )
     for long, short in SHORTER:
         parameters = [re.sub(long, short, one) for one in parameters]
         result = re.sub(long, short, result)
@@ -332,7 +339,7 @@ def signature(name: str, thing: Any) -> str:
     )
 
 
-def told(thing: Any) -> str:
+def docstring(thing: Any) -> str:
     """A docstring as Markdown: lists of arguments and errors as lists, tables of attributes as they are."""
     text = inspect.getdoc(thing) or ""
     lines: list[str | None] = []
@@ -354,3 +361,8 @@ def escaped_html(text: str) -> str:
     """Angle brackets outside of code as entities."""
     parts = re.split(r"(`[^`\n]*`)", text)
     return "".join(part if part.startswith("`") else part.replace("<", "&lt;") for part in parts)
+
+
+if __name__ == "__main__":
+    for page, content in pages().items():
+        page.write_text(content, encoding="utf-8")

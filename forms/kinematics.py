@@ -77,31 +77,3 @@ def rigid_velocity(velocity: Any, spin: Any, arm: Any) -> Any:
     if len(arm) == 2:
         return velocity + spin[0] * ufl.perp(arm)
     return velocity + ufl.cross(spin, arm)
-
-
-def swept(shift: Any) -> Any:
-    """Volume swept by the mesh per unit of its present surface while it moved by `shift` along straight lines.
-
-    The mean of adj(I - s grad(shift)) . shift over s from 0 to 1, on the mesh after the motion. Its divergence
-    is 1 - `volume_before` exactly: the geometric conservation law. adj is linear in its argument in two
-    dimensions, where the midpoint is the mean, and quadratic in three, where Simpson's rule is.
-    """
-    G, identity = ufl.grad(shift), ufl.Identity(len(shift))
-    middle = _adjugate(identity - G / 2)
-    if len(shift) == 2:
-        return ufl.dot(middle, shift)
-    return ufl.dot(identity + 4 * middle + _adjugate(identity - G), shift) / 6
-
-
-def volume_before(shift: Any) -> Any:
-    """Volume that a unit of the mesh's present volume had before the mesh moved by `shift`: det(I - grad(shift))."""
-    return ufl.det(ufl.Identity(len(shift)) - ufl.grad(shift))
-
-
-def _adjugate(a: Any) -> Any:
-    """det(a) a^-1 without a division, by the theorem of Cayley and Hamilton."""
-    identity, trace = ufl.Identity(a.ufl_shape[0]), ufl.tr(a)
-    if a.ufl_shape[0] == 2:
-        return trace * identity - a
-    square = ufl.dot(a, a)
-    return square - trace * a + (trace**2 - ufl.tr(square)) / 2 * identity

@@ -7,7 +7,7 @@ from typing import Any
 import ufl
 
 from .kinematics import ReferenceMap, gradient, weighted
-from .terms import entering_boundary, streamline_time
+from .terms import streamline_time
 
 
 def component(
@@ -48,7 +48,7 @@ def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap) -
 
 
 def upwinded_viscosity(viscosity: Any, carrier: Any, size: Any, share: float) -> Any:
-    """nu + share tau |c|^2: the viscosity and a share of what `terms.streamline_upwind` adds along the carrier c."""
+    """nu + share tau |c|^2: the viscosity and a fraction of that of `terms.streamline_upwind` along the carrier c."""
     return viscosity + share * streamline_time(carrier, viscosity, size) * ufl.dot(carrier, carrier)
 
 
@@ -57,17 +57,3 @@ def pressure_laplacian(p: Any, q: Any, reference_map: ReferenceMap) -> Any:
     return weighted(
         ufl.inner(gradient(p, reference_map), gradient(q, reference_map)), reference_map
     )
-
-
-def pressure_convection(
-    p: Any, q: Any, viscosity: Any, carrier: Any, size: Any, dx: Any, ds: Any
-) -> Any:
-    """Convection of a pressure, (c . grad p) q, stabilised as by `terms.streamline_upwind`, as a form.
-
-    Where the carrier c enters nothing comes in with it, -(c . n) p q. `ds` is the measure of the whole boundary.
-    Source: Elman, Silvester & Wathen (2014), Finite Elements and Fast Iterative Solvers, section 9.2.
-    """
-    n = ufl.FacetNormal(q.ufl_domain())
-    along, tested = (ufl.dot(ufl.grad(one), carrier) for one in (p, q))
-    upwinded = along * q + streamline_time(carrier, viscosity, size) * along * tested
-    return upwinded * dx + entering_boundary(p, carrier, q, n) * ds

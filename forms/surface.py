@@ -1,4 +1,4 @@
-"""The free surface: what it exerts on the fluid, and the weak kinematic condition (337), on a surface that is a graph.
+"""The load of a free surface on the fluid, and the weak kinematic condition (337), for a surface that is a graph.
 
 The surface is the boundary where the last coordinate is the still level plus the elevation, and n its outward normal.
 Its area times n's last component is the area below it of the plane, which does not change in time.
@@ -19,11 +19,11 @@ class SurfaceTerms:
     """Terms of a free surface in the residual of the flow.
 
     gravity:   acceleration (gdim,), whose last component is negative or zero
-    origin:    a place (gdim,) of the still level at which the pressure without the hydrostatic part is to be zero
+    origin:    a position (gdim,) of the still level at which the pressure without the hydrostatic part is zero
     rate:      coefficient a0 of the present elevation in its backward difference
-    known:     what that difference makes of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
-    elevation: that of the mesh as it is now
-    pressure:  of what is above the fluid, per density of the fluid; None: none
+    known:     contribution of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
+    elevation: of the present mesh
+    pressure:  above the fluid, over the fluid's density; None: none
     unfelt:    what of a pinned surface's elevation has no weight; None: the surface is not pinned
     """
 
@@ -53,14 +53,8 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
     return head * ufl.dot(w, n)
 
 
-def component(u: Any, w: Any, way: Any, n: Any, surface: SurfaceTerms) -> Any:
-    """What of `load` resists a velocity component u along the unit vector `way`, tested with w: for preconditioners."""
-    up, along = n[len(n) - 1], ufl.dot(n, way)
-    return -(along**2) / surface.rate * surface.gravity[len(n) - 1] / up * u * w
-
-
 def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:
-    """What the surface adds to the Laplacian that stands for a0 times the pressure's Schur complement, a0 p q/m.
+    """The surface's term in the Laplacian that approximates a0 times the pressure's Schur complement: a0 p q/m.
 
     A pressure p on the surface raises it at the rate p/m: m has the added mass g/a0 and what a layer of cells, of a
     `size` each, resists, a0 size, without which the pressure would vanish there. For preconditioners.

@@ -44,17 +44,6 @@ def convection(v: Any, carrier: Any, w: Any, reference_map: ReferenceMap) -> Any
     return weighted(ufl.inner(ufl.dot(gradient(v, reference_map), carrier), w), reference_map)
 
 
-def skew_convection(v: Any, carrier: Any, w: Any) -> Any:
-    """(1/2) [(c . grad v) . w - (c . grad w) . v]: convection that neither makes nor takes kinetic energy."""
-    forth = ufl.inner(ufl.dot(ufl.grad(v), carrier), w)
-    return (forth - ufl.inner(ufl.dot(ufl.grad(w), carrier), v)) / 2
-
-
-def through_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
-    """(1/2) (c . n) v . w: what `skew_convection` lacks where fluid, or its boundary values, cross the boundary."""
-    return ufl.dot(carrier, n) * ufl.inner(v, w) / 2
-
-
 def grad_div(
     v: Any,
     carrier: Any,
@@ -192,9 +181,9 @@ def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
     return -inwards * ufl.inner(v, w)
 
 
-def relaxation(v: Any, stream: Any, rate: Any, w: Any) -> Any:
+def relaxation(v: Any, base_flow: Any, rate: Any, w: Any) -> Any:
     """s (v - u) . w: the flow is relaxed to the base flow u at a rate s, zero outside of a sponge."""
-    return rate * ufl.inner(v - stream, w)
+    return rate * ufl.inner(v - base_flow, w)
 
 
 def surface_traction(v: Any, p: Any, n: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
@@ -203,3 +192,8 @@ def surface_traction(v: Any, p: Any, n: Any, viscosity: Any, reference_map: Refe
     With n out of the body and into the fluid it is the traction of the fluid on the body.
     """
     return ufl.dot(stress(v, p, viscosity, reference_map), surface_vector(n, reference_map))
+
+
+def vorticity(v: Any) -> Any:
+    """curl v: a scalar in two dimensions, a vector in three."""
+    return ufl.curl(v) if len(v) == 3 else v[1].dx(0) - v[0].dx(1)

@@ -28,11 +28,9 @@ from .errors import (
 
 if TYPE_CHECKING:
     from .effects.plan import make_plan
-    from .output.critical_flow import threshold
-    from .output.entrainment import entrainment
-    from .output.gust_curve import gusts
-    from .output.new_run import run
-    from .output.reopening import resume
+    from .flumes import flume
+    from .output.runs import resume, run
+    from .output.searches import entrainment, gusts, threshold
     from .planning.plan import Plan
     from .scene import Scene, load
 
@@ -47,6 +45,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "entrainment",
+    "flume",
     "gusts",
     "load",
     "make_plan",
@@ -56,17 +55,18 @@ __all__ = [
     "threshold",
 ]
 
-# Loaded when they are asked for: the judge of forces from elsewhere needs no scenes, and nothing that these need.
+# Loaded on first use: judging external forces needs neither scenes nor their dependencies.
 _LATER = {
     "Plan": "planning.plan",
+    "flume": "flumes",
     "make_plan": "effects.plan",
     "Scene": "scene",
     "load": "scene",
-    "run": "output.new_run",
-    "resume": "output.reopening",
-    "threshold": "output.critical_flow",
-    "gusts": "output.gust_curve",
-    "entrainment": "output.entrainment",
+    "run": "output.runs",
+    "resume": "output.runs",
+    "threshold": "output.searches",
+    "gusts": "output.searches",
+    "entrainment": "output.searches",
 }
 
 
@@ -79,18 +79,18 @@ def __getattr__(name: str) -> Any:
 
 
 def report(path: Path | str, target: Path | str | None = None) -> Path:
-    """Write one HTML page of what a directory of results or the file of a sweep holds; its path. Not collective.
+    """Write one HTML page of a result directory or the file of a sweep; returns its path. Not collective.
 
-    The page holds everything itself: verdict and certainty, pictures (drawn where they are missing), loads, errors and
-    what would shrink them, plan, cost, scene, versions, how to cite.
+    The self-contained page has verdict and certainty, pictures (missing ones are drawn), loads, errors with remedies,
+    plan, cost, scene, versions and citation.
 
     Args:
-        path: a directory that a command has written results to, or the file of a sweep.
+        path: a result directory, or the file of a sweep.
         target: the page; default: report.html in the directory, SWEEP_report.html beside the file.
 
     Raises:
-        SceneError: there are no results.
-        OutputError: a result is damaged, or the page cannot be written.
+        SceneError: no results.
+        OutputError: a damaged result, or a page that is not writable.
     """
     from .reporting import write
 

@@ -1,4 +1,4 @@
-"""The command `incipient` as a process: interrupts and a shortage of memory are one line from its start to its end."""
+"""The command `incipient` as a process, which reports interrupts and a shortage of memory in one line."""
 
 import os
 import signal
@@ -8,8 +8,8 @@ from .errors import OutputError
 
 
 def main() -> int:
-    """Do what the command line says and return the exit code."""
-    ends = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else it is ignored
+    """Run the command line; returns the exit code."""
+    ends = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # otherwise it is ignored
     if ends:
         signal.signal(signal.SIGINT, _end)
     try:
@@ -22,7 +22,7 @@ def main() -> int:
     except OutputError as error:
         print(f"incipient: {error}", file=sys.stderr)
         return error.exit_code
-    except KeyboardInterrupt:  # once more, while the first is reported
+    except KeyboardInterrupt:  # a second interrupt, while the first is reported
         return 128 + signal.SIGINT
     finally:
         if ends:
@@ -30,10 +30,7 @@ def main() -> int:
 
 
 def _end(number: int, frame: object) -> None:
-    """End this process: while libraries are imported or cleaned up there is nothing to keep.
-
-    Imports would turn an exception into one of their own, and clean-ups print it.
-    """
+    """End this process during imports and clean-up; imports would convert an exception, and clean-ups print it."""
     os._exit(128 + number)
 
 

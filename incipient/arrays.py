@@ -1,4 +1,4 @@
-"""Types of arrays, and the few operations on arrays of vectors that are needed everywhere. Not collective."""
+"""Types of arrays, and common operations on arrays of vectors. Not collective."""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -14,28 +14,28 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 Point = tuple[float, float]  # in 2-D
 
-# Beyond these sizes products of a few numbers leave what a computer can represent.
+# Range of magnitudes in which products of a few numbers neither overflow nor underflow.
 LARGEST, SMALLEST = 1e30, 1e-30
 MOST_HEIGHTS = 250_000  # of a raster
 
 
 @contextmanager
 def unwarned() -> Iterator[None]:
-    """Keeps warnings of Python and numpy from the user while something odd is read, which is refused in words."""
+    """Suppress warnings of Python and numpy while reading input that is checked explicitly."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield
 
 
 def decimal(text: str) -> float:
-    """The number that a text is; ValueError where it is none, also for 1_2, which Python takes for 12."""
+    """The number in a text. Raises ValueError for other text, including Python's 1_2."""
     if "_" in text or not text.isascii():
         raise ValueError(f'"{text[:40]}" is no plain number')
     return float(text)
 
 
 def number(cell: Any) -> float:
-    """The number in a cell of a table, NaN for an empty cell; ValueError for times, truth values and bytes."""
+    """The number in a cell of a table, NaN for an empty cell. Raises ValueError for times, booleans and bytes."""
     if cell is None or cell == "":
         return float("nan")
     if isinstance(cell, str):
@@ -46,17 +46,17 @@ def number(cell: Any) -> float:
 
 
 def rows(x: ArrayLike) -> Floats:
-    """Points as a table (n, d) of numbers; one point (d,) becomes a table of one row."""
+    """Points as a table (n, d); a single point (d,) becomes one row."""
     return np.atleast_2d(np.asarray(x, dtype=np.float64))
 
 
 def unit(vectors: Floats) -> Floats:
-    """Vectors (..., d) at unit length; those of no length stay as they are."""
+    """Unit vectors (..., d); zero vectors are unchanged."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
 
 
 def spatial(vectors: ArrayLike) -> Floats:
-    """Vectors (..., 2) or (..., 3) with three components, (..., 3): the third of plane ones is zero."""
+    """Vectors (..., 2) or (..., 3) as (..., 3), with a third component of zero in 2-D."""
     vectors = np.asarray(vectors, dtype=np.float64)
     return np.concatenate(
         [vectors, np.zeros((*vectors.shape[:-1], 3 - vectors.shape[-1]))], axis=-1
@@ -64,12 +64,12 @@ def spatial(vectors: ArrayLike) -> Floats:
 
 
 def planar_cross(a: Floats, b: Floats) -> Floats:
-    """The third component (...) of the vector product of plane vectors (..., 2)."""
+    """The third component (...) of the cross product of vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def determinants(a: Floats) -> Floats:
-    """Determinants (...) of matrices (d, d, ...) of two or three rows: far faster than factorising each."""
+    """Determinants (...) of matrices (d, d, ...), d = 2 or 3: far faster than by factorisation."""
     if len(a) == 2:
         return np.asarray(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
     (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = a
@@ -79,7 +79,7 @@ def determinants(a: Floats) -> Floats:
 
 
 def unordered_keys(rows: Integers, base: int) -> Integers:
-    """A number (n,) for each of the rows (n, k) of numbers below a base, whatever their order in the row."""
+    """Keys (n,) of rows (n, k) of numbers below a base, independent of the order within a row."""
     keys = np.zeros(len(rows), dtype=np.int64)
     for column in np.sort(rows, axis=1).T:
         keys = keys * base + column
@@ -87,31 +87,31 @@ def unordered_keys(rows: Integers, base: int) -> Integers:
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """The vector product (..., 3) along the last axis; numpy's takes several times as long for a few vectors."""
+    """The cross product (..., 3) along the last axis, several times as fast as numpy's for a few vectors."""
     ahead, behind = [1, 2, 0], [2, 0, 1]
     return np.asarray(a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead])
 
 
 def quarter_turned(vectors: Floats) -> Floats:
-    """Plane vectors (..., 2) turned counter-clockwise by a right angle."""
+    """Vectors (..., 2) rotated counter-clockwise by a right angle."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
 def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) -> Floats:
-    """Values (n,) at a time, by the polynomial through those at different times: of second degree for three."""
-    found = np.zeros_like(values[0])
+    """Values (n,) at a time, from the polynomial through values at several times."""
+    result = np.zeros_like(values[0])
     for i, (one, value) in enumerate(zip(times, values, strict=True)):
         others = np.delete(times, i)
-        found += np.prod((time - others) / (one - others)) * value
-    return found
+        result += np.prod((time - others) / (one - others)) * value
+    return result
 
 
 def percentile(values: ArrayLike, share: float) -> Floats:
-    """The least of values (n, ...) that at least `share` percent of them do not exceed, (...); some may be infinite."""
+    """Percentile (...) of values (n, ...), also infinite ones: the least that `share` per cent do not exceed."""
     numbers = np.asarray(values, dtype=float)
     return np.asarray(np.quantile(numbers, share / 100.0, axis=0, method="inverted_cdf"))
 
 
 def known_percentiles(shares: Sequence[int], count: int) -> list[int]:
-    """The percentiles that a sample of this size resolves: with more than one value on their smaller side."""
+    """The percentiles resolved by a sample of `count` values: with more than one value on their smaller side."""
     return [share for share in shares if count * min(share, 100 - share) > 100]

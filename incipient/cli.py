@@ -1,4 +1,4 @@
-"""The command `incipient`; `_commands` lists what it can do."""
+"""The command `incipient`."""
 
 from __future__ import annotations
 
@@ -25,26 +25,24 @@ from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 
 Command = Callable[[argparse.Namespace, Comm], int]
 DEFECT, INTERRUPTED = 70, 130
-UNREAD = (
-    128 + signal.SIGPIPE
-)  # as of programs that the system ends because nobody reads what they print
+UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a closed pipe
 _MORE = "ask for less at once, or give the program more"
-# What the loader of libraries says where there is no memory left for one.
+# Message of the loader of libraries without memory.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}
-TO_COME = 10.0  # seconds in which other ranks come where they have failed as well
-TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
+TO_COME = 10.0  # seconds within which other failed ranks arrive
+TO_SPEAK = 0.5  # seconds for the first rank's message before others end the run
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do what the command line says and return the exit code; the same on all ranks."""
+    """Run the command line; returns the exit code, equal on all ranks."""
     open_streams()
     try:
         start_alone_quickly()
     except OutputError as error:
         say(f"incipient: {error}")
         return error.exit_code
-    # A last search for garbage would take a tenth of a second, for memory that the system takes back anyway.
+    # A final garbage collection would take a tenth of a second without benefit.
     atexit.register(gc.freeze)
     try:
         try:
@@ -58,24 +56,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports a wrong command line like any other wrong input: in one line, by one rank."""
+    """Reports an invalid command line in one line, on one rank."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise where the parser of the standard library would print its usage and leave."""
+        """Raise SceneError instead of printing the usage and exiting."""
         raise SceneError(f"{message}; see {self.prog} --help")
 
     def print_help(self, file: Any = None) -> None:
-        """Print the help; unlike that of newer standard libraries, it fails where nobody reads it any more."""
+        """Print the help; fails on a closed output, unlike newer standard libraries."""
         print(self.format_help(), end="", file=file)
-
-
-class _Version(argparse.Action):
-    """Prints the version, which is looked up only when it is asked for."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Print it and leave."""
-        print(f"incipient {metadata.version('incipient')}")
-        parser.exit()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -83,7 +72,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="incipient",
         description="Does a rigid grain on a rigid bed in a viscous flow begin to move?",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and end")
+    version = f"%(prog)s {metadata.version('incipient')}"
+    parser.add_argument("--version", action="version", version=version)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (function, text, add_options) in _commands().items():
         made = commands.add_parser(name, help=text, description=text)
@@ -91,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
         add_options(made)
         levels = ("debug", "info", "warning", "error")
         made.add_argument("--log-level", choices=levels, default="info", help="how much to report")
-    for name in RETIRED:  # without a help they are not listed
+    for name in RETIRED:  # not listed without a help
         commands.add_parser(name).set_defaults(command=_refuse, name=name, log_level="info")
     return parser
 
@@ -101,8 +91,14 @@ def _refuse(given: argparse.Namespace, comm: Comm) -> int:
 
 
 def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
-    """The commands by name: the function called, the purpose in words, the function that adds the options."""
+    """The commands by name: function, purpose, function that adds the options."""
     rows = (
+        (
+            "flume",
+            "flume",
+            options.of_flume,
+            "say in a second whether a bed of grains moves, from known thresholds",
+        ),
         ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
         (
             "resume",
@@ -118,13 +114,13 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
         ),
         (
             "gust",
-            "gusts",
+            "runs",
             options.of_gust,
             "find the weakest gusts that move the grain out of its pocket",
         ),
         (
             "entrainment",
-            "gusts",
+            "runs",
             options.of_entrainment,
             "find the probability of motion in a fluctuating flow",
         ),
@@ -178,17 +174,17 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
 
 
 def _later(module: str, name: str) -> Command:
-    """The function of a module of `commands`, which is imported when the function is called."""
+    """A function of a module of `commands`, imported on call."""
 
     def command(given: argparse.Namespace, comm: Comm) -> int:
-        """Does what the command line says and returns the exit code."""
+        """Run the command; returns the exit code."""
         return int(getattr(import_module(f".commands.{module}", __package__), name)(given, comm))
 
     return command
 
 
 def _guarded(arguments: Sequence[str] | None) -> int:
-    """Run the command; turn errors into one line and an exit code, on all ranks, without a hang."""
+    """Run the command; convert errors to one line and an exit code on all ranks, without deadlock."""
     comm = ranks_there_are()
     meeting = Meeting(comm)
     try:
@@ -203,10 +199,10 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         return code
     except IncipientError as error:
         failed = meeting.failed(True, TO_COME)
-        if not failed:  # others are elsewhere, and may wait for this one
+        if not failed:  # others may wait for this one
             say(f"incipient: on rank {comm.rank} alone: {error}")
             return _leave(comm, error.exit_code)
-        # Mostly raised on all ranks alike: the first of them speaks for all, and all leave in an orderly way.
+        # Usually raised on all ranks: the first reports, and all exit normally.
         if comm.rank == failed.index(True):
             say(f"incipient: {error}")
         return error.exit_code
@@ -227,7 +223,7 @@ def _guarded(arguments: Sequence[str] | None) -> int:
 
 
 def _unwritten(error: Exception) -> int:
-    """Say that the standard output cannot be written; the exit code."""
+    """Report an unwritable standard output; returns the exit code."""
     why = getattr(error, "strerror", error)
     say(f"incipient: the standard output cannot be written ({why}); results in files are whole")
     return OutputError.exit_code
@@ -235,10 +231,10 @@ def _unwritten(error: Exception) -> int:
 
 @contextmanager
 def _system_errors_reported() -> Iterator[None]:
-    """Let a file that cannot be opened or written, or a shortage of memory, be one line. Not collective.
+    """Convert errors of files and a shortage of memory to one line. Not collective.
 
     Raises:
-        OutputError: naming the file, or what else is short.
+        OutputError: naming the file or the resource.
         SceneError: the user's options of PETSc have failed.
     """
     try:
@@ -259,7 +255,7 @@ def _system_errors_reported() -> Iterator[None]:
     except (OSError, ImportError) as error:
         if any(words in str(error) for words in _UNLOADED):
             raise OutputError(f"the memory is too small ({shortened(error)}); {_MORE}") from error
-        # Of a library, or of the standard output.
+        # From a library, or for the standard output.
         if isinstance(error, ImportError) or not error.errno or error.filename is None:
             raise
         remedy = "give another name or directory, or make room"
@@ -268,9 +264,9 @@ def _system_errors_reported() -> Iterator[None]:
 
 
 def _listen(level: str) -> None:
-    """Show this program's messages from a level on, and those of the libraries below from warnings on."""
+    """Show this program's messages from a level on, and warnings of libraries."""
     shown = logging.StreamHandler(sys.stderr)
-    # A level of the root logger would not last: compiling a form sets it to info, and the compiler narrates.
+    # The root logger's level is changed by the compilation of forms, which logs at level info.
     shown.addFilter(
         lambda record: record.levelno >= logging.WARNING or record.name.startswith("incipient")
     )
@@ -279,7 +275,7 @@ def _listen(level: str) -> None:
 
 
 def _leave(comm: Comm, code: int) -> int:
-    """Other ranks may wait for this one: with several, end them all."""
+    """Exit; with several ranks end all, which may wait for this one."""
     sys.stdout.flush()
     sys.stderr.flush()
     if comm.size > 1:

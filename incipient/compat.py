@@ -1,7 +1,6 @@
-"""Every difference between the supported versions of dolfinx (0.5.2 to 0.11), one function each.
+"""Differences between the supported versions of dolfinx (0.5.2 to 0.11), one function each.
 
-Nothing else in the package asks which version it runs on. Decisions are taken by what the library
-offers, not by its version number.
+Decisions depend on the features of the library, not on its version number.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ from .installed import arguments_of_text, required, versions_without_setuptools
 from .interrupt import handlers_kept
 
 # isort: off
-# In this order. PyPI's dolfinx finds no MPI of its own; beside it are two copies of HDF5, h5py's and PETSc's, and h5py
-# works only if its own is loaded first. So the others take `petsc` from here.
+# In this order: PyPI's dolfinx does not find MPI by itself, and h5py works only if its copy of HDF5 is loaded before
+# PETSc's. Other modules import `petsc` from here.
 from mpi4py import MPI
 import h5py  # noqa: F401
 
@@ -41,14 +40,14 @@ with versions_without_setuptools(), arguments_of_text(), handlers_kept():
         import basix.ufl
 # isort: on
 
-# Loggers that compilations write to, the root's too, and where in Python's path those who write to them are.
+# Loggers of compilations, the root's included, and paths of the modules that write to them.
 COMPILING = ("", "ffcx", "compilers.C.base", "setuptools", "distutils")
 BUILDERS = ("distutils", "setuptools", "ffcx", "cffi")
 ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode.add
 
 
 def element(mesh: Any, degree: int, shape: tuple[int, ...] = (), family: str = "Lagrange") -> Any:
-    """Lagrange (or other) element of a degree on the mesh's cells, with values of a shape; () is a scalar."""
+    """Lagrange (or other) element on the mesh's cells; shape of the values, () for scalars."""
     cell = (
         mesh.topology.cell_name()
         if hasattr(mesh.topology, "cell_name")
@@ -69,7 +68,7 @@ def mixed_element(parts: list[Any]) -> Any:
 
 
 def function_space(mesh: Any, any_element: Any) -> Any:
-    """Function space of an element as made by `element` or `mixed_element`, or of a coordinate element."""
+    """Function space of an `element`, a `mixed_element` or a coordinate element."""
     make = getattr(dolfinx.fem, "functionspace", None) or dolfinx.fem.FunctionSpace
     return _compiled(
         make, repr(any_element), mesh.comm, lambda keys: make(mesh, any_element, **keys)
@@ -100,7 +99,7 @@ def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
 
 
 def interpolate(function: Any, expression: Any) -> None:
-    """Give a function the values of a UFL expression at its space's points. Collective.
+    """Interpolate a UFL expression into a function. Collective.
 
     Raises:
         MissingError: the C compiler, or what it needs, is not installed.
@@ -117,13 +116,9 @@ def interpolate(function: Any, expression: Any) -> None:
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Keep what the form compiler and the C compiler's driver log and warn of from the user. Not collective.
-
-    A program that has configured logging would get a dozen lines of each build; a warning of many quadrature points
-    asks for something that the user cannot change.
-    """
+    """Suppress logs and warnings of the form compiler and the C compiler's driver. Not collective."""
     loggers = [logging.getLogger(name) for name in COMPILING]
-    level = logging.getLogger().level  # which a build sets to that of its own narration
+    level = logging.getLogger().level  # changed by builds
     for logger in loggers:
         logger.addFilter(_is_not_of_a_build)
     try:
@@ -137,14 +132,14 @@ def quiet_compiler() -> Iterator[None]:
 
 
 def _is_not_of_a_build(record: logging.LogRecord) -> bool:
-    """Whether a record comes from elsewhere than the compilers, or is a warning at least."""
+    """Whether a record is not from the compilers, or at least a warning."""
     return record.levelno >= logging.WARNING or not any(
         name in record.pathname for name in BUILDERS
     )
 
 
 def create_vector(compiled: Any, space: Any) -> Any:
-    """PETSc's vector for the assembly of a compiled linear form on a space, ghosts included. Collective."""
+    """PETSc vector of a compiled linear form on a space, with ghosts. Collective."""
     takes_spaces = "V" in inspect.signature(petsc.create_vector).parameters
     return petsc.create_vector(space if takes_spaces else compiled)
 
@@ -152,21 +147,21 @@ def create_vector(compiled: Any, space: Any) -> Any:
 def _compiled(
     compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[dict[str, Any]], Any]
 ) -> Any:
-    """What `make` makes with the option for the folder of the code, by a signature of what is compiled. Collective."""
+    """The result of `make` with the option for the cache folder of a signature. Collective."""
     settings = getattr(dolfinx.jit, "get_options", None) or dolfinx.jit.get_parameters
     keyword = "jit_options" if hasattr(dolfinx.jit, "get_options") else "jit_params"
     with required(), quiet_compiler():
         if keyword not in inspect.signature(compiled_by).parameters:
             return make({})
         chosen = settings()
-        told = (
+        inputs = (
             compiled_by.__name__,
             signature,
             dolfinx.__version__,
             sys.implementation.cache_tag,
             chosen,
         )
-        name = hashlib.sha1(str(told).encode(), usedforsecurity=False).hexdigest()
+        name = hashlib.sha1(str(inputs).encode(), usedforsecurity=False).hexdigest()
         root = Path(chosen["cache_dir"]) / "incipient"
         return form_cache.compiled(
             root, name, comm, lambda folder: make({keyword: {"cache_dir": folder}})
@@ -174,7 +169,7 @@ def _compiled(
 
 
 def gmsh_order(gdim: int, nodes: int) -> np.ndarray:
-    """The order (nodes,) in which the library wants gmsh's nodes of a triangle or tetrahedron."""
+    """The library's order (nodes,) of gmsh's nodes of a triangle or tetrahedron."""
     cell = {2: dolfinx.mesh.CellType.triangle, 3: dolfinx.mesh.CellType.tetrahedron}[gdim]
     return np.asarray(dolfinx.cpp.io.perm_gmsh(cell, nodes), dtype=np.int64)
 

@@ -1,4 +1,4 @@
-"""Errors a user can act on: one line each, with an exit code; everything else is a defect of the program."""
+"""Errors that a user can remedy: one line each, with an exit code; other exceptions are defects of the program."""
 
 
 class IncipientError(Exception):
@@ -8,25 +8,25 @@ class IncipientError(Exception):
 
 
 class SceneError(IncipientError):
-    """The scene, or another input file, asks for something wrong or contradictory."""
+    """The scene, or another input file, is invalid or contradictory."""
 
     exit_code = 2
 
 
 class MeshError(IncipientError):
-    """No usable mesh could be made of the geometry."""
+    """Meshing failed."""
 
     exit_code = 3
 
 
 class ConvergenceError(IncipientError):
-    """An iteration did not converge, or a factorisation failed; what was computed before it is kept."""
+    """An iteration did not converge, or a factorisation failed; earlier results are kept."""
 
     exit_code = 4
 
 
 class UnsolvedError(ConvergenceError):
-    """The linear system of a state was not solved; that of another state, or of a shorter time step, may be."""
+    """The linear system of a state was not solved; another state, or a shorter time step, may succeed."""
 
 
 class OutputError(IncipientError):
@@ -42,12 +42,12 @@ class MissingError(IncipientError):
 
 
 class Interrupted(IncipientError):
-    """The run was interrupted; what it needs to resume has been written."""
+    """The run was interrupted after writing a checkpoint."""
 
     exit_code = 130
 
 
 def shortened(said: object, most: int = 80) -> str:
-    """What is quoted in an error, such as a library's words or a name from a file, in one line of so many letters."""
+    """A quotation for a message, such as a library's error, in one line of at most `most` characters."""
     text = " ".join(str(said).split())
     return text if len(text) <= most else f"{text[: most - 3]}..."

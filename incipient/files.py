@@ -1,34 +1,35 @@
-"""Files written whole or not at all, and errors that say what stopped the writing.
+"""Atomic writing of files, and errors with cause and remedy.
 
-Nothing here is collective: under MPI the caller writes on one rank, inside `incipient.parallel.collectively`.
+Not collective: under MPI the caller writes on one rank, inside `incipient.parallel.collectively`.
 """
 
 from __future__ import annotations
 
 import csv
 import errno
+import fcntl
 import io
 import itertools
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import OutputError
 
-# Of a directory: the program's version, who has worked there, and below each other the names of its files there.
+# File of a directory with the program's version, its processes, and the names of its files, one a line.
 MARK = ".incipient"
 PART = ".part"
-CHUNK = 2**16  # rows of an array that HDF5 writes, and checks, at a time
+CHUNK = 2**16  # rows of an array per chunk and checksum in HDF5
 AWAY = "choose another directory, or move it away"
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another directory",
@@ -49,7 +50,7 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
     """Turn an operating system's error (and errors of the types `also`) into one line with cause and remedy.
 
     Raises:
-        OutputError: naming `path`, why it could not be written and what to do.
+        OutputError: with `path`, cause and remedy.
     """
     caught: tuple[type[Exception], ...] = (OSError, *also)
     try:
@@ -68,24 +69,24 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
 
 
 def cause_of(error: Exception) -> str:
-    """Why an HDF5 file could not be read or written; what the library says of its own insides is left out."""
+    """The cause of an error of HDF5, without the library's internals."""
     code = getattr(error, "errno", None)
     return os.strerror(code) if code else "it is damaged or incomplete"
 
 
 def numbered(path: Path) -> Path:
-    """The first of path.1, path.2 ... that is not there yet."""
+    """The first free name of path.1, path.2 ..."""
     names = (path.with_name(f"{path.name}.{number}") for number in itertools.count(1))
     return next(name for name in names if not name.exists())
 
 
 def part_of(path: Path) -> Path:
-    """Where a file is written before it takes its place."""
+    """The temporary path of a file during writing."""
     return path.with_name(path.name + PART)
 
 
 def owned(directory: Path) -> set[str]:
-    """Names of the files in a directory that this program has written, by its `MARK`; raises OutputError."""
+    """Names of this program's files in a directory, from its `MARK`. Raises OutputError."""
     mark = directory / MARK
     if not mark.is_file():
         return set()
@@ -95,7 +96,7 @@ def owned(directory: Path) -> set[str]:
 
 
 def own(path: Path) -> None:
-    """Record that a file is this program's, which may replace it; raises OutputError, which names it."""
+    """Record a file as this program's, which may replace it. Raises OutputError."""
     if path.name not in owned(path.parent) and "\n" not in path.name:
         with reported(path), opened_mark(path.parent) as mark:
             write_fully(mark, os.fsencode(f"{path.name}\n"))
@@ -103,10 +104,10 @@ def own(path: Path) -> None:
 
 @contextmanager
 def opened_mark(directory: Path) -> Iterator[io.FileIO]:
-    """The `MARK` of a directory, made if need be, for lines to be appended; raises OSError or OutputError."""
+    """The `MARK` of a directory, created if missing, for appending. Raises OSError or OutputError."""
     path = directory / MARK
     _refuse_link(path)
-    # Not into a pipe either, which a directory of somebody else may hold.
+    # Pipes in a foreign directory are refused.
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
     with io.FileIO(os.open(path, flags, 0o666), "a") as mark:
         if not path.stat().st_size:
@@ -114,8 +115,33 @@ def opened_mark(directory: Path) -> Iterator[io.FileIO]:
         yield mark
 
 
+def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
+    """Lock an open file until it is closed; without effect on file systems without locks.
+
+    Raises:
+        OutputError: another process holds the lock; message from `busy`.
+    """
+    with suppress(OSError):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(busy()) from None
+
+
+@contextmanager
+def opened_hdf5(path: Path, remedy: str, error: type[OutputError] = OutputError) -> Iterator[Any]:
+    """An HDF5 file for reading. Raises `error` with the remedy, also for errors of reading in the block."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            yield file
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as caught:
+        raise error(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
+
+
 def require_own(path: Path, folder: bool = False) -> None:
-    """Refuse to write a file (or `folder`) that is a link or not this program's; raises OutputError, which names it."""
+    """Raise OutputError for an output file (or `folder`) that is a link or not this program's."""
     with reported(path):
         _refuse_link(path)
         name = path.name.removesuffix(PART)
@@ -129,28 +155,26 @@ def _refuse_link(path: Path) -> None:
 
 
 def require_ending(path: Path, ending: str) -> None:
-    """Refuse another name for a file of a kind, which might be that of a result to be read; raises OutputError."""
+    """Raise OutputError for another suffix: the path might be that of an input file."""
     if path.suffix.lower() != ending:
         raise OutputError(f"{path}: is no name for this file; let it end in {ending}")
 
 
 def write_text_atomically(path: Path, text: str) -> None:
-    """Write a text file (UTF-8) so that a reader finds the old content or the new, never a part.
-
-    A failure leaves the old file as it was.
+    """Write a text file (UTF-8) atomically; after a failure the old file is unchanged.
 
     Raises:
-        OutputError: when it cannot be written, or is not this program's (see `require_own`).
+        OutputError: writing failed, or the file is not this program's (see `require_own`).
     """
     write_bytes_atomically(path, text.encode(errors="backslashreplace"))
 
 
 def write_bytes_atomically(path: Path, data: bytes | memoryview) -> None:
-    """Write content of any kind as `write_text_atomically` writes text."""
-    with replaced(path, part_of(path)) as part, part.open("xb") as stream:
-        stream.write(data)
-        stream.flush()
-        os.fsync(stream.fileno())  # some file systems tell of a full disk only here
+    """Write bytes as `write_text_atomically` writes text."""
+    with replaced(path, part_of(path)) as part, part.open("xb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())  # some file systems report a full disk only here
 
 
 def write_hdf5(
@@ -159,13 +183,13 @@ def write_hdf5(
     attributes: Mapping[str, Any],
     links: Mapping[str, str] | None = None,
 ) -> None:
-    """Write an HDF5 file of arrays with checksums as `write_bytes_atomically`; its content is in memory meanwhile.
+    """Write an HDF5 file of arrays with checksums atomically, from an image in memory.
 
-    `links` name other files in the directory, which hold datasets of the same names.
+    links: other files in the directory with datasets of these names
     """
     import h5py
 
-    image = io.BytesIO()  # HDF5 that runs out of space takes the program with it
+    image = io.BytesIO()  # HDF5 aborts the program on a full disk
     with h5py.File(image, "w") as file:
         file.attrs.update(attributes)
         for name, value in datasets.items():
@@ -179,14 +203,14 @@ def write_hdf5(
 
 @contextmanager
 def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Path]:
-    """A file to write, which takes the place of `path` if nothing goes wrong.
+    """A temporary file that replaces `path` after success.
 
     Raises:
-        OutputError: as of `require_own` and `reported`.
+        OutputError: as `require_own` and `reported`.
     """
     require_own(path)
     with reported(path, also):
-        part.unlink(missing_ok=True)  # of a writer that was killed, or a link
+        part.unlink(missing_ok=True)  # left by a killed process, or a link
         own(path)
         try:
             yield part
@@ -197,21 +221,21 @@ def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> 
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write data as strict JSON, atomically, keys in the order given.
+    """Write data atomically as strict JSON, in the order of the keys.
 
     Dataclasses, mappings, sequences, numpy arrays and scalars, enumerations and paths are converted.
-    A number that is not finite is written as null under its key: JSON has no other way to say it.
+    Infinite numbers and NaN are written as null.
 
     Raises:
-        OutputError: when it cannot be written.
-        TypeError: for data that has no counterpart in JSON.
+        OutputError: writing failed.
+        TypeError: data without a counterpart in JSON.
     """
     text = json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False)
     write_text_atomically(path, text + "\n")
 
 
 def plain(data: Any) -> Any:
-    """Data as dictionaries, lists, strings, finite numbers, booleans and None only; see `write_json`."""
+    """Data as dictionaries, lists, strings, finite numbers, booleans and None; see `write_json`."""
     if isinstance(data, Enum):
         return plain(data.value)
     if isinstance(data, (np.generic, np.ndarray)):
@@ -236,7 +260,7 @@ def _plain_container(data: Any) -> Any:
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
-    """A CSV file of these columns as text; what a row lacks is empty, what it has besides is left out."""
+    """Rows as CSV text with these columns; missing values are empty, other keys are ignored."""
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="", extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
@@ -245,35 +269,32 @@ def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
 
 
 def make_directory(path: Path, wanted: Path | None = None) -> None:
-    """Make a directory, and those that it is in, if need be; raises OutputError, which names it or what is `wanted`."""
+    """Create a directory and its parents if missing. Raises OutputError with the directory or `wanted`."""
     with reported(wanted or path):
         path.mkdir(parents=True, exist_ok=True)
 
 
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
-    """Append a row to a CSV file, starting it with a header if it is new.
+    """Append a row to a CSV file, with a header in a new file.
 
-    When this returns the operating system has the row: the end of the program loses nothing, that of the machine may,
-    but for what `sync` has been called after.
-
-    The keys are the column headings in full, with unit and sign: "drag [scene units, + downstream]".
-    A row that does not fit on the disk is taken back, so that the file never ends in half a row.
+    The row is unbuffered: it survives the end of the program, but a crash of the machine only after `sync`. On a full
+    disk an incomplete row is removed.
 
     Raises:
-        OutputError: when it cannot be written, or when the file has other columns.
+        OutputError: writing failed, or the file has other columns.
     """
     header, line = _csv_line(row.keys()), _csv_line(row.values())
     require_own(path)
     own(path)
-    with reported(path), path.open("a+b", buffering=0) as stream:
-        end = stream.seek(0, os.SEEK_END)
-        stream.seek(0)
-        if end and stream.readline() != header:
+    with reported(path), path.open("a+b", buffering=0) as file:
+        end = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        if end and file.readline() != header:
             raise OutputError(
                 f"{path}: has other columns than the row to append; move it out of the way"
             )
         try:
-            write_fully(stream, line if end else header + line)
+            write_fully(file, line if end else header + line)
         except OSError:
             with suppress(OSError):
                 os.truncate(path, end)
@@ -281,22 +302,18 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
 
 
 def sync(path: Path) -> None:
-    """Make sure that what has been written to a file is on the disk; nothing where there is no such file.
-
-    Raises:
-        OutputError: when it cannot be.
-    """
+    """Flush a file to the disk if it exists. Raises OutputError."""
     if not path.exists():
         return
-    with reported(path), path.open("rb") as stream:
-        os.fsync(stream.fileno())
+    with reported(path), path.open("rb") as file:
+        os.fsync(file.fileno())
 
 
 def cut_after(path: Path, time: float, least: int = 0) -> None:
-    """Cut a CSV file, if there is one, back to its header and the rows whose first number is at most a time.
+    """Cut an existing CSV file back to its header and the rows whose first number is at most `time`.
 
     Raises:
-        OutputError: when fewer than `least` rows are left, its rows do not begin with numbers, or it cannot be written.
+        OutputError: fewer than `least` rows are left, rows do not begin with numbers, or writing failed.
     """
     with reported(path, (ValueError,)):
         content = path.read_bytes() if path.exists() else b""
@@ -310,10 +327,10 @@ def cut_after(path: Path, time: float, least: int = 0) -> None:
             os.truncate(path, sum(map(len, [header, *kept])))
 
 
-def write_fully(stream: io.RawIOBase, data: bytes) -> None:
-    """Write without a buffer, which would be written once more when the file is closed after a failure."""
+def write_fully(file: io.RawIOBase, data: bytes) -> None:
+    """Write unbuffered: a buffer would be written again on closing after a failure."""
     while data:
-        data = data[stream.write(data) or 0 :]
+        data = data[file.write(data) or 0 :]
 
 
 def _csv_line(values: Any) -> bytes:

@@ -1,9 +1,8 @@
-"""Compiled forms on the disk: each in a folder of its own, which gets its name when it is whole.
+"""Cache of compiled forms on disk, one folder each, renamed when complete.
 
-The form compiler marks a form as begun and waits ten seconds for it wherever it finds the mark: after a process that
-was killed it would wait, and fail, for ever. Here a form is compiled in a folder that no other process knows, and the
-folder is renamed at the end. What a killed process leaves is never looked at, and removed by the next that compiles
-the form; a lock, which the kernel frees with its process, keeps others from compiling the same form meanwhile.
+The form compiler marks a form as begun, and waits ten seconds and fails at every later mark of a killed process.
+Therefore a form is compiled in a private folder, which is renamed at the end. Remains of a killed process are removed
+by the next compilation of the form; a kernel lock prevents simultaneous compilation.
 """
 
 from __future__ import annotations
@@ -22,25 +21,23 @@ from .errors import OutputError
 from .parallel import Comm, collectively, from_first
 
 T = TypeVar("T")
-WHOLE = "checksum"  # of the files of a folder, written last
-FULL = 2**20  # bytes free on a disk that counts as full
+WHOLE = "checksum"  # file with the checksum of a folder, written last
+FULL = 2**20  # free bytes below which a disk counts as full
 REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
 
 def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T:
-    """What `build` makes of the code in a folder; it compiles the code where there is none. Collective over `comm`.
-
-    A folder that is damaged or cannot be loaded is compiled anew.
+    """The result of `build` for a folder of compiled code, compiled if missing or damaged. Collective over `comm`.
 
     Args:
-        root: of all folders; it is made where it is not there.
-        name: of the form, other than that of any other form.
-        build: gets a folder, compiles into it or loads from it, and is collective itself.
+        root: parent of all folders, created if missing.
+        name: unique name of the form.
+        build: compiles into a folder or loads from it; collective.
 
     Raises:
-        OutputError: a rank cannot write to the folder, or its disk is full.
+        OutputError: on some rank the folder is not writable or the disk is full.
     """
-    root, name = from_first(comm, lambda: (root, name))  # ranks may have their own environments
+    root, name = from_first(comm, lambda: (root, name))  # environments may differ between ranks
     if all(comm.allgather(_is_whole(root / name))):
         loaded: list[T] = []
         with suppress(Exception):
@@ -52,7 +49,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
     with _locked(root / "locks" / name[:2], comm.rank == 0):
         folder = from_first(comm, lambda: _begun(root, name))
         try:
-            with collectively(comm):  # a rank that fails within `build` leaves the others waiting
+            with collectively(comm):  # a failure within `build` on one rank would block the others
                 _require_writable(folder)
             with collectively(comm), _space_reported(root):
                 made = build(folder)
@@ -66,7 +63,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
 
 
 def _begun(root: Path, name: str) -> Path:
-    """A new folder to compile in, or that of the form where another process has made it meanwhile."""
+    """A new folder for compilation, or the form's folder if another process has completed it."""
     if _is_whole(root / name):
         return root / name
     try:
@@ -81,7 +78,7 @@ def _begun(root: Path, name: str) -> Path:
 
 
 def _require_writable(folder: Path) -> None:
-    """Refuse a folder that this rank, which may be on another machine, can neither find nor make."""
+    """Raise OutputError for a folder that this rank, possibly on another machine, cannot access."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK):
@@ -92,10 +89,10 @@ def _require_writable(folder: Path) -> None:
 
 
 def _finish(folder: Path, final: Path) -> None:
-    """Give a folder its name. Where that fails the form is compiled again the next time."""
+    """Rename a folder; after a failure the form is compiled again next time."""
     with suppress(OSError):
         (folder / WHOLE).write_bytes(_checksum(folder))
-        # A name must not be on the disk before what it names: a power cut would leave zeros in its place.
+        # Content is flushed before the name: a power cut would otherwise leave zeros.
         for path in (*folder.iterdir(), folder):
             _to_disk(path)
         folder.rename(final)
@@ -113,7 +110,7 @@ def _to_disk(path: Path) -> None:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether the files of a form are as they were. A library that was cut short ends the process that loads it."""
+    """Whether the files of a form are intact: a truncated library crashes the process."""
     with suppress(OSError):
         return (folder / WHOLE).read_bytes() == _checksum(folder)
     return False
@@ -126,7 +123,7 @@ def _checksum(folder: Path) -> bytes:
 
 @contextmanager
 def _locked(path: Path, is_first: bool) -> Iterator[None]:
-    """Hold a lock on the first rank; file systems without locks only let work be done twice."""
+    """Hold a lock on the first rank; without locks of the file system work may be done twice."""
     if not is_first:
         yield
         return
@@ -146,7 +143,7 @@ def _locked(path: Path, is_first: bool) -> Iterator[None]:
 
 @contextmanager
 def _space_reported(root: Path) -> Iterator[None]:
-    """Let a failure of the block say so where the disk is full, which the C compiler says only to the terminal."""
+    """Report a full disk for failures in the block, which the C compiler reports only on the terminal."""
     try:
         yield
     except Exception as error:

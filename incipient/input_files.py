@@ -1,7 +1,4 @@
-"""Input files: anything but a regular file is refused, and an error while a file is read is one line.
-
-Nothing here is collective.
-"""
+"""Reading of regular input files, with errors in one line. Not collective."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from .arrays import unwarned
 from .errors import IncipientError, SceneError, shortened
 
 LARGEST_TEXT, LARGEST_TABLE = 16, 1024  # MiB
-LONGEST_NAME = 300  # letters of a path in a message
+LONGEST_NAME = 300  # characters of a path in a message
 
 
 @contextmanager
@@ -29,17 +26,17 @@ def reading(
     error: type[IncipientError] = SceneError,
     name: str = "",
 ) -> Iterator[None]:
-    """Let whatever a library raises while the block reads a file be one line that names the file.
+    """Convert errors of reading a file in the block to one line with the file's name.
 
-    Pipes and devices are refused: a pipe that nobody writes to never answers, and /dev/zero never ends.
+    Pipes and devices are refused, since reading may not end.
 
     Args:
         largest: size [MiB].
-        error: OutputError for a file that the program has written itself.
-        name: how the message begins; default: "PATH:".
+        error: OutputError for files of the program.
+        name: prefix of the message; default: "PATH:".
 
     Raises:
-        IncipientError: of the type `error`. One that the block raises passes unchanged.
+        IncipientError: of the type `error`; those of the block pass unchanged.
     """
     begin = shortened(name or f"{path}:", LONGEST_NAME)
     try:
@@ -61,7 +58,7 @@ def reading(
 
 
 def cause_of(error: Exception) -> str:
-    """Why something could not be read, in a few words."""
+    """The cause of an error of reading, in a few words."""
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     if isinstance(error, MemoryError):
@@ -71,14 +68,14 @@ def cause_of(error: Exception) -> str:
 
 
 def read_text(path: Path, remedy: str, name: str = "", largest: float = LARGEST_TEXT) -> str:
-    """The text of a file in UTF-8, its line ends made uniform; raises as `reading`."""
+    """The text of a UTF-8 file with uniform line ends. Raises as `reading`."""
     with reading(path, remedy, largest, name=name):
         text = path.read_bytes().decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
-    """The names in the first row of a CSV file, and the rows below it, of as many cells each; raises as `reading`."""
+    """Header and rows of a CSV file, of equal length. Raises as `reading`."""
     text = read_text(path, remedy, largest=LARGEST_TABLE)
     with reading(path, remedy):
         names, *rows = [row for row in csv.reader(io.StringIO(text, newline="")) if row] or [[]]

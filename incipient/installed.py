@@ -1,4 +1,4 @@
-"""What the flow needs of a machine besides Python packages, libraries and memory; what is missing is named."""
+"""Requirements of flow computations: packages, libraries, memory, limits; messages on missing ones."""
 
 from __future__ import annotations
 
@@ -18,33 +18,32 @@ from typing import Any
 
 from .errors import MissingError, OutputError
 
-# Modules that `pip install incipient` does not bring.
+# Modules that `pip install incipient` does not install.
 MODULES = ("mpi4py", "petsc4py", "dolfinx", "ufl", "basix", "ffcx", "gmsh", "h5py")
 MODULES_REMEDY = (
     "on Debian run apt-get install python3-dolfinx python3-gmsh python3-h5py, elsewhere, with Python 3.12 or newer, "
     "pip install 'incipient[dolfinx]'"
 )
-# What PyPI's packages expect of the system: gmsh, pictures by VTK, and the forms that dolfinx compiles.
+# System requirements of packages from PyPI: gmsh, VTK, and compilation of forms by dolfinx.
 LIBRARIES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1 libegl1 libgl1-mesa-dri"
 COMPILER = "gcc libc6-dev python3-dev"
 SYSTEM_REMEDY = f"on Debian run apt-get install {LIBRARIES} {COMPILER}"
-# Memory [MiB] of Python with all libraries loaded and a small mesh, by the version of dolfinx; measured again by
+# Memory [MiB] of Python with all libraries and a small mesh, by version of dolfinx; checked by
 # tests/unit/test_meshing_in_space.py.
 MEMORY = {"0.5": 186.0, "0.9": 280.0}
-NEWEST = "0.9"  # of those, which stands for versions that are not listed
+NEWEST = "0.9"  # of those, used for versions not listed
 DISTRIBUTIONS = ("fenics-dolfinx", "dolfinx-solver-real")
 
-# MiB of address space that numpy takes with its first matrix product. 128 of it are a buffer that OpenBLAS 0.3.21 maps
-# without touching it, and where it cannot, tries again for ever. Measured: VmPeak of `import numpy; a @ a`, less that
-# of Python.
+# Address space [MiB] of numpy's first matrix product, measured as VmPeak of `import numpy; a @ a` less that of Python.
+# 128 of it are a buffer of OpenBLAS 0.3.21, which retries for ever if mapping fails.
 OF_PRODUCTS = 195
-# What `ulimit` must leave. Measured: a sweep by two workers opens 24 files; meshing and MUMPS crash on a stack of
-# 512 KiB, and run on 700.
+# Least limits of `ulimit`. Measured: a sweep with two workers opens 24 files; meshing and MUMPS crash with a stack of
+# 512 KiB, and run with 700.
 LEAST = {"-n": (resource.RLIMIT_NOFILE, 1, 64), "-s": (resource.RLIMIT_STACK, 1024, 1024)}
 
 
 def memory_of_libraries() -> float:
-    """MiB that a run takes before its flow, by the version of dolfinx, which is not imported. Not collective."""
+    """Memory [MiB] of a run before its flow, by version of dolfinx, without importing it. Not collective."""
     for name in DISTRIBUTIONS:
         try:
             version = metadata.version(name)
@@ -55,10 +54,9 @@ def memory_of_libraries() -> float:
 
 
 def free_bytes() -> float:
-    """Memory that this process may still take, of its machine or its container. Not collective.
+    """Memory available to this process, on its machine or in its container. Not collective.
 
-    Files that the system keeps in memory count as free: it drops them when asked. On systems without /proc that is not
-    known, and they do not count.
+    The page cache counts as free if it is known from /proc.
     """
     free = [float("inf")]
     with suppress(OSError, StopIteration):
@@ -78,9 +76,9 @@ def free_bytes() -> float:
 
 @cache
 def require_limits() -> None:
-    """Refuse limits of the shell with which libraries abort, crash or hang. Not collective.
+    """Check for limits of the shell with which libraries abort, crash or hang. Not collective.
 
-    Where it limits memory OpenBLAS maps its buffer now: libraries that are loaded later may leave no room for it.
+    Under a limit of memory OpenBLAS maps its buffer now, before other libraries take the address space.
 
     Raises:
         OutputError: naming the limit.
@@ -107,10 +105,10 @@ def require_limits() -> None:
 
 
 def require_directories() -> None:
-    """Refuse directories without which Open MPI says so in fifty lines: the working one, and that of temporary files.
+    """Check the working and temporary directories, without which Open MPI fails with a long message.
 
     Raises:
-        OutputError: naming it.
+        OutputError: naming the directory.
     """
     try:
         Path.cwd()
@@ -132,10 +130,9 @@ def require_directories() -> None:
 
 
 def return_freed_memory() -> None:
-    """Return memory that was freed to the system, where the C library (glibc) else keeps it. Not collective.
+    """Return freed memory from glibc to the system. Not collective.
 
-    Approximate factors of a matrix are many small blocks, which it keeps by the gigabyte: those after them, and other
-    programs, would find that memory taken.
+    glibc retains gigabytes in small blocks after approximate LU factorisations.
     """
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
@@ -143,20 +140,20 @@ def return_freed_memory() -> None:
 
 
 def missing(error: BaseException) -> str | None:
-    """What an error says to be missing, and how to get it, in one line; None if it says nothing of the kind."""
+    """The missing part named by an error and its remedy, in one line; None without one."""
     if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] in MODULES:
         return f"{(error.name or '').partition('.')[0]} is not installed: {MODULES_REMEDY}"
     return missing_in_words(str(error))
 
 
 def missing_in_words(words: str) -> str | None:
-    """The missing part and its remedy, in one line, by the words of an error or a program; None without one."""
+    """The missing part named in a message and its remedy, in one line; None without one."""
     library = re.search(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file", words)
     if library:
         return f"the library {library[1]} is not installed: {SYSTEM_REMEDY}"
     if "cannot load MPI library" in words:
         return f"there is no MPI library: {MODULES_REMEDY}"
-    # The latter are what other ranks say when the first could not compile, in older and newer versions of dolfinx.
+    # The latter are messages of other ranks after a failed compilation on the first, by version of dolfinx.
     failed = re.search(
         r"CompileError.*|Compilation failed on root node|JIT compilation failed on rank 0", words
     )
@@ -167,10 +164,10 @@ def missing_in_words(words: str) -> str | None:
 
 @contextmanager
 def required() -> Iterator[None]:
-    """Let errors of the block that come from a missing module, library or compiler say so. Not collective.
+    """Convert errors because of a missing module, library or compiler in the block. Not collective.
 
     Raises:
-        MissingError: in their place; other errors pass.
+        MissingError: instead of such an error; other errors pass.
     """
     try:
         yield
@@ -183,7 +180,7 @@ def required() -> Iterator[None]:
 
 @contextmanager
 def arguments_of_text() -> Iterator[None]:
-    """Let dolfinx and PETSc, which read the command line, take names of files that are not UTF-8. Not collective."""
+    """Allow file names outside UTF-8 on the command line, which dolfinx and PETSc read. Not collective."""
     before = sys.argv
     sys.argv = [os.fsencode(argument).decode(errors="replace") for argument in before]
     try:
@@ -194,10 +191,7 @@ def arguments_of_text() -> Iterator[None]:
 
 @contextmanager
 def versions_without_setuptools() -> Iterator[None]:
-    """Let ufl and ffcx of 2022 ask for their own versions without setuptools, whose import takes 80 ms.
-
-    Not collective.
-    """
+    """Provide versions to ufl and ffcx of 2022 without setuptools, whose import takes 80 ms. Not collective."""
     from importlib.metadata import distribution
 
     stand_in: Any = ModuleType("pkg_resources")

@@ -1,4 +1,4 @@
-"""Interrupts: a run stops between steps, ranks together, and leaves nothing behind that harms later runs."""
+"""Interrupts: all ranks of a run stop together between steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .parallel import Comm, world
 P = ParamSpec("P")
 T = TypeVar("T")
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-# Seconds in which further signals are taken for the same: mpirun passes on those that its ranks have had already.
+# Seconds within which repeated signals count once: mpirun forwards signals that its ranks have already received.
 SAME_WISH = 2.0
 _STARTING = threading.RLock()  # of threads that start libraries
 _COMPUTING = (
@@ -34,10 +34,10 @@ NOTICE = b"stopping after this step; once more to stop at once\n"
 
 
 def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
-    """Let calls from several threads compute one after the other: gmsh, MPI and PETSc have one state per process.
+    """Serialise calls from several threads: gmsh, MPI and PETSc have one state per process.
 
-    On several ranks the threads of each would take turns in an order of their own, and wait for each other for ever: a
-    call from another thread than the main one raises IncipientError, unless its `comm` is of this rank alone.
+    The order of threads may differ between ranks, which would deadlock: on several ranks a call outside the main thread
+    raises IncipientError, unless its `comm` has only this rank.
     """
     parameters = signature(compute)
 
@@ -57,10 +57,10 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
 
 
 class Interruption:
-    """Stops after the step on the first SIGINT or SIGTERM; a later one interrupts at once.
+    """A context manager that stops a run after the step on the first SIGINT or SIGTERM, at once on a later one.
 
-    A context manager. Until `armed`, and always off the main thread, signals do what they did before, except that
-    SIGTERM interrupts, too. The handlers there were come back at the end. Only `asked` is collective.
+    Until `armed`, and outside the main thread, signals are handled as before, except that SIGTERM also interrupts.
+    Previous handlers are restored at the end. Only `asked` is collective.
     """
 
     def __init__(self, comm: Comm):
@@ -78,7 +78,7 @@ class Interruption:
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
     def asked(self) -> bool:
-        """Whether a rank has been asked to stop; the same on all ranks. Collective."""
+        """Whether a rank has received a signal to stop; equal on all ranks. Collective."""
         return any(self._comm.allgather(self._since is not None))
 
     def _note(self, number: int, frame: object) -> None:
@@ -93,12 +93,12 @@ class Interruption:
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold in the block, in which libraries in C are started.
+    """Preserve handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE while the block starts libraries in C. Not collective.
 
-    PETSc takes a reader or a terminal that has gone for a crash, and gmsh gives interrupts back to the system, which
-    ends the process without a word: from Python while it is imported, from version 4.15 on all signals in C. The former
-    is kept from being done. After the latter handlers come back, and signals wait for them: within the start of a
-    library in C an exception becomes an error of its own. Not collective.
+    PETSc reports a closed pipe or terminal as a crash. gmsh resets interrupts to the system's default, which ends the
+    process silently: on import in Python, from version 4.15 on for all signals in C. Changes from Python are disabled;
+    after those in C handlers are restored. Signals are deferred, since an exception during the start of a library
+    becomes another error.
     """
     if threading.current_thread() is not threading.main_thread():
         with _handlers_left_alone():
@@ -107,7 +107,7 @@ def handlers_kept() -> Iterator[None]:
     before = {
         number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP, signal.SIGPIPE)
     }
-    waiting: list[int] = []  # signals that other threads, such as MPI's, have got
+    waiting: list[int] = []  # signals received by other threads, such as MPI's
     for number in SIGNALS:
         if before[number] != signal.SIG_IGN:
             signal.signal(number, lambda number, _: waiting.append(number))
@@ -117,7 +117,7 @@ def handlers_kept() -> Iterator[None]:
             yield
     finally:
         for number, handler in before.items():
-            if handler is not None:  # put in by the program around this one, not by Python
+            if handler is not None:  # installed by an embedding program, not by Python
                 signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         if waiting:
@@ -126,7 +126,7 @@ def handlers_kept() -> Iterator[None]:
 
 @contextmanager
 def _handlers_left_alone() -> Iterator[None]:
-    """Let `signal.signal` do nothing on this thread, nor on others off the main one, where it would be an error."""
+    """Disable `signal.signal` on this thread, and on others but the main one, where it would be an error."""
     with _STARTING:
         real, starting = signal.signal, threading.current_thread()
 
@@ -144,10 +144,9 @@ def _handlers_left_alone() -> Iterator[None]:
 
 @contextmanager
 def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
-    """Let an interrupt of the block, in which errors are estimated, say where the result without them is kept.
+    """Name the directory of the result without error bars in an interrupt of the block. Not collective.
 
-    An interrupt stays as it is where nothing is kept, and with several ranks, as others may wait for this one.
-    Not collective.
+    Without a directory, and on several ranks, which may wait for this one, interrupts are unchanged.
 
     Raises:
         Interrupted: instead of a KeyboardInterrupt.
@@ -163,14 +162,12 @@ def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
 
 
 def open_streams() -> None:
-    """Open what is closed of the standard streams, before a file that is opened gets its number, as the null device."""
+    """Open closed standard streams as the null device, before another file gets their number."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)
         except OSError:
-            os.set_inheritable(
-                os.open(os.devnull, os.O_RDWR), True
-            )  # the lowest number that is free
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the lowest free number
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w" if number else "r"))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -178,7 +175,7 @@ def open_streams() -> None:
 
 
 def say(text: str) -> None:
-    """Print to the standard error, if that can be written."""
+    """Print to the standard error if it is writable."""
     try:
         print(text, file=sys.stderr, flush=True)
     except OSError:
@@ -186,16 +183,16 @@ def say(text: str) -> None:
 
 
 def comes_of_interrupt(error: BaseException | None) -> bool:
-    """Whether an error is what a library has made of an interrupt."""
+    """Whether a library has converted an interrupt to this error."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
 
 
 def output_is_lost(error: Exception) -> bool:
-    """Whether an error says that the standard output cannot be written; what is still printed then goes nowhere.
+    """Whether an error is that of an unwritable standard output, which is then replaced by the null device.
 
-    It names no file. Errors of files are reported by who writes them.
+    Such an error has no file name; errors of files are reported where they are written.
     """
     if not isinstance(error, OSError) or error.filename is not None or error.errno not in UNWRITTEN:
         return False
@@ -203,12 +200,12 @@ def output_is_lost(error: Exception) -> bool:
     return True
 
 
-def _let_go(stream: int) -> None:
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+def _let_go(descriptor: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
 
 
 def nobody_reads() -> bool:
-    """Whether who read this process's output has gone, as `head` goes; what is still printed then goes nowhere."""
+    """Whether the reader of the output, such as `head`, has closed it; it is then replaced by the null device."""
     output = 1
     watched = select.poll()
     watched.register(output, 0)

@@ -1,4 +1,4 @@
-"""What several ranks must do together: agree on failure, and report it once."""
+"""Common operations of ranks: agreement on failures, broadcasts, gathering, processes."""
 
 from __future__ import annotations
 
@@ -21,27 +21,26 @@ from .installed import require_directories, require_limits, required
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 else:
-    Comm = Any  # what computes no flow does not load mpi4py, which need not be installed
+    Comm = Any  # mpi4py may be missing without flow computations
 
 T = TypeVar("T")
 END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
-# Looked up here: after a fork another thread's lock of the loader would be waited for in vain.
+# Looked up here: after a fork another thread's lock of the loader would never be released.
 _PRCTL = getattr(ctypes.CDLL(None), "prctl", None)
-OFTEN = 0.01  # seconds between looks at who has come
-# What makes a new process take part in a parallel run, or an `mpirun` spread over the machines of Slurm's job.
+OFTEN = 0.01  # seconds between checks for arrived ranks
+# Variables that make a new process join a parallel run, or distribute an `mpirun` over Slurm's machines.
 PARALLEL_RUN = (
     *("OMPI_COMM_", "OMPI_UNIVERSE", "OMPI_MCA_orte_", "OMPI_MCA_ess", "OMPI_MCA_pmix"),
     *("OMPI_FILE_", "OMPI_APP_", "OMPI_FIRST_RANKS", "OMPI_NUM_APP_CTX"),
     *("PMIX_", "PMI_", "ORTE_", "PRTE_", "SLURM_"),
 )
 
-# Of a process of one rank. Signatures of forms may depend on the order of a set: with one seed such processes find each
-# other's compiled forms.
+# Of a process of one rank. Signatures of forms may depend on the order of a set: a common seed shares compiled forms.
 ONE_RANK = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 
 
 class Holder:
-    """Holds objects of PETSc, which all ranks free together: a context manager. Every method is collective."""
+    """A context manager that frees objects of PETSc on all ranks. Every method is collective."""
 
     def __init__(self, comm: Comm):
         self._comm, self._held = comm, list[Any]()
@@ -50,23 +49,23 @@ class Holder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        # After an interrupt or a defect of one rank freeing would wait for the others for ever.
+        # After an interrupt or an error on one rank freeing would deadlock.
         if kind is None or issubclass(kind, IncipientError) or self._comm.size == 1:
             self.destroy()
 
     def holding(self, made: Any) -> Any:
-        """An object that has been made, to be freed with the others."""
+        """Register an object for freeing; returns it."""
         self._held.append(made)
         return made
 
     def destroy(self) -> None:
-        """Free PETSc's memory, what was made last first."""
+        """Free the objects in reverse order."""
         while self._held:
             self._held.pop().destroy()
 
 
 class Alone:
-    """The only rank: what commands that compute no flow ask of a communicator, where mpi4py is not installed."""
+    """A communicator of one rank, for commands without flow computations if mpi4py is missing."""
 
     rank, size = 0, 1
 
@@ -83,7 +82,7 @@ def world() -> Comm:
     """The communicator of all ranks.
 
     Raises:
-        MissingError: mpi4py, or the MPI library that it needs, is not installed.
+        MissingError: mpi4py or its MPI library is not installed.
         OutputError: as `require_limits`.
     """
     if "mpi4py" not in sys.modules:
@@ -95,10 +94,9 @@ def world() -> Comm:
 
 @contextmanager
 def collectively(comm: Comm | Alone) -> Iterator[None]:
-    """Run the block on every rank; if any rank raised, every rank raises the first rank's error.
+    """Run the block on every rank; an error on any rank is raised on all of them. Collective.
 
-    Collective. For work that one rank does for all (building a mesh, writing a file): a rank that
-    fails inside the block may not be inside a collective call when it does.
+    For work of one rank, such as meshing or writing a file: the block must not fail within a collective call.
 
     Raises:
         IncipientError: of the type and with the message raised on the lowest failing rank.
@@ -118,13 +116,13 @@ def collectively(comm: Comm | Alone) -> Iterator[None]:
 
 
 class Meeting:
-    """Where all ranks come at their end, whatever it is, and learn which of them have failed. Made collectively."""
+    """A meeting of all ranks at their end, which determines the failed ones. The constructor is collective."""
 
     def __init__(self, comm: Comm | Alone):
         self._comm = None if comm.size == 1 else cast("Comm", comm).Dup()
 
     def failed(self, has_failed: bool, seconds: float = float("inf")) -> list[bool]:
-        """Who has failed, by rank; nobody knows where not all have come after so many seconds: an empty list."""
+        """Whether each rank has failed; empty if some rank has not arrived after so many seconds."""
         if self._comm is None:
             return [has_failed]
         mine, all_of_them = bytearray([has_failed]), bytearray(self._comm.size)
@@ -137,30 +135,30 @@ class Meeting:
 
 
 def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
-    """What a function returns on the first rank, which alone calls it, on every rank. Collective.
+    """The value of a function that only the first rank calls, on every rank. Collective.
 
-    For files above all, which need not be there on the machines of other ranks. The value must be picklable.
+    Mainly for files that other machines may lack. The value must be picklable.
 
     Raises:
-        IncipientError: on all ranks, what the function raised.
+        IncipientError: on all ranks, from the function.
     """
-    found: Any = None
+    value: Any = None
     with collectively(comm):
         if comm.rank == 0:
-            found = compute()
-    return found if comm.size == 1 else comm.bcast(found)
+            value = compute()
+    return value if comm.size == 1 else comm.bcast(value)
 
 
 def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:
-    """The rows (n, ...) of all ranks, one rank's after the other's, on rank 0; none on the others. Collective."""
+    """The concatenated rows (n, ...) of all ranks on rank 0; none on the others. Collective."""
     parts = comm.gather(np.ascontiguousarray(rows))
     return rows[:0] if parts is None else np.concatenate(parts)
 
 
 class NumberedRows:
-    """Rows that ranks have by global `numbers` (n,), several of them the same ones. All is collective, also making it.
+    """Distributed rows with global `numbers` (n,), which ranks may share. Constructor and methods are collective.
 
-    On rank 0 rows come together in the order of their numbers, each once; the other ranks get none.
+    Rank 0 gathers each row once, in the order of the numbers; the other ranks get none.
     """
 
     def __init__(self, comm: Comm, numbers: NDArray[Any]):
@@ -184,9 +182,9 @@ def _described(error: Exception | None) -> tuple[type[IncipientError], str] | No
 
 
 def end_with_parent(parent: int | None = None) -> None:
-    """Let the kernel kill this process when the thread that started it ends, however that ends; on Linux only.
+    """Let the kernel kill this process at the end of the thread that started it; Linux only.
 
-    A process whose `parent` is known, and has ended before the kernel knew, ends at once.
+    If the given `parent` has already ended, the process ends at once.
     """
     if _PRCTL is not None:
         _PRCTL(END_WITH_PARENT, signal.SIGKILL)
@@ -195,24 +193,24 @@ def end_with_parent(parent: int | None = None) -> None:
 
 
 def environment_alone() -> dict[str, str]:
-    """The environment for a process that takes no part in the parallel run of this one."""
+    """The environment of a process outside the parallel run of this one."""
     return {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL_RUN)}
 
 
 def leave_parallel_run() -> None:
-    """Forget the MPI run that this process is part of, or that the MPI library has begun: children start alone."""
+    """Remove the MPI run of this process from the environment, so that children start alone."""
     environment = ctypes.POINTER(ctypes.c_char_p).in_dll(ctypes.CDLL(None), "environ")
     entries = takewhile(bool, (environment[n] for n in count()))
     for name in [os.fsdecode(entry).partition("=")[0] for entry in entries]:
         if name.startswith(PARALLEL_RUN):
             os.environ.pop(name, None)
-            os.unsetenv(name)  # the library's own are unknown to Python
+            os.unsetenv(name)  # Python does not know variables set by the library
 
 
 def start_alone_quickly() -> None:
-    """Keep OpenMPI from starting a daemon and searching networks without mpirun, which takes 0.3 s.
+    """Prevent Open MPI from starting a daemon and searching networks without mpirun, which takes 0.3 s.
 
-    The settings are for this process alone: one that it starts may be an mpirun.
+    The settings are not inherited: a child process may be an mpirun.
 
     Raises:
         OutputError: as `require_directories` and `require_limits`.
@@ -223,13 +221,13 @@ def start_alone_quickly() -> None:
     wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
     added = {name: value for name, value in wanted.items() if name not in os.environ}
     os.environ.update(added)
-    ranks_there_are()  # mpi4py reads them as it starts
+    ranks_there_are()  # mpi4py reads them at its start
     for name in added:
         del os.environ[name]
 
 
 def ranks_there_are() -> Comm:
-    """All ranks; without an MPI this process alone, which judges and plans, and says what is missing for a flow."""
+    """All ranks; without MPI a single rank, which can judge and plan."""
     try:
         return world()
     except MissingError:

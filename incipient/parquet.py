@@ -1,4 +1,4 @@
-"""Parquet files, which take an optional library."""
+"""Parquet files, with an optional library."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .errors import MissingError
 
 
 def pyarrow(extra: str = "parquet") -> Any:
-    """The library pyarrow with its module `parquet`; raises MissingError, which names the extra that brings it."""
+    """The library pyarrow with its module `parquet`. Raises MissingError with the extra to install."""
     try:
         import_module("pyarrow.parquet")
         return import_module("pyarrow")

@@ -1,4 +1,4 @@
-"""What a run says while it runs: a live line on a terminal, plain log lines elsewhere, only on one rank."""
+"""Progress of a run on the first rank: a live line on a terminal, otherwise log lines."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from contextlib import contextmanager
 from typing import Any
 
 log = logging.getLogger("incipient")
-MANY = 1000  # from which a log says that they are gone through
+MANY = 1000  # least number of items whose processing is logged
 
 
 class Silent:
-    """Says nothing: the choice for library use, and for every rank but the first."""
+    """No output: for library use, and for ranks other than the first."""
 
     def begin(self, stage: str) -> None:
-        """A stage of the run begins."""
+        """Report the beginning of a stage."""
 
     def say(self, message: str) -> None:
-        """Something worth a line in the log happened."""
+        """Report a message."""
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
-        """Newton's method made a correction, at a share of the Reynolds number."""
+        """Report a Newton update at a fraction of the Reynolds number."""
 
     def advance(self, time: float, end: float) -> None:
-        """Time has come so far."""
+        """Report the time reached."""
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Report the number done of many alike."""
+        """Report the number of completed items."""
 
 
 class Logged(Silent):
-    """Tells the log, nothing else."""
+    """Progress in the log."""
 
     def begin(self, stage: str) -> None:
         """Log the stage at level debug."""
@@ -56,13 +56,13 @@ class Logged(Silent):
         log.debug("time %.6g of %.6g", time, end)
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Log at level info that many have been begun."""
+        """Log the beginning of many items at level info."""
         if not done and total >= MANY:
             log.info("%s: %d", what, total)
 
 
 class Live(Logged):
-    """A line that is rewritten on a terminal: stage, iteration, time left."""
+    """A live line on a terminal: stage, iteration, remaining time."""
 
     def __init__(self, bar: Any):
         self._bar = bar
@@ -79,7 +79,7 @@ class Live(Logged):
             self._bar.console.print(message, markup=False, highlight=False)
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
-        """Show how far Newton's method is."""
+        """Show the progress of Newton's method."""
         super().iterate(share, iteration, size)
         self._bar.update(
             self._task,
@@ -87,14 +87,14 @@ class Live(Logged):
         )
 
     def advance(self, time: float, end: float) -> None:
-        """Show the share of time done; the bar works out the time left."""
+        """Show the fraction of time; the bar estimates the remaining time."""
         super().advance(time, end)
         self._bar.update(
             self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}"
         )
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Show the share that is done."""
+        """Show the completed fraction."""
         self._bar.update(
             self._task, completed=done, total=total, description=f"{what}: {done} of {total}"
         )

@@ -1,4 +1,4 @@
-"""The number of cells that a region will be meshed with, estimated from the wanted sizes before meshing."""
+"""The number of cells that a region will be meshed with, estimated from the target sizes before meshing."""
 
 import numpy as np
 

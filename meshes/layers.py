@@ -85,7 +85,7 @@ def stacked_by_diagonals(points: Floats, rows: Integers) -> Integers:
 
 
 def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:
-    """Thickness (n,) that differs by no more than the slack (k,) of links (k, 2) between neighbours."""
+    """Thickness (n,) that differs by at most the slack (k,) of links (k, 2) between neighbours."""
     a, b = links.T
     even = thickness.copy()
     while True:
@@ -97,9 +97,9 @@ def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:
 
 
 def layer_heights(thickness: Floats, first: Floats, layers: WallLayers) -> Floats:
-    """Heights (n, number + 1) above a wall at which layers end, the first of them as wanted.
+    """Heights (n, number + 1) above a wall at which layers end, with the given first one.
 
-    As many as there is room for, at least one; those beyond are where the last one is.
+    As many as fit, at least one; further ones coincide with the last.
     """
     rows = np.log(1.0 + (layers.growth - 1.0) * thickness / first) / np.log(layers.growth)
     counts = np.clip(np.ceil(rows - FEWER), 1, layers.number)

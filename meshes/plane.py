@@ -25,7 +25,7 @@ ENLARGED = 1.3
 MOST_STRAIGHTENED = 3
 ATTEMPTS, LESS = 4, 0.6  # at layers between which there is a mesh, each thinner
 MOST_TRIALS = 40  # at layers whose cells are not inside out
-# How thick all layers at a place of a wall may be, over the radius of the largest circle that touches it there and
+# Largest thickness of all layers at a point of a wall, over the radius of the largest circle that touches it there and
 # reaches beyond no other wall.
 ROOM = 0.6
 EVENNESS = 0.4  # by which thickness changes along a wall at most, over the length of edges
@@ -40,7 +40,7 @@ def meshed_region(region: Region, sizes: Sizes, order: int) -> Simplices:
     """The mesh of a region in the scene, with cells of an order, made in the current gmsh model.
 
     Raises:
-        MeshError: gmsh finds no mesh, there is no room for layers, or cells fold over.
+        MeshError: gmsh fails, layers do not fit, or cells fold over.
     """
     if sizes.layers is not None and order not in (1, 2):
         raise MeshError(
@@ -70,7 +70,7 @@ class _Pen:
         self.points: dict[tuple[int, ...], int] = {}
 
     def point(self, x: Point) -> int:
-        """The tag of a point, drawn if there is none there yet."""
+        """The tag of a point, which is drawn on first use."""
         place = self.frame.local(np.array(x))
         key = tuple(np.round(place / self.tolerance).astype(int).tolist())
         if key not in self.points:
@@ -82,7 +82,7 @@ class _Pen:
         return int(gmsh.model.geo.addPoint(*self.frame.local(np.asarray(x)).tolist(), 0.0))
 
     def curve(self, curve: Curve) -> int:
-        """The tag of the curve, drawn."""
+        """The tag of a curve in gmsh's model."""
         geo = gmsh.model.geo
         start, end = self.point(curve.start), self.point(curve.end)
         if isinstance(curve, Line):
@@ -120,7 +120,7 @@ def _draw(region: Region, frame: Frame) -> dict[str, list[int]]:
 
 
 def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
-    """Let cells be as `sizes` says near curves by name, in a frame, and everywhere."""
+    """Set cell sizes near curves by name, in a frame, and everywhere."""
     fields = gmsh.model.mesh.field
     parts = [_near_field(near, curves, frame) for near in sizes.near]
     if sizes.field is not None:
@@ -166,7 +166,7 @@ def _distance_to(point: tuple[float, ...], frame: Frame) -> str:
 
 
 def _adapted_field(wanted: SizeField, frame: Frame) -> int:
-    """The sizes wanted at the vertices of an earlier mesh; where that mesh does not reach there is no bound.
+    """The target sizes at the vertices of an earlier mesh; unbounded outside of that mesh.
 
     Its triangles are enlarged, so that a curved boundary lies within them, and the sizes extrapolated.
     """
@@ -180,7 +180,7 @@ def _adapted_field(wanted: SizeField, frame: Frame) -> int:
 
 
 def _without_folds(mesh: Simplices, order: int) -> Simplices:
-    """The mesh with straight cells in the cusps of a bed, where a curved side leaves no room.
+    """The mesh with straight cells in the cusps of a bed, where curved sides would fold them.
 
     Raises MeshError if cells at the grain fold, or with a side on another boundary, where the true surface matters, or
     if others fold then.
@@ -224,7 +224,7 @@ class Boundary:
 
     @classmethod
     def read(cls, curves: dict[str, list[int]]) -> Boundary:
-        """The edges of order two that gmsh holds on curves by name."""
+        """The second-order edges of gmsh on curves by name."""
         mesh = Simplices.read(curves, 2, 2)
         rows = np.concatenate([*mesh.sides.values()])
         names = np.repeat([*mesh.sides], [len(part) for part in mesh.sides.values()])
@@ -319,7 +319,7 @@ class Stand:
         )
 
     def room(self, boundary: Boundary, share: float) -> Floats:
-        """How thick (n,) all layers together are at most, along walls slowly changing; 0 where there is hardly any."""
+        """Largest total thickness (n,) of the layers, slowly varying along walls; 0 where there is hardly any space."""
         # Sides along which columns stand are no obstacles to them.
         obstacles = ~np.isin(boundary.names, boundary.names[self.ends[:, 1]])
         of_obstacles = boundary.points[np.unique(boundary.edges[obstacles])]
@@ -367,7 +367,7 @@ def _fan(normal: Floats, turn: float) -> list[Floats]:
 
 
 def _layered(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Simplices:
-    """The mesh of a region in a frame: layers, as thick as there is room, and free triangles between them."""
+    """The mesh of a region in a frame: layers, as thick as possible, and free triangles between them."""
     assert sizes.layers is not None
     first = {name: frame.size(thickness) for name, thickness in sizes.layers.first.items()}
     layers, share = replace(sizes.layers, first=first), ROOM
@@ -388,13 +388,12 @@ def _layered(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Simp
     walls = [name for name in mesh.sides if name in first]
     middles = np.concatenate([mesh.sides[name][:, 2] for name in walls])
     places = np.concatenate([boundary.middles[boundary.at(name)] for name in walls])
-    return mesh.curved(middles, places, *columns.by_point(len(mesh.points)))[0]
+    return mesh.curved(middles, places, None, *columns.by_point(len(mesh.points)))[0]
 
 
 def _filled(
     boundary: Boundary, stand: Stand, columns: Columns, cells: Integers, sizes: Sizes, frame: Frame
 ) -> Simplices:
-    """Layers and, between them, free triangles, of order one."""
     walls = set(boundary.names[stand.edges])
     lines = _lines(boundary, stand, columns, walls)
     geo, curves = gmsh.model.geo, dict[str, list[int]]()

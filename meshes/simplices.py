@@ -52,7 +52,7 @@ class Simplices:
         return cls(points, elements(dimension, order), sides, order)
 
     def of_order(self, order: int) -> Simplices:
-        """The straight cells of order one with the nodes of a higher order."""
+        """The straight first-order cells with the nodes of a higher order."""
         if order == 1:
             return self
         count, dimension = self.points.shape
@@ -82,13 +82,15 @@ class Simplices:
         self,
         middles: Integers,
         places: Floats,
+        free: np.ndarray | None = None,
         feet: Integers | None = None,
         share: Floats | None = None,
     ) -> tuple[Simplices, Integers]:
-        """The cells of order two with middles (k,) of edges moved, and the middles of edges that stay straight.
+        """The second-order cells with middles (k,) of edges moved, and the nodes moved less where cells would fold.
 
-        Where cells would fold over, edges are straight; in layers they are bent less, step by step.
+        Free nodes move along. Where cells still fold edges are straight; in layers they are bent less.
 
+        free: (n, gdim) which coordinates of nodes may change; None: none
         feet, share: (n,) the wall's point below each corner in layers (-1: none), and by how much of their bend the
             edges follow the wall's; None: there are no layers
         """
@@ -99,8 +101,7 @@ class Simplices:
         every = np.unique(of_edges)
         points[every] = points[ends[every]].mean(axis=1)
         between, bends, leads = points.copy(), np.zeros_like(points), np.arange(len(points))
-        moved = np.zeros(len(points), dtype=bool)
-        moved[middles], bends[middles] = True, places - between[middles]
+        bends[middles] = places - between[middles]
         if feet is not None and share is not None:
             keys = unordered_keys(np.maximum(feet[ends], 0), len(points))
             follows = (share[ends].mean(axis=1) > 0.0) & (feet[ends] >= 0).all(axis=1)
@@ -110,18 +111,35 @@ class Simplices:
             chosen = every[follows[every] & np.isin(keys[every], known)]
             leads[chosen] = middles[order][np.searchsorted(known, keys[chosen])]
             bends[chosen] = share[ends[chosen]].mean(axis=1)[:, None] * bends[leads[chosen]]
-            moved[chosen] = True
+        if free is not None:
+            bends += np.where(free, _making_room(between, cells, bends), 0.0)
+            others = every[~bends[every].any(axis=1)]
+            bends[others] = bends[ends[others]].mean(axis=1)
+        moved = bends.any(axis=1)
         less, scale, changed = 0.0 if feet is None else LESS, np.ones(len(points)), moved
         while True:
             points[changed] = (between + scale[leads, None] * bends)[changed]
-            touched = cells[changed[of_edges].any(axis=1)]
-            bad = touched[jacobian_lower_bound(points[touched]) < LEAST][:, -len(pairs) :]
+            touched = cells[changed[cells].any(axis=1)]
+            bad = touched[jacobian_lower_bound(points[touched]) < LEAST]
             led = np.unique(leads[bad[moved[bad]]])
             led = led[scale[led] > 0.0]
             if not len(led):
-                return replace(self, points=points), np.flatnonzero(moved & (scale[leads] == 0.0))
+                return replace(self, points=points), np.flatnonzero(moved & (scale[leads] < 1.0))
             scale[led] = np.where(scale[led] > LEAST_BEND, less * scale[led], 0.0)
             changed = moved & np.isin(leads, led)
+
+
+def _making_room(points: Floats, cells: Integers, bends: Floats) -> Floats:
+    """Displacements (n, gdim) of nodes with cells that would fold: as these cells' edges bend on average.
+
+    A facet that bends into a cell carries the opposite corner with it.
+    """
+    folding = cells[jacobian_lower_bound((points + bends)[cells]) < LEAST]
+    count = bends[folding].any(axis=2).sum(axis=1)
+    means = (bends[folding].sum(axis=1) / count[:, None]).repeat(cells.shape[1], axis=0)
+    of = folding.ravel()
+    sums = np.column_stack([np.bincount(of, column, len(points)) for column in means.T])
+    return np.asarray(sums / np.bincount(of, minlength=len(points)).clip(1)[:, None])
 
 
 def measures(points: Floats, cells: Integers) -> Floats:
@@ -131,7 +149,7 @@ def measures(points: Floats, cells: Integers) -> Floats:
 
 
 def jacobian_lower_bound(nodes: Floats) -> Floats:
-    """A lower bound (m,) of the determinants of cells of order two (m, nodes, gdim), in units of the straight ones'.
+    """A lower bound (m,) of the determinants of second-order cells (m, nodes, gdim), in units of the straight ones'.
 
     The determinant is a polynomial of order gdim: the least of its control points in Bernstein's form is below it.
     """

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
-from incipient.geometry.space.surfaces import Cloud, NearestOf, Surface, in_blocks
+from incipient.geometry.space.surfaces import Cloud, Surface, in_blocks, tree
 
 from .regions import Frame, SolidRegion
 from .sizes import Near, Sizes
@@ -18,15 +19,15 @@ from .surfaces import Body, Ground
 PER_SIZE = 40.0  # triangles along a grain from which distances are taken
 SPOT_GROWTH = 0.3  # of sizes about places where surfaces would cross
 BOX = 1.5  # the largest side of a box in units of the size within it
-LEAST = 0.25  # of the smallest size at a feature: narrow places that nobody knew of are not resolved further
+LEAST = 0.25  # of the smallest size at a feature: unknown narrow gaps are not resolved further
 GAPS = "narrow places"
 
 
 @dataclass(frozen=True, eq=False)
 class SizeMap:
-    """The sizes wanted in a region, in its frame.
+    """The target sizes in a region, in its frame.
 
-    spots (k, 3) are places where surfaces would cross if cells were larger than at_spots (k,)
+    spots (k, 3) are points where surfaces would cross if cells were larger than at_spots (k,)
     """
 
     region: SolidRegion
@@ -93,12 +94,12 @@ class SizeMap:
 
     @property
     def names(self) -> list[str]:
-        """What needs the sizes of `parts`, in their order."""
+        """The features that need the sizes of `parts`, in their order."""
         near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
         return ["domain", *near, GAPS, "adaptation"]
 
     def parts(self, x: Floats) -> tuple[Floats, dict[str, Floats]]:
-        """The sizes (names, n) that each feature asks for at points (n, 3), and the distances (n,) from boundaries."""
+        """The sizes (names, n) that each feature requires at points (n, 3), and the distances (n,) from boundaries."""
         wanted = {near.boundary for near in self.sizes.near if near.boundary}
         if np.isfinite(self.sizes.gap_part):
             wanted |= {self.region.names[5], *self.region.holes}
@@ -137,20 +138,20 @@ class SizeMap:
         return np.asarray((self.at_spots + SPOT_GROWTH * _distances(x, self.spots)).min(axis=1))
 
     @cached_property
-    def _vertices(self) -> NearestOf:
-        """The vertices of the mesh at which sizes are wanted."""
+    def _vertices(self) -> Any:
+        """Spatial index of the vertices of the mesh at which sizes are wanted."""
         assert self.sizes.field is not None
-        return NearestOf(self.frame.local(self.sizes.field.points))
+        return tree(self.frame.local(self.sizes.field.points))
 
     def _field(self, x: Floats) -> Floats:
         """The sizes wanted at the nearest vertices of an earlier mesh."""
         if self.sizes.field is None:
             return np.full(len(x), np.inf)
-        return np.asarray(self.sizes.field.sizes[self._vertices(x)[1]] / self.frame.length)
+        return np.asarray(self.sizes.field.sizes[self._vertices.query(x)[1]] / self.frame.length)
 
     @property
     def least(self) -> Floats:
-        """The smallest size that each of `names` asks for anywhere, in the frame (names,)."""
+        """The smallest size that each of `names` requires anywhere, in the frame (names,)."""
         known = [self.sizes.far, *(near.size for near in self.sizes.near)]
         adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
         return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])

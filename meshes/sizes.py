@@ -14,9 +14,9 @@ LAYERS_SHARE = (
 
 @dataclass(frozen=True)
 class Away:
-    """How cells along a feature may grow with the distance from a point, up to a largest size; scene units.
+    """Growth of cells along a feature with the distance from a point, up to a largest size; scene units.
 
-    From the distance `level` on the feature has no forms that this size follows: cells grow on.
+    Beyond the distance `level` the feature is planar, and cells grow further.
     """
 
     point: Place
@@ -40,7 +40,7 @@ class Near:
     most: float = float("inf")
 
     def scaled(self, factor: float) -> Near:
-        """The size times a factor; the largest one away, which the boundary's shape bears, does not grow.
+        """The size times a factor; the largest one away, which the boundary's shape admits, does not grow.
 
         Finer cells grow more slowly with the distance, so that all become smaller by the factor.
         """
@@ -61,7 +61,7 @@ class Near:
 
 @dataclass(frozen=True, eq=False)
 class SizeField:
-    """Sizes of cells wanted at the vertices of an earlier mesh, linear on its triangles, scene units.
+    """Target sizes of cells at the vertices of an earlier mesh, linear on its triangles, scene units.
 
     points (n, gdim), triangles (m, 3) of them, sizes (n,)
     """

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +12,12 @@ from incipient.geometry.space.beds import HalfSpacesAndBalls, Plane
 from incipient.geometry.space.grains import Solid, Spheres, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
 from incipient.geometry.space.surfaces import (
-    NearestOf,
     Surface,
     grid,
     halved,
     in_blocks,
     level_surface,
+    tree,
 )
 
 from .regions import Frame, PlacedSolid, SolidRegion
@@ -108,7 +109,7 @@ class Body(ExactSurface):
 
 @dataclass(frozen=True, eq=False)
 class Ground(ExactSurface):
-    """A bed's surface within a region: as it is where it is resolved, level farther away.
+    """A bed's surface within a region: exact where it is resolved, planar farther away.
 
     finer: factor by which the first triangles of a bed of balls are smaller
     """
@@ -129,7 +130,7 @@ class Ground(ExactSurface):
 
     @cached_property
     def _reach(self) -> tuple[Floats, float]:
-        """The point about which the bed has a shape and how far, horizontally, in the scene."""
+        """Centre and horizontal extent of the resolved bed, in the scene."""
         low, high = self.region.rectangle
         if self.region.resolved is None:
             return 0.5 * (low + high), 0.51 * float(np.linalg.norm(high - low))
@@ -138,7 +139,7 @@ class Ground(ExactSurface):
 
     @cached_property
     def _mean(self) -> float:
-        """The level that the bed goes over to, in the scene."""
+        """The level of the planar far bed, in the scene."""
         resolved = self.region.resolved
         if resolved is not None and resolved.level is not None:
             return resolved.level
@@ -182,27 +183,27 @@ class Ground(ExactSurface):
         return self.region.fillet or FILLET * float(self._balls.radii.min(initial=np.inf))
 
     @cached_property
-    def _search(self) -> tuple[NearestOf, int]:
-        """The centres of the balls, and how many of them at most round a valley together.
+    def _search(self) -> tuple[Any, int]:
+        """Spatial index of the centres of the balls, and how many of them at most round a valley together.
 
         Balls nearer to a point than the fillet have centres nearer to each other than two radii and two fillets.
         """
         assert self._balls is not None
-        nearest = NearestOf(self._balls.centres)
-        return nearest, nearest.most_within(
-            2.0 * (self._balls.radii.max(initial=0.0) + self._fillet)
-        )
+        centres = tree(self._balls.centres)
+        reach = 2.0 * (self._balls.radii.max(initial=0.0) + self._fillet)
+        around = centres.query_ball_point(centres.data, reach, return_length=True)
+        return centres, int(around.max(initial=1))
 
     def _distances(self, x: Floats) -> Floats:
-        """The distances (k, n) of points (n, 3) from the plane below a bed and from those balls that matter there."""
+        """The distances (k, n) of points (n, 3) from the plane below a bed and from the nearby balls."""
         assert self._balls is not None
         balls = self._balls
         if balls.posts is not None:
             return balls.distance_estimate(x)
-        nearest, count = self._search
+        centres, count = self._search
         above = ((x - balls.origins[:, None]) * balls.directions[:, None]).sum(axis=2)
-        away = nearest.distances(x, count, balls.radii)
-        return np.concatenate([above, away])
+        away, which = centres.query(x, [*range(1, 1 + count)])  # infinite where there are fewer
+        return np.concatenate([above, (away - np.append(balls.radii, 0.0)[which]).T])
 
     def distance(self, x: Floats) -> Floats:
         """Approximate distance (n,) of points (n, 3) of the frame above the bed, in the frame."""
@@ -227,7 +228,7 @@ class Ground(ExactSurface):
         return Draft(Surface(points, surface.triangles), held)
 
     def _abscissae(self, axis: int) -> Floats:
-        """Where the first triangles' grid is cut, in the frame: evenly where the bed has a shape, wider beyond."""
+        """Grid lines of the initial triangles in the frame: uniform where the bed has a shape, wider beyond."""
         low, high = (float(side[axis]) for side in self.region.rectangle)
         middle, reach = self._reach
         step = self.region.bed.feature / (

@@ -16,8 +16,8 @@ from typing import Any
 
 # Modules that are for one effect only.
 OF_UNSTEADINESS = (
-    *("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.quasisteady"),
-    "fluid.tolerance",
+    *("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.transient"),
+    "fluid.transient",
 )
 OF_MOVING_MESH = (
     "mesh.motion",
@@ -55,10 +55,7 @@ OF_TURBULENCE = (
 )
 OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = (
-    *(
-        f"accuracy.{name}"
-        for name in ("errorbars", "terms", "dual", "goal", "coarse_runs", "kept_runs")
-    ),
+    *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
     *(f"accuracy.{name}" for name in ("search", "strategies", "modelling", "next_mesh", "sizing")),
     "simulation.beside",
 )
@@ -68,7 +65,7 @@ MODULES = (
     *(*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS),
 )
 # Terms of the flow's equations that a steady flow without inertia does not have.
-TERMS = ("inertia", "convection", "skew_convection", "through_boundary")
+TERMS = ("inertia", "convection")
 
 
 class TakenOut:

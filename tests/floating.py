@@ -87,13 +87,10 @@ def floating(
     motion: Callable[[float], Any] | None = None,
     boundary: str = "body",
     order: int = 2,
-    energy_stable: bool = False,
     with_inertia: bool = True,
 ) -> Iterator[Floating]:
     """A body of a mass and a moment of inertia in a flow that starts from rest."""
-    model = FlowModel(
-        unsteady=True, moving_mesh=True, energy_stable=energy_stable, inertia=with_inertia
-    )
+    model = FlowModel(unsteady=True, moving_mesh=True, inertia=with_inertia)
     with Fluid(domain, model, [Carried(boundary), *conditions], reynolds) as fluid:
         body = RigidBody(Inertia(mass, np.array([inertia])), Freedom(free, motion))
         state = BodyState.at(placement, velocities, fluid.time)

@@ -35,6 +35,7 @@ SOLIDS: list[Section] = [
     {"shape": "polyhedron", "vertices": [[0, 0, 0], [1, 0, 0], [0.5, 0.9, 0], [0.5, 0.3, 0.8]]},
     {"shape": "spheres", "spheres": [[0, 0, 0, 0.5], [0.5, 0.1, 0.1, 0.4]]},
     {"shape": "mesh", "file": "grain.obj", "size": 1.0},
+    {"shape": "capsule", "diameter": 0.6, "length": 1.0},
     {"shape": "cylinder", "diameter": 1.0, "length": 8.0},
 ]
 TERRAINS: list[Section] = [

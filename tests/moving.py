@@ -9,9 +9,10 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
+from energy_stable import volume_before
 from numpy.typing import NDArray
 
-from incipient import compat, forms
+from incipient import compat
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
 from incipient.fluid.transient import backward_difference
@@ -146,7 +147,7 @@ class Energy:
     def __init__(self, fluid: Fluid):
         v, before = (ufl.split(f)[0] for f in (fluid.state, fluid.history[0]))
         dx = fluid.space.quadrature()
-        volume = forms.volume_before(fluid._shifts[0])
+        volume = volume_before(fluid._shifts[0])
         strain = ufl.sym(ufl.grad(v))
         self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
         self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(strain, strain) * dx)

@@ -12,6 +12,7 @@ from pathlib import Path
 TESTS = Path(__file__).parent
 PARTS = {
     "accuracy": (
+        "end_to_end/test_separation.py",
         "end_to_end/test_accuracy.py",
         "end_to_end/test_cost_command.py",
         "end_to_end/test_critical_flow.py",
@@ -25,6 +26,8 @@ PARTS = {
         "unit/test_threshold.py",
     ),
     "contact": (
+        "unit/test_rest_in_space.py",
+        "stability/test_contact_references.py",
         "end_to_end/test_contact_pictures.py",
         "stability/test_random_contacts.py",
         "stability/test_siconos.py",
@@ -33,6 +36,8 @@ PARTS = {
         "unit/test_settle.py",
     ),
     "motion": (
+        "end_to_end/test_oscillating_flow.py",
+        "end_to_end/test_released_resumed.py",
         "convergence/test_contact_motion.py",
         "convergence/test_coupling.py",
         "convergence/test_rotation.py",
@@ -55,6 +60,14 @@ PARTS = {
         "end_to_end/test_released_sphere.py",
     ),
     "running": (
+        "end_to_end/test_pictures.py",
+        "unit/test_refinement.py",
+        "unit/test_sampling.py",
+        "unit/test_survey.py",
+        "end_to_end/test_packages.py",
+        "unit/test_form_cache.py",
+        "unit/test_outline.py",
+        "unit/test_series_file.py",
         "end_to_end/test_command_line.py",
         "end_to_end/test_demos.py",
         "end_to_end/test_effects_of_scenes.py",
@@ -82,6 +95,8 @@ PARTS = {
         "end_to_end/test_moving_sand.py",
     ),
     "space": (
+        "unit/test_triangulations.py",
+        "unit/test_wall_layers.py",
         "convergence/test_cylinder_in_space.py",
         "convergence/test_space.py",
         "end_to_end/test_bead.py",
@@ -113,6 +128,7 @@ PARTS = {
         "stability/test_surface.py",
     ),
     "turbulence": (
+        "end_to_end/test_resolved_along_walls.py",
         "end_to_end/test_hump.py",
         "end_to_end/test_resolved_channels.py",
         "end_to_end/test_rough_beds.py",

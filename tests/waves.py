@@ -108,7 +108,7 @@ class Tank:
         order: int = 2,
         scheme: int = 2,
         gravity: tuple[float, ...] = (0.0, -1.0),
-        energy_stable: bool = False,
+        kind: type[Fluid] = Fluid,
         tolerance: float = 1e-10,
         interface: float | None = None,
         pinned: bool = False,
@@ -126,10 +126,8 @@ class Tank:
         origin = tuple(1.0 for _ in range(gdim))
         stays = ends if pinned else ()
         surface = FreeSurface(self.boundary, gravity, origin, pinned=stays)
-        model = FlowModel(
-            order=order, unsteady=True, moving_mesh=True, energy_stable=energy_stable, solver=solver
-        )
-        self.fluid = Fluid(domain, model, [surface, *walls], 1.0 / viscosity)
+        model = FlowModel(order=order, unsteady=True, moving_mesh=True, solver=solver)
+        self.fluid = kind(domain, model, [surface, *walls], 1.0 / viscosity)
         load = self.fluid.surface
         rising = RisingDisplacement(domain, load.space, self.boundary, held, stays)
         self.nodes = rising.nodes

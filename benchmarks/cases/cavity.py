@@ -53,7 +53,7 @@ def worst(row: Row) -> float:
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     rows = data["rows"]
-    heads = ["program", "unknowns", "largest error", "wall [s]", "processor [s]", "memory [MiB]"]
+    heads = ["program", "unknowns", "largest error", "wall [s]", "CPU [s]", "memory [MiB]"]
     cells = [
         [
             f"{r['family']}: {r['name']}",

@@ -60,7 +60,7 @@ def describe(data: dict[str, Any]) -> str:
         "error of C_D",
         "error of C_L",
         "wall [s]",
-        "processor [s]",
+        "CPU [s]",
         "memory [MiB]",
     ]
     cells = [

@@ -6,7 +6,7 @@ from typing import Any
 
 import callers
 from measure import Session
-from tables import Row, mebibytes, seconds, small, table
+from tables import Row, mebibytes, seconds, small
 
 ORDERS, SIZES = (2, 3, 4), (1.0, 0.5)
 FINEST = (4, 0.3)
@@ -71,20 +71,14 @@ def describe(data: dict[str, Any]) -> str:
         f"{small(_distance(r, fine))} in {r['name'].split(',')[0]}"
         for r in data["refined"][: -1 : len(SIZES)]
     ]
-    gaps = [[r["name"], *_loads(r)] for r in data["gaps"][::2]]
-    limit = [f"{v:.5f}" for v in limits(data["gaps"])]
     return f"""### A grain on a bed: the main job
 
-`incipient run demos/scenes/{SCENE}.toml` with wall time, processor time and memory:
+`incipient run demos/scenes/{SCENE}.toml` with wall time, CPU time and memory:
 
 {listed}
 
 Error of force and torque with mesh_size = {SIZES[0]:g}, over the force, against the finest mesh
 ({fine["name"]}): {", ".join(refined)}.
-
-Loads for gaps in grain sizes (P3-P2, mesh_size = 0.5):
-
-{table(["gap", "F_x", "F_y", "torque"], [*gaps, ["0 (extrapolated)", *limit]])}
 
 {_verdict_on_gap(data["gaps"])}"""
 

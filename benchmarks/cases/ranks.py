@@ -39,7 +39,7 @@ def describe(data: dict[str, Any]) -> str:
     if "error" in data:
         return f"{head}\n\nCould not be run: {data['error']}."
     cells = [
-        f"{r['name']} {seconds(r['wall'])} s of wall and {seconds(r['cpu'])} s of processor time"
+        f"{r['name']} {seconds(r['wall'])} s of wall and {seconds(r['cpu'])} s of CPU time"
         for r in data["rows"]
     ]
     drag, lift = (small(value) for value in data["differences"].values())

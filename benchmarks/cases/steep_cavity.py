@@ -7,7 +7,7 @@ from typing import Any
 
 import callers
 from measure import Session
-from tables import Row, seconds, small, table
+from tables import Row, seconds, small
 
 REYNOLDS = (100, 400, 1000, 3200, 4000)
 HARDEST, FINE = 4000, 0.5
@@ -75,7 +75,7 @@ def describe(data: dict[str, Any]) -> str:
     if "error" in data:
         return f"### Driven cavity up to Re = 4000\n\nCould not be run: `{data['error']}`."
     deviations = [
-        [key, *(f"{part['deviation']:.4f} at {part['position']:g}" for part in found.values())]
+        f"{max(part['deviation'] for part in found.values()):.3f} (Re {key})"
         for key, found in data["deviations"].items()
         if found
     ]
@@ -91,9 +91,7 @@ def describe(data: dict[str, Any]) -> str:
 
 The paper's Fig. 2. Lines: `demos/scenes/cavity.toml` (P4-P3, mesh_size = 1); markers: Ghia, Ghia & Shin (1982),
 `benchmarks/reference/cavity_ghia_1982.csv`, without known misprints. Largest deviations from their table (about three
-digits):
-
-{table(["Re", "u on x = 0.5", "v on y = 0.5"], deviations)}
+digits): {", ".join(deviations)}.
 
 At Re = {HARDEST} the largest error of the three extrema against {fine["name"]} ({fine["unknowns"]} unknowns,
-{seconds(fine["cpu"])} s of processor time) is {" and ".join(cost)}."""
+{seconds(fine["cpu"])} s of CPU time) is {" and ".join(cost)}."""

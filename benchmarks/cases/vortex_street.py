@@ -164,7 +164,7 @@ def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
 `demos/scenes/vortex_street.toml`, from rest; maxima over the last {row["periods"]} periods of the lift ({LATE:g} time
 units).
 
-{table(["", *NAMES.values(), "processor [s]"], [published, *cells])}
+{table(["", *NAMES.values(), "CPU [s]"], [published, *cells])}
 
 *Splitting* solves velocity, pressure and a projection in turn; *explicit convection* is of first order in time and
 factorises once. Limit of incipient's cells and steps: {limits}.
@@ -182,25 +182,18 @@ def _describe_pulsating(row: Row) -> str:
         return f"Could not be run: `{row['error']}`."
     names = {
         "drag": "C_D,max",
-        "drag at": "at t",
+        "drag at": "its time",
         "lift": "C_L,max",
-        "lift at": "at t",
+        "lift at": "its time",
         "pressure": "pressure difference at t = 8",
     }
-    cells = [
-        [
-            names[key],
-            f"{row['found'][key]:.5f}",
-            f"{value:.5f}",
-            f"{row['found'][key] - value:+.1e}",
-        ]
+    values = [
+        f"{names[key]} {row['found'][key]:.5f} ({value:.5f})"
         for key, value in PULSATING.items()
         if row["found"].get(key) is not None
     ]
-    return f"""`demos/scenes/pulsating.toml`: inflow as sin(pi t/8), 0 <= t <= 8.
-
-{table(["", "incipient", "John (2004)", "difference"], cells)}
-
+    return f"""`demos/scenes/pulsating.toml`: inflow as sin(pi t/8), 0 <= t <= 8. In brackets John (2004):
+{", ".join(values)}.
 {_cost(row)}"""
 
 
@@ -209,7 +202,7 @@ def _cost(row: Row) -> str:
     each = 1000 * row["cpu"] / steps
     iterations = row["iterations"]
     return (
-        f"{row['unknowns']} unknowns, {steps} steps, {iterations['newton']} corrections, "
+        f"{row['unknowns']} unknowns, {steps} steps, {iterations['newton']} Newton updates, "
         f"{iterations['factorisations']} factorisations: {seconds(row['cpu'])} s ({each:.0f} ms a step), "
         f"{row['peak_mib']:.0f} MiB."
     )

@@ -1,30 +1,65 @@
-"""The scenes of coarse runs: coarser, in longer steps, with sides farther away."""
+"""Coarse runs: their scenes, with coarser cells, longer steps or farther sides, and their loads, each computed once."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from ..errors import ConvergenceError, IncipientError, MeshError
 from ..planning.boundary_layer import is_resolved
 from ..planning.flow_setup import Setup, order_of
+from ..results.errorbars import Loads
 from ..scene import Scene
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 
-# Coarse runs for the terms of the model: order and mesh_size, the latter at least; in time also how much longer steps
-# are, which waves in long steps would be damped in, as long as there are so many.
+# Coarse runs for the terms of the model: order, least mesh_size; in unsteady flow also the factor on the steps and the
+# least number of steps, since long steps damp waves.
 MODEL_ORDER, MODEL_MESH, MODEL_MESH_IN_TIME = 2, 1.4, 2.0
 MODEL_STEP, MODEL_STEP_OF_WAVES, FEWEST_STEPS = 4.0, 2.0, 8
-# Where gap and domain are chosen to an accuracy below this, coarse runs in 2-D are in elements of this order.
+# Accuracy of gap and domain below which coarse runs in 2-D have this order of elements.
 FINE_BELOW, FINE_ORDER = 0.005, 3
-MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1  # of adaptive steps, over that of the scene; bound
-MODEL_ITERATION = 1e-6  # tolerance of iterations in time: differences of a thousandth matter
-FARTHER = 1.5  # how much larger the domain of the domain's term is
-# Steps of the runs to compare with are longer by a factor in between, so that there are FEWEST_STEPS if possible.
+MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1  # of adaptive steps, over the scene's; upper bound
+MODEL_ITERATION = 1e-6  # tolerance of the iterations in time: differences of 0.1% matter
+FARTHER = 1.5  # factor on the domain for the domain's term
+# Range of the factor on the steps of a comparison, with at least FEWEST_STEPS if possible; otherwise shorter steps.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
-# Steps longer by less tell little: then steps are compared with shorter ones. Likewise cells.
+# Factor on cells between compared meshes.
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
+REMEDY = re.compile(r"; |: use ")  # begins the remedy in a message
+Solve = Callable[[Scene], Loads]
+
+
+class Spent(IncipientError):
+    """The budget of estimates is spent."""
+
+
+class KeptRuns:
+    """Loads of coarse runs, each computed once and cached by the JSON of its scene. Calling is collective.
+
+    known: cached loads; new ones are added
+    spent: returns why no further run may begin, or ""; with a reason calling raises Spent
+    """
+
+    def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):
+        self._known, self._spent, self._run = known, spent, solve
+
+    def __call__(self, scene: Scene) -> Loads:
+        """The loads of a scene, cached or from a run. Collective."""
+        key = scene.model_dump_json()
+        if key not in self._known:
+            if reason := self._spent():
+                raise Spent(reason)
+            try:
+                self._known[key] = self._run(scene)
+            except (ConvergenceError, MeshError) as error:
+                # Its remedy refers to the coarse scene, not to the user's.
+                why = REMEDY.split(str(error))[0]
+                raise type(error)(f"{why}, in a run to compare with") from error
+        return self._known[key]
 
 
 def on_coarser_mesh(scene: Scene) -> Scene:
@@ -34,12 +69,11 @@ def on_coarser_mesh(scene: Scene) -> Scene:
 
 
 def comparisons(scene: Scene) -> tuple[Scene, Scene]:
-    """The scene in time with longer steps, and with these in elements of the next-higher order, on a mesh of their own.
+    """The unsteady scene with longer steps, and with these in elements of the next-higher order, on separate meshes.
 
-    With wall layers, where k and epsilon keep their order, for elements of the highest order, and where no cell
-    resolves the boundary layer of a grain, these are compared with such on a coarser mesh. Where there is neither grain
-    nor wall layers, and the mesh may be as coarse as it gets, the highest order is compared with one order less.
-    Adaptive steps err more each.
+    A coarser mesh replaces the higher order with wall layers (k and epsilon keep their order), at the highest order,
+    and for an unresolved boundary layer of a grain. Without grain and wall layers, on the coarsest mesh, the highest
+    order is compared with the next lower one. Adaptive steps have a larger tolerance.
     """
     assert scene.time is not None
     ratio = ratio_of_steps(scene)
@@ -54,9 +88,9 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
 
 
 def on_another_mesh(scene: Scene) -> bool:
-    """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective.
+    """Whether an unsteady flow is compared on a coarser mesh, not in another order. Not collective.
 
-    A boundary layer that no cell resolves is as thin for elements of a higher order on the same cells.
+    A higher order on the same cells does not resolve a boundary layer that is thinner than the cells.
     """
     if scene.is_averaged or scene.body is None:
         return scene.is_averaged
@@ -64,10 +98,7 @@ def on_another_mesh(scene: Scene) -> bool:
 
 
 def ratio_of_steps(scene: Scene) -> float:
-    """How much longer the steps of runs to compare with are; shorter where longer ones miss a gust or the end.
-
-    Not collective.
-    """
+    """Factor on the steps of a comparison; below one if longer steps miss a gust or the end. Not collective."""
     assert scene.time is not None
     time = scene.time
     longest = min(time.end, _longest_in_gust(scene)) / time.step
@@ -80,7 +111,7 @@ def ratio_of_steps(scene: Scene) -> float:
 
 
 def _longest_in_gust(scene: Scene) -> float:
-    """The longest step that a scene accepts for its gust; infinite without one."""
+    """The longest step allowed by the scene's gust; infinite without one."""
     gust = getattr(scene.flow, "gust", None)
     return math.inf if gust is None or gust.shape == "points" else gust.duration / FEWEST_IN_GUST
 
@@ -91,14 +122,14 @@ def order_in_time(scene: Scene) -> int:
 
 
 def farther(scene: Scene, factor: float = FARTHER) -> Scene:
-    """The scene with inflow, outflow and sides that move with the base flow farther away, at the same viscosity.
+    """The scene with inflow, outflow and sides of the base flow farther away, at the same viscosity.
 
-    Below a free surface only the end moves away at which the scene prescribes nothing.
+    Below a free surface only the end without prescribed data is moved.
     """
     domain, up, origin = scene.domain, scene.up, [*scene.domain.origin]
     more = (factor - 1.0) * domain.length
     if scene.surface is not None and scene.surface.wave is not None:
-        # Waves are to enter at the same place: the right end moves away, with its sponge.
+        # Waves enter at the same position: the right end is moved, with its sponge.
         longer = {"domain": {"length": domain.length + more}}
         sponge = {"surface": {"sponge": factor * scene.surface.sponge}}
         return changed(scene, **longer, **(sponge if scene.surface.sponge > 0.0 else {}))
@@ -108,15 +139,15 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
         before = float(period * np.ceil(before / period))
     origin[0] -= before
     if scene.has_surface:
-        # The still level is given at the outflow: on a flat bed friction changes the depth from there upstream.
+        # The still level is prescribed at the outflow; friction on a flat bed changes the depth upstream.
         return changed(scene, domain={"length": domain.length + before, "origin": tuple(origin)})
     changes: dict[str, Any] = {"length": domain.length + 2.0 * before}
     across = scene.body is not None and scene.body.shape == "cylinder"  # from side to side
     if domain.width is not None and scene.sides != "wall" and not across:
         changes["width"] = factor * domain.width
         origin[1] -= 0.5 * (factor - 1.0) * domain.width
-    # Without a bed the flow is endless downwards as well, and a top without shear is no surface of a channel. Shear is
-    # not, it begins at the bottom.
+    # Without a bed the flow is also unbounded below, and a top without shear is no channel surface; a shear flow begins
+    # at the bottom.
     endless = scene.bed is None and scene.flow.kind in ("uniform", "expression")
     if scene.top == "stream" or (endless and scene.top == "slip"):
         changes["height"] = factor * domain.height
@@ -125,14 +156,14 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     larger = changed(scene, domain={**changes, "origin": tuple(origin)})
     if scene.fluid.scale == "grain":
         return larger
-    # The viscosity stays: the Reynolds number is that of a higher domain.
+    # At the same viscosity the Reynolds number refers to a higher domain.
     return changed(
         larger, fluid={"reynolds": scene.fluid.reynolds * larger.viscosity / scene.viscosity}
     )
 
 
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
-    """The scene as it is run for a term of the model."""
+    """The scene of a coarse run for a term of the model."""
     accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
     fine = scene.gdim == 2 and isinstance(accuracy, float) and accuracy < FINE_BELOW
     order = FINE_ORDER if fine else MODEL_ORDER
@@ -146,7 +177,7 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         MODEL_ITERATION if tolerance == "auto" else max(MODEL_ITERATION, tolerance)
     )
     if scene.body is not None and not scene.body.moves:
-        # Without weight no step is judged.
+        # Without weight no verdict is computed in steps.
         sections["body"] = {"density": None, "mass": None, "inertia": None}
     time, longer = scene.time, MODEL_STEP if scene.body is not None else MODEL_STEP_OF_WAVES
     most = min(time.end / FEWEST_STEPS, _longest_in_gust(scene))
@@ -158,22 +189,22 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
 
 
 def is_coarse(scene: Scene) -> bool:
-    """Whether a scene of steady flow is the first of its own coarse runs, which is then not made. Not collective."""
+    """Whether a scene of steady flow is its own first coarse run, which is then omitted. Not collective."""
     return coarse(scene) == changed(
         scene, numerics={"error_bars": False, "order": order_of(scene).number}
     )
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
-    """The scene with some keys of some sections changed, checked again; raises SceneError if it contradicts itself."""
+    """The scene with changed keys by section, validated. Raises SceneError."""
     plain = scene.model_dump()
     following = {"body", "fluid", "flow", "gravity"} | (
         {"domain"} if scene.fluid.scale == "flow" else set()
     )
     if following & sections.keys():
-        plain["units"] = None  # what followed from them is as changed now
+        plain["units"] = None  # their consequences are already in the keys
     for name, keys in sections.items():
         before = plain[name] or {}
         kept = before if keys.get("kind", before.get("kind")) == before.get("kind") else {}
-        plain[name] = {**kept, **keys}  # another kind has keys of its own
+        plain[name] = {**kept, **keys}  # another kind has other keys
     return Scene(**plain)

@@ -1,13 +1,12 @@
-"""How far a steady force and torque are from converged: the dual-weighted residual, goal by goal.
+"""Discretisation errors of steady force and torque: the dual-weighted residual, goal by goal.
 
-The computed flow is put into elements of the next-higher order on the same mesh. One Newton correction there, with
-fresh factors, gives force and torque as they would be with that order: the difference is the estimated error.
-The same number is minus the residual of the computed flow weighted with the solution of the dual problem, the
-sensitivity of the goal to forces anywhere in the fluid (Becker and Rannacher 2001). The weighted residual,
-split by the hat functions of the mesh (Richter and Wick 2015), says where the error comes from.
+The computed flow is interpolated into elements of the next-higher order on the same mesh. One Newton update there, with
+a new LU factorisation, gives force and torque of that order; the difference is the estimated error. It equals minus the
+residual of the computed flow weighted with the dual solution, the sensitivity of the goal to forces in the fluid
+(Becker and Rannacher 2001). The weighted residual, localised by the hat functions of the mesh (Richter and Wick 2015),
+gives the contributions of cells.
 
-What neither sees: the geometry of curved boundaries, which both orders share, and whatever the scene
-leaves out.
+Not included: the geometry of curved boundaries, common to both orders, and modelling errors.
 """
 
 from __future__ import annotations
@@ -27,13 +26,15 @@ from ..arrays import Floats
 from ..compat import petsc
 from ..coupled.tractions import Resultant, TractionProbe, rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
-from ..fluid.raised import enriched
+from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
 from ..results.errorbars import Loads
 from .terms import SAFETY
 
-LEAST_COUPLE = 0.1  # of what the force at the boundary would turn by: smaller changes do not count
+LEAST_TORQUE = (
+    0.1  # of the force change times the boundary's radius: smaller changes of torque are ignored
+)
 
 
 class GoalErrors:
@@ -43,8 +44,8 @@ class GoalErrors:
 
     Args:
         fluid: the solved steady flow; left as it is.
-        boundary: whose force and torque are looked at.
-        about: point (gdim,) that torques refer to.
+        boundary: name of the boundary of force and torque.
+        about: reference point (gdim,) of torques.
     """
 
     def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float]):
@@ -68,7 +69,7 @@ class GoalErrors:
 
     @property
     def allowance(self) -> float:
-        """What an estimate is to be multiplied with where it stands for a bound, as it does in error bars."""
+        """Safety factor on estimates in error bars."""
         return SAFETY if self.fluid.space.gdim == 3 else 1.0
 
     @property
@@ -77,25 +78,24 @@ class GoalErrors:
         return self.computed.force - self.improved.force
 
     @property
-    def couple(self) -> Floats:
+    def torque(self) -> Floats:
         """(3,) computed torque less that of the finer elements."""
-        return self.computed.couple - self.improved.couple
+        return self.computed.torque - self.improved.torque
 
     def loads(self, unit: float) -> Loads:
-        """Force and torque with the estimated errors taken away, in a unit of the fluid's loads."""
-        return Loads(unit * self.improved.force, unit * self.improved.couple)
+        """Force and torque less their estimated errors, times `unit`."""
+        return Loads(unit * self.improved.force, unit * self.improved.torque)
 
     @property
     def is_upwinded(self) -> bool:
-        """Whether the flow is upwinded where its correction is not, so that one may not be enough."""
+        """Whether the flow is upwinded but its update is not, so that one update may not suffice."""
         return self.fluid.model.upwind and self.finer.model.exact
 
     def correct_again(self) -> float:
-        """Make one more correction; how much of all that is corrected by now it was, the more of force and torque.
+        """Make a second Newton update; returns its fraction of the total change, the larger of force and torque.
 
-        The residual is that without upwinding, the Jacobian that with it: a correction leaves some of what upwinding
-        changes, and the next one tells how much. `force` and `couple` then are those of both. A torque that hardly
-        changes, against the force at the boundary's largest distance, tells nothing.
+        The residual is without upwinding, the Jacobian with it: an update leaves some of the effect of upwinding, which
+        the next one shows. `force` and `torque` then include both updates. Small changes of torque are ignored.
         """
         before = self.improved
         self.finer.correct()
@@ -104,14 +104,14 @@ class GoalErrors:
             float(np.linalg.norm(vector))
             for vector in (before.force - self.improved.force, self.force)
         )
-        couples = before.couple - self.improved.couple, self.couple
-        turned_last, turned_both = (float(np.linalg.norm(vector)) for vector in couples)
-        least = max(LEAST_COUPLE * both * self._reach, 1e-300)
+        torques = before.torque - self.improved.torque, self.torque
+        turned_last, turned_both = (float(np.linalg.norm(vector)) for vector in torques)
+        least = max(LEAST_TORQUE * both * self._reach, 1e-300)
         return max(last / max(both, 1e-300), turned_last / max(turned_both, least))
 
     @property
     def _reach(self) -> float:
-        """The largest distance of the boundary from what torques refer to. Collective."""
+        """The largest distance of the boundary from the reference point of torques. Collective."""
         space = self.finer.space
         blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
         arms = self.finer.constraints.points[blocks, : space.gdim] - self._about
@@ -119,10 +119,11 @@ class GoalErrors:
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def shares(self, goal: Floats) -> Floats:
-        """What each local vertex of the mesh contributes to the error of a goal: (vertices, ghosts included).
+        """Contributions (vertices, ghosts included) of local vertices to the error of a goal.
 
-        `goal` (k,), k = 3 in 2-D and 6 in 3-D, weights force and torque: the goal is their sum. The
-        contributions of all owned vertices add up to the error up to what the correction leaves of it.
+        goal: (k,), k = 3 in 2-D and 6 in 3-D, weights of force and torque
+
+        The contributions of owned vertices add up to the error, except for the remainder of the Newton update.
         """
         finer, corrected = self.finer, self.finer.state.x.array.copy()
         hats, weight, residual = finer.kept("shares", self._weighted_residual)
@@ -138,7 +139,7 @@ class GoalErrors:
         return np.asarray(shares.x.array)
 
     def _weighted_residual(self) -> tuple[Any, Any, Any]:
-        """Linear elements, a weight in the finer ones, and the residual weighted with it by hat functions."""
+        """Linear elements, a weight in the higher-order ones, and the residual weighted with it, by hat function."""
         hats = compat.space(self.fluid.domain.mesh, ("Lagrange", 1))
         weight = dolfinx.fem.Function(self.finer.space.mixed)
         hat, (w, q) = ufl.TestFunction(hats), ufl.split(weight)
@@ -146,7 +147,7 @@ class GoalErrors:
         return hats, weight, compat.form(residual)
 
     def _weigh(self, goal: Floats, weight: Any) -> None:
-        """Make the weight the dual solution with the goal's boundary values, less its part in the flow's elements."""
+        """Set the weight to the goal's dual solution, less its interpolant in the flow's elements."""
         finer = self.finer
         goal = goal * shares_of_the_whole(finer.domain)
         motion = rigid_motion(finer, self._boundary, self._about, goal)

@@ -1,7 +1,7 @@
-"""Error bars on force, torque, safety factor and verdict, elevations, and u* at walls, estimated by the run itself.
+"""Error bars on force, torque, safety factor and verdict, elevations, and u* at walls.
 
-Terms are added in absolute value: an error bar is not a standard deviation. Each is a function in `terms`, but for
-those that a run tells by itself.
+Terms are added in absolute value: an error bar is not a standard deviation. Terms are functions in `terms`, except for
+those from the run alone.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import numpy as np
 
 from ..errors import ConvergenceError, IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..scene import Scene
-from .coarse_runs import coarse, is_coarse
-from .kept_runs import KeptRuns, Solve
+from .coarse_runs import KeptRuns, Solve, coarse, is_coarse
 from .terms import (
     MODEL,
     OF_MESH,
@@ -34,8 +33,8 @@ from .terms import (
 if TYPE_CHECKING:
     from ..simulation.state import Run
 
-# Error of loads in elements of order 3 or 4 over what these change in order 2 on the same mesh: if they leave a third
-# of the error of order 2 or less, half of the change or less is left (0.34 at most measured).
+# Error of loads in elements of order 3 or 4 over their difference from order 2 on the same mesh: if at most a third of
+# the second-order error is left, at most half of the difference is (0.34 at most measured).
 LEFT = 0.5
 SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
 OF_ITERATION = "flow, which has not converged"
@@ -47,34 +46,33 @@ OF_MODEL = (
 def error_bars(
     run: Run,
     force: Forces | None,
-    couple: Couples | None,
+    torque: Torques | None,
     solve: Solve,
     improve: Solve | None = None,
 ) -> ErrorBars:
-    """The error bars of a finished run with what they mean for its verdict; see `error_terms`. Collective."""
-    return with_safety(error_terms(run, force, couple, solve, improve=improve), run, force, couple)
+    """The error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
+    return with_safety(error_terms(run, force, torque, solve, improve=improve), run, force, torque)
 
 
 def error_terms(
     run: Run,
     force: Forces | None,
-    couple: Couples | None,
+    torque: Torques | None,
     solve: Solve,
     speed: float = 1.0,
     improve: Solve | None = None,
 ) -> ErrorBars:
-    """Error bars but for what they mean for the verdict. Collective.
+    """Error bars without the safety factor. Collective.
 
-    A term whose coarse runs fail is left out, and the reason said. `run.accounts.known` holds what is not computed
-    again.
+    A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts.known` are reused.
 
     Args:
-        solve: runs the scene of a coarse run for its loads.
+        solve: computes the loads of a coarse scene.
         speed: of the steady flow over the scene's.
-        improve: gives loads on coarser cells less their estimated errors; None: the discretisation is not corrected.
+        improve: computes loads on coarser cells less their estimated errors; None: no correction of the discretisation.
     """
     scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
-    computed, left_out = loads_of_run(run, force, couple), not_there(scene)
+    computed, left_out = loads_of_run(run, force, torque), not_there(scene)
     if scene.is_averaged and scene.time is None and is_coarse(scene):
         known.loads[coarse(scene).model_dump_json()] = computed
     estimates = _of_run(run, speed, improve) | of_the_model(scene, speed)
@@ -96,20 +94,19 @@ def error_terms(
 
 
 def with_safety(
-    bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None
+    bars: ErrorBars, run: Run, force: Forces | None, torque: Torques | None
 ) -> ErrorBars:
-    """The bars with the safety factor's, where there is a verdict and at least one term. Collective.
+    """The bars with that of the safety factor of the corrected loads, given a verdict and a term. Collective.
 
-    It is that of the corrected loads. Nothing is certain of a grain in turbulent flow: another program with the same
-    model finds other loads.
+    Nothing is certain in turbulent flow: implementations of the same model differ in their loads.
     """
-    if run.contacts is None or force is None or couple is None or not bars.terms:
+    if run.contacts is None or force is None or torque is None or not bars.terms:
         return bars
-    force, couple = bars.corrected(force, couple)
-    errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
+    force, torque = bars.corrected(force, torque)
+    errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
     from .goal import bar_of_scene  # which loads linear programs, slowly
 
-    bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
+    bar = bar_of_scene(run.scene, run.contacts, force, torque, errors)
     if bar is None:
         return bars
     if (walls := run.wall_report()) is not None:
@@ -120,8 +117,8 @@ def with_safety(
     return replace(bars, safety=replace(bar, unknown=unknown))
 
 
-def loads_of_run(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
-    """What a run has come to. Collective."""
+def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Loads:
+    """The loads and other quantities of a run. Collective."""
     from ..mesh.sampling import centrelines
 
     scene, place = run.scene, None
@@ -130,26 +127,26 @@ def loads_of_run(run: Run, force: Forces | None, couple: Couples | None) -> Load
     lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
     size = 1.0 if scene.grain is None else scene.grain.size
     walls, upstream = run.wall_report(), run.separated()
-    loads = Loads.at_the_end(force, couple, place, run.elevations, walls, size, upstream)
+    loads = Loads.at_the_end(force, torque, place, run.elevations, walls, size, upstream)
     return replace(loads, centreline=centreline_velocities(lines))
 
 
 def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate]:
-    """How the errors are estimated, by name, that take the run itself."""
+    """Estimates that need the run itself, by name."""
 
     def discretisation(computed: Loads, solve: Solve) -> Term:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed, improve)
 
     def not_steady(computed: Loads, solve: Solve) -> Term:
-        force, couple = computed.unsteady[:3], computed.unsteady[3:]
-        return Term("not steady", force, couple, "by how much loads change in the last steps")
+        force, torque = computed.unsteady[:3], computed.unsteady[3:]
+        return Term("not steady", force, torque, "by how much loads change in the last steps")
 
     def pocket(computed: Loads, solve: Solve) -> Term:
-        """Error from the unknown pressure in closed pockets between contacts."""
+        """The error from the unknown pressure in closed interstices between contacts."""
         assert run.probe is not None and run.probe.enclosed is not None
-        force, couple = run.probe.enclosed.unknown(run.probe.about)
+        force, torque = run.probe.enclosed.unknown(run.probe.about)
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
-        return Term("pocket", speed**2 * force, speed**2 * couple, how)
+        return Term("pocket", speed**2 * force, speed**2 * torque, how)
 
     by_runs = by_coarse_runs(run.scene, run.accounts.known.terms.get(OF_MESH))
     estimates = {"discretisation": by_runs or discretisation, "not steady": not_steady}
@@ -159,15 +156,15 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
 
 
 def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
-    """The discretisation's term by the dual-weighted residual, corrected where that is worth a run on other cells."""
-    from .dual import GoalErrors  # a plan asks for the coarse runs, without finite elements
+    """The discretisation term from the dual-weighted residual, corrected if the error is large enough."""
+    from .dual import GoalErrors  # plans need the coarse runs without finite elements
 
     assert run.layout.placement is not None
     with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
         unit = goals.allowance * unit_of(run, speed)
         term = by_dual(goals, unit)
     small = np.linalg.norm(term.force) < SMALL * unit * np.linalg.norm(goals.computed.force)
-    chosen = run.scene.numerics.accuracy is not None  # cells, for an error that has been reached
+    chosen = run.scene.numerics.accuracy is not None  # cells chosen for an error
     as_it_is = small or chosen or bool(term.doubt)
     if improve is None or as_it_is or run.accounts.spent() or not is_corrected(run.scene):
         return term
@@ -178,38 +175,35 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
 
 
 def unit_of(run: Run, speed: float) -> float:
-    """Loads at a speed over those of the fluid, whose own speed is near, or it is Stokes flow. Not collective."""
+    """Ratio of loads at a speed to those of the fluid, whose speed is close except in Stokes flow. Not collective."""
     return speed * run.fluid.reynolds / run.plan.reynolds
 
 
 def _by_surplus(run: Run, speed: float) -> Term:
-    """The discretisation's term from the change of the loads by elements of a higher order than two.
+    """The discretisation term from the change of the loads from second-order elements.
 
-    Components may change little by chance: each is taken to err by the same, unless it vanishes by symmetry.
+    Components that do not vanish because of symmetry get equal errors, since one may change little by chance.
     """
     from ..coupled.tractions import TractionProbe
 
     placement, rough = run.layout.placement, run.fluid.coarse
     assert placement is not None and rough is not None and run.probe is not None
     fine, other = run.probe.resultant(), TractionProbe(rough, "body", placement.centre).resultant()
-    force, couple = (
+    force, torque = (
         LEFT * unit_of(run, speed) * (getattr(fine, of) - getattr(other, of))
-        for of in ("force", "couple")
+        for of in ("force", "torque")
     )
     how = f"{LEFT:g} of the change from order 2 to order {run.plan.order} on the same mesh"
-    return Term("discretisation", np.abs(force), np.abs(couple), how).with_components_alike()
+    return Term("discretisation", np.abs(force), np.abs(torque), how).with_components_alike()
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
-    """What corrections may change in each other, which are made one by one: each as much as the other does the load.
-
-    None where fewer than two are made.
-    """
+    """The interaction of separate corrections: relative changes as large as those of the load; None below two."""
     changes = [term.correction for term in terms if term.correction is not None]
     if len(changes) < 2:
         return None
     errors = []
-    for name in ("force", "couple"):
+    for name in ("force", "torque"):
         parts = [getattr(change, name) for change in changes]
         size = float(np.linalg.norm(getattr(computed, name))) or np.inf
         sized = [(part, min(float(np.linalg.norm(part)) / size, 1.0)) for part in parts]
@@ -222,7 +216,7 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
-    """The scenes of the coarse runs that the error bars of a scene need, each once. Not collective."""
+    """The distinct scenes of the coarse runs for a scene's error bars. Not collective."""
     wanted: dict[str, Scene] = {}
     nothing = Loads(np.zeros(3), np.zeros(3))
 
@@ -231,7 +225,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
         return nothing
 
     for estimate in (by_coarse_runs(scene), *of_the_model(scene).values()):
-        with suppress(ConvergenceError):  # a term that is not computed needs no runs
+        with suppress(ConvergenceError):  # a failed term needs no runs
             if estimate is not None:
                 estimate(nothing, note)
     return list(wanted.values())

@@ -1,4 +1,4 @@
-"""A solved run with its error bars."""
+"""Result and error bars of a solved run."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from ..simulation.simulate import loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 
-COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
+COARSER_CELLS = 1.5  # factor on the cells of the run with improved loads
 
 
 def finished(run: Run, recorder: Recorder) -> Result:
-    """Judge what has been solved, estimate errors, and hand the result over. Collective.
+    """Compute verdict and error bars, and record the result. Collective.
 
-    The result is handed over before the errors are estimated as well: that may take as long as the run. Where the
-    estimate fails the result says why. Raises Interrupted meanwhile, which says where the result without them is kept.
+    The result without error bars is recorded first: estimates may take as long as the run. A failed estimate is
+    reported in the result. Raises Interrupted, with the directory of the result without error bars.
     """
     result = outcome(run)
     estimated = run.scene.numerics.error_bars
@@ -37,7 +37,7 @@ def finished(run: Run, recorder: Recorder) -> Result:
 
 
 def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
-    """The error bars, or why there are none; neither where none are wanted."""
+    """The error bars, or the reason for missing ones; neither if not requested."""
     if not run.scene.has_error_bars:
         return None, run.scene.no_error_bars
     from ..simulation.beside import Beside
@@ -47,7 +47,7 @@ def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
     improve = partial(improved_loads, comm=run.comm)
     with run.stage("error bars"):
         try:
-            return error_bars(run, result.force, result.couple, solve, improve), ""
+            return error_bars(run, result.force, result.torque, solve, improve), ""
         except IncipientError as error:
             return None, f"not computed: {error}"
 

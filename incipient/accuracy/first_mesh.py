@@ -1,6 +1,8 @@
-"""The plan of a scene with its expense, counted by making the first mesh of its run."""
+"""The plan of a scene with its cost, counted on the first mesh of its run."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from ..effects import known
 from ..effects.plan import make_plan, plan_of
@@ -19,19 +21,21 @@ LARGEST = 100.0  # of numerics.mesh_size
 
 
 def planned(scene: Scene) -> Plan:
-    """The plan with cells, unknowns and memory, on the first mesh if there are several. Not collective.
+    """The plan with cells, unknowns and memory of the first mesh. Not collective.
 
     Without gmsh the plan has a warning instead. Raises MeshError.
     """
     plan = make_plan(scene)
     try:
-        return plan.with_estimate(first_mesh(scene))
+        return replace(plan, estimate=first_mesh(scene))
     except MissingError as error:
-        return plan.warned(f"cells, unknowns and memory are not known: {error}")
+        return replace(
+            plan, warnings=(*plan.warnings, f"cells, unknowns and memory are not known: {error}")
+        )
 
 
 def first_mesh(scene: Scene) -> Estimate:
-    """Cells, unknowns, memory on the first mesh of a run, which is made. Not collective; raises MeshError."""
+    """Cells, unknowns and memory of the first mesh of a run. Not collective; raises MeshError."""
     if scene.numerics.accuracy is None:
         return counted(scene)
     if scene.is_averaged:
@@ -47,10 +51,10 @@ def first_mesh(scene: Scene) -> Estimate:
 
 
 def counted(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory of a run, counted by making its mesh on this process. Not collective.
+    """Cells, unknowns and memory of a run, counted on its mesh. Not collective.
 
-    The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept. So it is
-    below a free surface in 3-D while the run in elements of another order is made.
+    Memory includes the coarse run of the error bars that coexists with the scene's flow: with more of the bed, or in
+    elements of another order below a free surface in 3-D.
     """
     setup = Setup(scene)
     plan, has_dual = plan_of(setup), expense.has_dual(setup)
@@ -58,10 +62,8 @@ def counted(scene: Scene) -> Estimate:
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)
     expected = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
-    expected = expected.with_more(
-        sum(effect.memory(setup, expected.unknowns) for effect in known.EFFECTS)
-    )
+    more = sum((effect.memory(setup, expected.unknowns) for effect in known.EFFECTS), 0.0)
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = counted(comparisons(scene)[1])
-        expected = expected.with_more(other.memory_mib - memory_of_libraries())
-    return expected
+        more += other.memory_mib - memory_of_libraries()
+    return replace(expected, memory_mib=expected.memory_mib + more)

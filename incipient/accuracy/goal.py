@@ -1,6 +1,6 @@
-"""The quantity whose accuracy is asked for: its relative error, and its sensitivities to force and torque.
+"""The goal quantity of an accuracy: its relative error, and its sensitivities to force and torque.
 
-It is a load on a grain, its safety factor, the elevation of a free surface, or u* at the walls of a turbulent flow.
+A load on a grain, its safety factor, the elevation of a free surface, or u* at the walls of a turbulent flow.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import numpy as np
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.verdict import MassAndInertia, judged
 from ..evaluation.contact_verdict import find_contacts, load_of
 from ..planning.flow_setup import Setup
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..results.result import Result
 from ..results.safetybar import SafetyBar
 from ..scene import Scene
@@ -29,19 +30,19 @@ if TYPE_CHECKING:
     from ..results.errorbars import Term
     from ..results.wall_report import WallReport
 
-# Errors (6,) of force and torque by the name of what they come from.
+# Errors (6,) of force and torque by source.
 Errors = Mapping[str, Floats]
-# A torque smaller than this fraction of force times grain size is measured against that.
-LEAST_COUPLE = 0.01
+# Fraction of force times grain size: lower bound of the scale of a torque's error.
+LEAST_TORQUE = 0.01
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
 
 
 @dataclass(frozen=True)
 class LoadsOnMesh:
-    """Loads, elevations and walls that a run on a mesh has come to, as a result has them."""
+    """Loads, elevations and wall report of a run on a mesh."""
 
     force: Forces | None
-    couple: Couples | None
+    torque: Torques | None
     elevations: Elevations | None = None
     turbulence: WallReport | None = None
 
@@ -50,23 +51,23 @@ Computed = Result | LoadsOnMesh
 
 
 class Quantity(Protocol):
-    """What a mesh is refined for; see `Goal`."""
+    """The goal quantity of a refinement; see `Goal`."""
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Its name."""
 
-    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque."""
 
-    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
         """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
 
 
 def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
-    """The relative error of a quantity of a run by a term of its error bars; None where that is not known.
+    """The relative error of a quantity from a term of the error bars; None: not known.
 
-    Of elevations it is the largest error within the run, or at the end, over the largest elevation of the run.
+    For elevations: the largest error within the run, or at the end, over the largest elevation.
     """
     if goal.name == OF_WALLS:
         if term.shear is None or on_mesh.turbulence is None:
@@ -78,14 +79,14 @@ def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
         if error is None or on_mesh.elevations is None:
             return None
         return _ratio(float(error.max(initial=0.0)), on_mesh.elevations.largest)
-    if on_mesh.force is None or on_mesh.couple is None:
+    if on_mesh.force is None or on_mesh.torque is None:
         return None
-    return goal.error(on_mesh.force, on_mesh.couple, term.force, term.couple)
+    return goal.error(on_mesh.force, on_mesh.torque, term.force, term.torque)
 
 
 @dataclass(frozen=True)
 class Goal:
-    """The load or the safety factor of a grain; without one the elevation of a free surface, or u* of its walls."""
+    """A load or the safety factor of a grain; without a grain an elevation or u*."""
 
     name: str
     scene: Scene
@@ -93,61 +94,59 @@ class Goal:
 
     @classmethod
     def of(cls, scene: Scene) -> Goal:
-        """The quantity whose accuracy the scene asks for; a verdict depends on the safety factor."""
+        """The goal quantity of a scene; for a verdict the safety factor."""
         verdict = scene.numerics.accuracy == "verdict"
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
-    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque.
 
-        For the force it is the size of the error over that of the force; for the safety factor the width of its
-        interval over its value, infinite where only one of both is.
+        Force: norm of the error over the norm of the force. Safety factor: width of its range over its value, infinite
+        if only one of them is.
         """
-        if self.name in ("force", "couple"):
-            error = of_force if self.name == "force" else of_couple
-            return _ratio(float(np.linalg.norm(error)), self._scale(force, couple))
+        if self.name in ("force", "torque"):
+            error = of_force if self.name == "force" else of_torque
+            return _ratio(float(np.linalg.norm(error)), self._scale(force, torque))
         assert self.contacts is not None
-        errors = {"discretisation": np.abs(np.concatenate([of_force, of_couple]))}
-        bar = bar_of_scene(self.scene, self.contacts, force, couple, errors)
+        errors = {"discretisation": np.abs(np.concatenate([of_force, of_torque]))}
+        bar = bar_of_scene(self.scene, self.contacts, force, torque, errors)
         assert bar is not None
         return bar.relative
 
-    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
         """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
         gdim = self.scene.gdim
         places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
         if self.contacts is not None:
-            slope = self._slope(force, couple, places)
+            slope = self._slope(force, torque, places)
             if np.all(np.isfinite(slope)) and np.any(slope):
                 return [slope]
-        units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(force, couple) or 1.0)
-        return [unit for unit in units if unit[gdim:].any() == (self.name == "couple")]
+        units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(force, torque) or 1.0)
+        return [unit for unit in units if unit[gdim:].any() == (self.name == "torque")]
 
-    def _scale(self, force: Forces, couple: Couples) -> float:
+    def _scale(self, force: Forces, torque: Torques) -> float:
         size = float(np.linalg.norm(force.flow))
-        if self.name != "couple":
+        if self.name != "torque":
             return size
         assert self.scene.grain is not None
-        return max(float(np.linalg.norm(couple.flow)), LEAST_COUPLE * size * self.scene.grain.size)
+        return max(float(np.linalg.norm(torque.flow)), LEAST_TORQUE * size * self.scene.grain.size)
 
-    def _slope(self, force: Forces, couple: Couples, places: dict[int, int]) -> Floats:
+    def _slope(self, force: Forces, torque: Torques, places: dict[int, int]) -> Floats:
         """Derivatives of log(safety factor) along force and torque, (3,) in 2-D and (6,) in 3-D."""
         load, scene, contacts = (
-            load_of(self.scene.placement, force, couple),
+            load_of(self.scene.placement, force, torque),
             self.scene,
             self.contacts,
         )
         assert contacts is not None and scene.contact is not None and scene.grain is not None
-        friction, step = scene.contact.friction, DIFFERENCE * float(np.linalg.norm(force.flow))
+        law, step = scene.contact.law, DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
-        return slopes(
-            load, steps, places, lambda each: judged(each, contacts, friction).safety.value
-        )
+        return slopes(load, steps, places, lambda each: judged(each, contacts, law).safety.value)
 
 
 def components(gdim: int, halved: bool) -> dict[int, int]:
-    """Position among force and torque in 3-D (6,) of each component of a scene, by its number; a half has even ones."""
+    """Index in the 3-D force and torque (6,) by component of a scene; a symmetric half has the even components."""
     if gdim == 2:
         return {0: 0, 1: 1, 2: 5}
     return {place: place for place in ((0, 2, 4) if halved else range(6))}
@@ -156,7 +155,7 @@ def components(gdim: int, halved: bool) -> dict[int, int]:
 def slopes(
     load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]
 ) -> Floats:
-    """Derivatives (k,) of log factor along the components of a flow's load, as `components` has them, by steps (k,)."""
+    """Derivatives (k,) of log factor along the `components` of the flow's load, by differences `steps` (k,)."""
     derivatives = np.zeros(len(steps))
     for i, place in places.items():
         ahead = steps[i] * np.eye(6)[place]
@@ -173,35 +172,35 @@ def _ratio(error: float, scale: float) -> float:
 
 
 def bar_of_scene(
-    scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors
+    scene: Scene, contacts: Contacts, force: Forces, torque: Torques, errors: Errors
 ) -> SafetyBar | None:
-    """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective."""
+    """The safety bar of a scene's grain under computed loads; None without contacts. Not collective."""
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
     load, inert = (
-        load_of(scene.placement, force, couple),
+        load_of(scene.placement, force, torque),
         mass_and_inertia(scene.body, scene.placement),
     )
-    return bar_of_safety(load, contacts, scene.contact.friction, inert, errors)
+    return bar_of_safety(load, contacts, scene.contact.law, inert, errors)
 
 
 def bar_of_safety(
     load: Load,
     contacts: Contacts,
-    friction: float,
+    law: Law,
     inert: MassAndInertia | None,
     errors: Errors,
 ) -> SafetyBar:
-    """What is proved of all loads within the sum of the errors, by `safety_range`. Not collective."""
+    """The safety bar over all loads within the sum of the errors, by `safety_range`. Not collective."""
 
     def within(names: set[str]) -> SafetyRange:
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
-        return safety_range(load, contacts, friction, box)
+        return safety_range(load, contacts, law, box)
 
-    common, case = within(set(errors)), (contacts, friction, inert)
+    common, case = within(set(errors)), (contacts, law, inert)
     widths = {name: within(set(errors) - {name}).width for name in errors}
     exact = judged(load, *case)
-    # Modes are those of the load and of the worst one within the box: it may have others, unless all loads rest.
+    # Modes of the load and of the worst load within the box; others are possible unless all loads rest.
     modes: tuple[str, ...] = ("rest",)
     if not common.rests:
         labels = exact.label, judged(common.worst, *case).label, *([] if common.moves else ["rest"])

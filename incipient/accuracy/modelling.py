@@ -1,7 +1,7 @@
-"""The errors of gap and domain, which no mesh makes smaller, in a search for an accuracy.
+"""Errors of gap and domain, independent of the mesh, in a search for an accuracy.
 
-With `numerics.accuracy_includes = "all"` gap and domain are changed until both errors are small compared with the
-accuracy; the mesh is sought after that. Otherwise they stay, and the result says what would make them small enough.
+With `numerics.accuracy_includes = "all"` gap and domain are changed before the search for a mesh until both errors are
+small compared with the accuracy. Otherwise they stay, and the result names a remedy.
 """
 
 from __future__ import annotations
@@ -17,35 +17,34 @@ import numpy as np
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError
 from ..results.errorbars import ErrorBars, Loads, Term
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..scene.flows import Flow
 from ..simulation.loads import weights
-from .coarse_runs import changed, coarse, farther
+from .coarse_runs import Solve, changed, coarse, farther
 from .goal import Computed, LoadsOnMesh, Quantity, relative
-from .kept_runs import Solve
 from .next_mesh import AIM
 from .terms import DECAY, SLOWEST_DECAY, has_no_far_sides, not_there, of_domain, of_the_model
 
 SHARE = 0.5  # of the accuracy, for gap and domain together
 MOST_STEPS = 6
 SMALLEST_GAP = 1e-4  # of the grain's size
-CLOSEST, FARTHEST = 1 / 32, 3.0  # how much smaller a gap and larger a domain become at once
-# Keys that change gap and domain, by section.
+CLOSEST, FARTHEST = 1 / 32, 3.0  # largest factors on gap and domain in one step
+# Keys of gap and domain by section.
 KEYS = {
     "contact": ("gap",),
     "domain": ("origin", "length", "width", "height"),
     "surface": ("sponge",),
 }
-LEAST = 1e-3  # to which fraction a term is sought to be lessened, at most
+LEAST = 1e-3  # least fraction to which a term is reduced
 
 
 @dataclass(frozen=True)
 class Suited:
-    """A scene with the gap and domain that an accuracy calls for.
+    """A scene with gap and domain for an accuracy.
 
-    terms: their errors, as they are now; `error` is their sum, relative, infinite where they are not known
-    unmet: why they are not small enough, or ""; errors: what each term comes to by name, relative
+    terms: their present errors; error: relative sum, infinite if not known
+    unmet: why they are not small enough, or ""; errors: relative error of each term by name
     plain: the same without corrections
     """
 
@@ -57,7 +56,7 @@ class Suited:
     plain: dict[str, float] = field(default_factory=dict)
 
     def changes(self, wished: Scene) -> tuple[str, ...]:
-        """Differences from the scene that was wished for, in words."""
+        """Differences from the requested scene as text."""
         changed = _keys(self.scene, wished).items()
         return tuple(f"{key} = {now} instead of {before}" for key, (now, before) in changed)
 
@@ -65,10 +64,10 @@ class Suited:
 def suited(
     scene: Scene, accuracy: float, goal: Quantity, solve: Solve, report: Callable[[str], None]
 ) -> Suited:
-    """Choose gap and domain whose errors together are half of a relative error. Collective.
+    """Choose gap and domain with a total error of half a relative error. Collective.
 
-    The last choice is kept where a coarse run fails, or the budget is spent. The search ends where the domain's error
-    does not fall as expected: it is then larger than it seemed, and no larger domain helps.
+    The last choice is kept if a coarse run fails or the budget is spent. The search ends if the domain's error does not
+    fall as expected: it is then underestimated, and a larger domain does not help.
     """
     last = Suited(scene)
     for _ in range(MOST_STEPS):
@@ -98,7 +97,7 @@ def suited(
 
 
 def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None) -> Suited:
-    """A scene with its terms, the domain's error falling with a power of its size. Collective."""
+    """A scene with its terms; `decay`: power of the domain's size in its error. Collective."""
     estimates = of_the_model(scene)
     if not estimates:
         return Suited(scene, (), 0.0)
@@ -115,10 +114,7 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
 
 
 def _hardly_falls(before: Suited, now: Suited) -> bool:
-    """Whether a larger domain has less than half the power of its size in its error that the estimate supposes.
-
-    The gap's power is measured anew with each gap.
-    """
+    """Whether the domain's error falls with less than half of the expected power of its size."""
     larger = now.scene.domain.length / before.scene.domain.length
     if larger <= 1.0 or "domain" not in before.plain or now.errors["domain"] <= 0.0:
         return False
@@ -126,14 +122,14 @@ def _hardly_falls(before: Suited, now: Suited) -> bool:
 
 
 def _is_noise(before: Suited, now: Suited) -> bool:
-    """Whether a smaller gap in the same domain has no less of an error: that of the coarse runs' meshes is left."""
+    """Whether a smaller gap in the same domain does not reduce the error, which is then that of the coarse meshes."""
     gaps = [each.errors.get("gap", 0.0) for each in (before, now)]
     alike = now.scene.domain == before.scene.domain and now.scene is not before.scene
     return alike and gaps[1] >= gaps[0] > 0.0
 
 
 def _ended(before: Suited, now: Suited, goal: Quantity, solve: Solve) -> Suited:
-    """The better of the last two scenes, with the domain's error by the slowest decay. Collective."""
+    """The better of the last two scenes, with the slowest decay of the domain's error. Collective."""
     slowly = [_looked_at(each.scene, goal, solve, SLOWEST_DECAY) for each in (before, now)]
     best = min(slowly, key=lambda each: each.error)
     error = best.errors["domain"]
@@ -152,7 +148,7 @@ def not_estimated(scene: Scene) -> str:
 def remedies(
     scene: Scene, accuracy: float, goal: Quantity, computed: Computed, bars: ErrorBars
 ) -> tuple[str, ...]:
-    """Remedies for errors of gap and domain that exceed an accuracy, in words. Not collective."""
+    """Remedies for errors of gap and domain above an accuracy, as text. Not collective."""
     said = []
     for term in bars.terms:
         error = relative(goal, computed, term)
@@ -166,7 +162,7 @@ def remedies(
 
 
 def _remedy(scene: Scene, term: Term, relative: float) -> str:
-    """Remedy that reduces a term to a fraction `relative` of it, in words."""
+    """Remedy that reduces a term to a fraction `relative`, as text."""
     if term.name == "datum":
         return _of_datum(scene.flow)
     better = None
@@ -201,9 +197,9 @@ def _of_datum(flow: Flow) -> str:
 
 
 def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -> Scene | None:
-    """The scene in which a term is expected to be `relative` times what it is; None where that cannot be had.
+    """The scene in which a term is expected to fall to a fraction `relative`; None if impossible.
 
-    at_once: not all the way where that is far, since what is expected is then not worth much
+    at_once: limit the change, beyond which the expectation is unreliable
     """
     relative = max(relative, LEAST)
     if term.name == "gap" and scene.contact is not None:
@@ -212,7 +208,7 @@ def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) ->
         if before <= SMALLEST_GAP or (gap < SMALLEST_GAP and not at_once):
             return None
         return changed(scene, contact={"gap": float(f"{max(gap, SMALLEST_GAP):.2g}")})
-    # A gap without a section [contact] stays: a section of its own would call for a verdict.
+    # Without a section [contact] the gap stays: a new section would request a verdict.
     if term.name != "domain" or has_no_far_sides(scene):
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
@@ -220,9 +216,9 @@ def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) ->
 
 
 def _on_mesh(scene: Scene, loads: Loads) -> LoadsOnMesh:
-    """What a coarse run has computed, with the weight of the grain if there is one."""
+    """The loads of a coarse run, with the weight of a grain."""
     if scene.placement is None:
         return LoadsOnMesh(None, None, loads.elevations)
     force = Forces(loads.force, loads.force, *weights(scene))
-    couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
-    return LoadsOnMesh(force, couple, loads.elevations)
+    torque = Torques(loads.torque, loads.torque, spatial(scene.placement.centre))
+    return LoadsOnMesh(force, torque, loads.elevations)

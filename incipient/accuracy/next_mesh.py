@@ -1,8 +1,8 @@
-"""Order, cells and time step of the next run, from the error on the one before. Nothing here solves.
+"""Order, cells and time step of the next run, from the error of the previous one.
 
-In time, with steps dt and cells h, the error is e_t (dt/dt_0)^q + e_h (h/h_0)^s, q the order of the steps and s that
-of loads in the size of cells (`terms.order_in_space`); the work goes as 1/dt and as h^-p. Where the errors add up to E,
-the least work has (Lagrange) e_t : e_h = 1/q : p/s, so that an error that costs little to lessen is lessened most.
+In unsteady flow with steps dt and cells h the error is e_t (dt/dt_0)^q + e_h (h/h_0)^s, with the orders q of the steps
+and s of loads in the cell size (`terms.order_in_space`); the work is proportional to h^-p / dt. For a given total error
+the work is least (Lagrange) with e_t : e_h = 1/q : p/s.
 """
 
 from __future__ import annotations
@@ -28,20 +28,23 @@ from .coarse_runs import (
 )
 from .terms import is_stream, order_in_space
 
-AIM = 0.6  # of the accuracy, so that the run expected to reach it does
-MOST_MESHES, MOST_RUNS = 12, 6  # steady, in time
+AIM = 0.6  # fraction of the accuracy aimed at, as a margin
+MOST_MESHES, MOST_RUNS = 12, 6  # steady, unsteady
 ORDERS = (2, 3, 4)
-# Unknowns per vertex of a large mesh, by dimension and order; what the next-higher order is expected to leave of the
-# error on the same mesh.
+# Unknowns per vertex of a large mesh, by dimension and order; expected fraction of the error that the next-higher order
+# leaves on the same mesh.
 UNKNOWNS, GAIN = {2: {2: 9, 3: 22, 4: 41}, 3: {2: 25, 3: 89, 4: 219}}, 0.1
-# Cells of the first mesh over those by default; where they are upwinded larger ones mislead. In time also the steps.
+# Cells of the first mesh over the default, not coarsened with upwinding; in unsteady flow also the steps.
 COARSEST, COARSEST_UPWINDED, COARSEST_IN_TIME, LONGEST = 4.0, MODEL_MESH, 8.0**0.5, 8.0
-# Work on cells of one `numerics.mesh_size` over that of order two, and the power of the inverse cell size with which it
-# grows (`make bench`: 0.8 to 1.7, two where cells do not grow away from the grain); the choice hangs little on it.
+# Work at one `numerics.mesh_size` over that of second order, and its power of the inverse cell size (`make bench`: 0.8
+# to 1.7, 2 for uniform cells); the choice depends little on it.
 WORK, WORK_POWER = {2: 1.0, 3: 1.3, 4: 1.7}, 1.5
-SHORTEST, FINEST = 1 / 16, 1 / 4  # at once: estimates by a coarse run are poor for a much finer one
+SHORTEST, FINEST = (
+    1 / 16,
+    1 / 4,
+)  # least factors in one step: estimates are poor for much finer runs
 HIGHEST_OF_SURFACE = (
-    3  # order of the velocity beyond which that of the elevation, which is the cells', stays
+    3  # order of the velocity above which the order of the elevation, that of the cells, stays
 )
 
 
@@ -49,25 +52,25 @@ HIGHEST_OF_SURFACE = (
 
 
 def highest_order(gdim: int, inertia: bool) -> int:
-    """The highest order that is tried: in 3-D with inertia two, which the block preconditioner is made for."""
+    """The highest order tried: 2 in 3-D with inertia, because of the block preconditioner."""
     return 2 if gdim == 3 and inertia else ORDERS[-1]
 
 
 def coarsest(gdim: int, inertia: bool) -> float:
-    """Cells of the first mesh relative to those by default."""
+    """Cells of the first mesh relative to the default."""
     return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
 
 
 def next_order(
     order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]
 ) -> tuple[int, float]:
-    """The order expected to need the fewest unknowns, and what it would leave on this mesh over the error aimed at.
+    """The order, at least the given one, with the fewest expected unknowns, and its error on this mesh over the aim.
 
-    It is not below the given order. The next order on the same mesh is expected to leave a tenth; what is then too much
-    needs (error / aim)^(d/2k) times the unknowns in d dimensions.
+    The next order on the same mesh is expected to leave a tenth of the error; a remaining excess multiplies the
+    unknowns by (error / aim)^(d/2k) in d dimensions.
 
     Args:
-        excess: the error on this mesh, in elements of `order`, over the error aimed at.
+        excess: error on this mesh at `order`, over the aim.
     """
 
     def unknowns(k: int) -> float:
@@ -82,7 +85,7 @@ def next_order(
 
 @dataclass(frozen=True)
 class Refined:
-    """The next run in time: steps, cells and work relative to the last one, and the order of the elements."""
+    """The next unsteady run: steps, cells and work relative to the last one, and the order of the elements."""
 
     shorter: float
     finer: float
@@ -91,13 +94,13 @@ class Refined:
 
 
 def refined(scene: Scene, trial: Trial, left: float) -> Refined:
-    """The refinement of a scene in time with which a fraction of its error is expected to be left. Not collective."""
+    """The refinement of an unsteady scene that is expected to leave a fraction of its error. Not collective."""
     q, order = order_in_time(scene), order_of(scene).number
     of_step, of_mesh = trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
         return halved(order)
     highest = HIGHEST_OF_SURFACE if scene.accuracy_of in OF_SURFACE else HIGHEST_ORDER
-    # A safety factor may err more than its parts together.
+    # The error of a safety factor may exceed the sum of its parts.
     aim = left * (of_step + of_mesh)
     best = cheapest(of_step, of_mesh, aim, order, q, max(highest, order))
     if best.shorter < SHORTEST or best.finer < FINEST:
@@ -106,17 +109,17 @@ def refined(scene: Scene, trial: Trial, left: float) -> Refined:
 
 
 def halved(order: int) -> Refined:
-    """Steps half as long and cells smaller by the root of two, for an error of unknown origin."""
+    """Half the steps and cells smaller by the square root of 2, for an error of unknown origin."""
     return _with_work(0.5, 0.5**0.5, order, order)
 
 
 def cheapest(
     of_step: float, of_mesh: float, aim: float, order: int, q: int, highest: int = ORDERS[-1]
 ) -> Refined:
-    """Steps, cells and an order not below the given one for an error of `aim` with the least work; none is coarser."""
+    """Steps, cells and order for an error of `aim` with the least work; none is coarser than before."""
 
     def with_order(higher: int) -> Refined:
-        """The least work with elements of an order."""
+        """The refinement with the least work for an order of elements."""
         s = float(order_in_space(higher))
         to_step = aim / q / (1.0 / q + WORK_POWER / s)
         if of_step < to_step:
@@ -139,10 +142,10 @@ def _ratio(wanted: float, now: float, power: float) -> float:
 
 
 def first(scene: Scene) -> Scene:
-    """The first scene of a search in time: a coarse mesh, and steps as long as leaves a few of them.
+    """The first unsteady scene of a search: a coarse mesh, and a few long steps.
 
-    Where flow enters below a free surface the zone at the inflow, one cell at least, is as long on all meshes,
-    those of the next-higher order included: otherwise its length errs, which the comparison does not tell.
+    With inflow below a free surface the inflow zone, at least one cell long, has the same length on all meshes: the
+    comparison does not show the error of its length.
     """
     assert scene.time is not None
     longer, cells = LONGEST, COARSEST_IN_TIME
@@ -156,18 +159,18 @@ def first(scene: Scene) -> Scene:
 
 
 def finer(scene: Scene, wanted: Refined) -> Scene:
-    """The scene in time refined: shorter steps, a finer mesh, another order."""
+    """The refined unsteady scene: shorter steps, finer mesh, other order."""
     assert scene.time is not None
     shorter, steps = wanted.shorter, scene.time.end / scene.time.step
     if scene.time.tolerance is None and shorter < 1.0:
-        # Even, and from some number on such that the longer steps of a comparison end where these do.
+        # Even, and for larger numbers such that the longer steps of a comparison end at the same time.
         multiple = LONGEST_STEP if steps / shorter > LONGEST_STEP * FEWEST_STEPS else 2.0
         shorter = steps / (multiple * math.ceil(steps / shorter / multiple * (1.0 - 1e-9)))
     return changed(_resized(scene, wanted.finer, shorter), numerics={"order": wanted.order})
 
 
 def _resized(scene: Scene, cells: float, steps: float) -> Scene:
-    """The scene with cells and steps enlarged by factors; the tolerance of adaptive steps follows."""
+    """The scene with cells and steps scaled by factors, and the tolerance of adaptive steps accordingly."""
     assert scene.time is not None
     time = {"step": steps * scene.time.step}
     if scene.time.tolerance is not None:

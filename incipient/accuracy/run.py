@@ -1,4 +1,4 @@
-"""The run of a scene with its error bars, to an accuracy where one is asked for."""
+"""The run of a scene with error bars, to a requested accuracy."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def run_scene(
 ) -> Result:
     """Run a scene from plan to verdict with its error bars, from the start or from a checkpoint. Collective.
 
-    With `numerics.accuracy` it is run on meshes of the program's choice, until the error is small enough. The recorder
-    is handed the last run; it may begin again. Raises IncipientError on all ranks.
+    With `numerics.accuracy` meshes are refined until the error is small enough. The recorder receives the last run;
+    it may begin several times. Raises IncipientError on all ranks.
     """
     recorder = recorder or Recorder()
     if scene.numerics.accuracy is None or checkpoint is not None:

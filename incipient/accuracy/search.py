@@ -1,7 +1,6 @@
-"""Asking for accuracy instead of a mesh: solve, estimate the error, refine where it comes from, and again.
+"""The search for an accuracy: solve, estimate the error, refine, repeat.
 
-The loop is here, with the record of the meshes tried and the budget. A strategy in `strategies` says how a flow is
-solved, what its error is, and what comes next.
+This module has the loop, the record of trials and the budget; `strategies` solve, estimate and refine.
 """
 
 from __future__ import annotations
@@ -27,26 +26,24 @@ from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
+from .coarse_runs import KeptRuns
 from .goal import Goal, LoadsOnMesh, Quantity
-from .kept_runs import KeptRuns
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:
     from .strategies import Strategy
 
-# What a result says of a search that is still on; one that is stopped leaves it so.
+# Outcome of an unfinished search.
 UNFINISHED = "the search continues, or was stopped"
-LEAST_WORK = (
-    2.0  # over that of the last run: where a budget does not allow more, no less is worth it
-)
+LEAST_WORK = 2.0  # work over that of the last run: a budget below it ends the search
 MOST_FAILURES = 3
 
 
 class SearchRecorder:
-    """A recorder of results with the adaptation in them; the scene that it writes is the user's own.
+    """A recorder that adds the adaptation to results and writes the user's scene.
 
     result: the last result, with the adaptation
-    kept:   where a result without error bars is kept, None if nowhere
+    kept:   directory of a result without error bars, None without one
     """
 
     result: Result
@@ -66,12 +63,12 @@ class SearchRecorder:
         self._recorder.begin(self._wished, plan, domain)
 
     def provisional(self, result: Result) -> Path | None:
-        """Record a result without error bars; returns where it is kept."""
+        """Record a result without error bars; returns its directory."""
         self.kept = self._recorder.provisional(self._with_search(result))
         return self.kept
 
     def finish(self, result: Result) -> None:
-        """Record the result of a run that is over."""
+        """Record the result of a run."""
         self.result = self._with_search(result)
         self._recorder.finish(self.result)
 
@@ -82,9 +79,9 @@ class SearchRecorder:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A mesh to be tried: its scene, and what becomes of the cell sizes laid out.
+    """A mesh to try: its scene, and the change of the planned cell sizes.
 
-    unknowns, work: expected; work over that of the last run
+    unknowns, work: expected; work relative to the last run
     """
 
     scene: Scene
@@ -96,10 +93,10 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The relative error of the quantity, None where it is not known, and the term that it follows from.
+    """The relative error of the quantity, None: not known, and its term.
 
     doubt: why it may be larger; note: why it is not known
-    parts: of the time step and of the mesh; shares: what the strategy refines by
+    parts: of the time step and of the mesh; shares: data for the refinement
     """
 
     error: float | None
@@ -111,15 +108,15 @@ class Estimate:
 
     @property
     def rank(self) -> float:
-        """The error, infinite where it is not known."""
+        """The error, infinite if not known."""
         return np.inf if self.error is None else self.error
 
 
 class Search:
-    """The search for a mesh that is fine enough: attempt by attempt, each by what the ones before have shown.
+    """The search for a sufficiently fine mesh, attempt by attempt.
 
     Args:
-        recorder: what the last run is handed to; it may begin again.
+        recorder: of the last run; it may begin several times.
         strategy: makes the strategy of the search.
     """
 
@@ -137,14 +134,14 @@ class Search:
         self.accounts = Accounts(spent=self.spent)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal: Quantity = Goal.of(scene)
-        self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
+        self.speed = 1.0  # of the flow over the scene's
         self.reason, self.met = "", False
-        self.suited: Suited | None = None  # where the accuracy includes errors of gap and domain
+        self.suited: Suited | None = None  # if the accuracy includes errors of gap and domain
         self.best: tuple[Attempt, Estimate] | None = None  # with the least error so far
         self.strategy = strategy(self)
 
     def result(self) -> Any:
-        """Try meshes until the accuracy is reached or cannot be; the last result. Collective; raises IncipientError."""
+        """Try meshes up to the accuracy or the budget; the last result. Collective; raises IncipientError."""
         self._choose_gap_and_domain()
         attempt, failures = self.strategy.first(), 0
         while True:
@@ -177,7 +174,7 @@ class Search:
     def _estimated(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, began: float
     ) -> Estimate:
-        """The error of a solved run, which is kept if no other one had a smaller error. Collective."""
+        """The error of a solved run, recorded as the best if it is the smallest. Collective."""
         with self.ledger.stage("error bars"):
             estimate = self.strategy.estimate(run, on_mesh)
         mesh, time = run.domain.mesh, attempt.scene.time
@@ -192,9 +189,9 @@ class Search:
         return estimate
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt | None:
-        """The attempt expected to leave a fraction of the error, or as little as the budget allows. Collective.
+        """The attempt expected to leave a fraction of the error, or the least that the budget allows. Collective.
 
-        None, with the reason noted, if it allows none that is worth it.
+        None, with the reason recorded, without a worthwhile attempt within the budget.
         """
         wanted = self.strategy.refined(attempt, estimate, left)
         while self._beyond_budget(wanted) and wanted.work > LEAST_WORK and left < 1.0 / LEAST_WORK:
@@ -203,7 +200,7 @@ class Search:
         return self.affordable(wanted)
 
     def affordable(self, attempt: Attempt) -> Attempt | None:
-        """The attempt; None, with the reason noted, if it exceeds the budget. Collective."""
+        """The attempt; None, with the reason recorded, if it exceeds the budget. Collective."""
         self.reason, most = self._beyond_budget(attempt), self.strategy.most
         if not self.reason and len(self.trials) >= most:
             self.reason = f"not reached with {most} meshes"
@@ -211,7 +208,7 @@ class Search:
 
     @property
     def allowed(self) -> float:
-        """The relative error that the discretisation may have; none where a verdict is sought."""
+        """The allowed relative error of the discretisation; none for a verdict."""
         accuracy = self.numerics.accuracy
         if not isinstance(accuracy, float | int):
             return 0.0
@@ -232,7 +229,7 @@ class Search:
         self.known.terms.update({term.name: term for term in self.suited.terms})
 
     def conclude(self, estimate: float, doubt: str = "") -> None:
-        """End the search: the discretisation's error is small enough, unless there is a doubt. Not collective."""
+        """End the search with a small enough discretisation error, unless in doubt. Not collective."""
         accuracy, unmet = self.numerics.accuracy, ""
         if doubt:
             unmet = f"not known to be reached: {doubt}"
@@ -244,10 +241,7 @@ class Search:
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
-        """The record of the search so far, with the remedies for errors of a result that it does not include.
-
-        Not collective.
-        """
+        """The record of the search, with remedies for errors that it does not include. Not collective."""
         accuracy, reached = (
             self.numerics.accuracy,
             None if self.best is None else self.best[1].error,
@@ -294,7 +288,7 @@ class Search:
         return ""
 
     def report(self, trial: Trial) -> None:
-        """Keep a trial and log it. Not collective."""
+        """Record and log a trial. Not collective."""
         self.trials.append(trial)
         step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"

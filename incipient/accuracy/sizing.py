@@ -1,9 +1,8 @@
-"""New sizes of cells from what each vertex of a mesh contributes to an error.
+"""New cell sizes from the contributions of vertices to an error.
 
-A cell's contribution to the error of a force goes with its size h as h^(2k + d) in smooth flow, k the order of the
-velocity, d the dimension: the dual-weighted residual converges at twice the order, and the cell itself shrinks. The
-fewest cells for a given error are had where all cells contribute alike (Becker and Rannacher 2001), so that
-h_new = h (c / share)^(1 / (2k + d)), with c such that the contributions expected add up to the error aimed at.
+In smooth flow a cell's contribution to the error of a force scales as h^(2k + d) with its size h, the order k of the
+velocity and the dimension d: the dual-weighted residual converges at twice the order. Equal contributions of all cells
+need the fewest cells (Becker and Rannacher 2001): h_new = h (c / share)^(1 / (2k + d)), with c from the error aimed at.
 """
 
 from __future__ import annotations
@@ -20,15 +19,15 @@ from ..meshes import SizeField
 from ..parallel import Comm
 from ..planning.layout import STEEPEST
 
-# The size of a cell relative to before: shares say nothing about much smaller ones.
+# Range of the size relative to the old one: contributions do not predict those of much smaller cells.
 SMALLEST, LARGEST = 0.2, 2.0
-FAINT = 1e-3  # of the mean: smaller shares count as that
+FAINT = 1e-3  # of the mean: lower bound of a contribution
 BISECTIONS = 60
 
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """A whole mesh of simplices and what its vertices contribute to an error; on rank 0, elsewhere empty.
+    """A mesh of simplices and the contributions of its vertices to an error; complete on rank 0, elsewhere empty.
 
     points (n, gdim), cells (m, gdim + 1), errors (n,) not negative
     """
@@ -44,17 +43,17 @@ class Shares:
 
     @property
     def sizes(self) -> Floats:
-        """(n,) size of the cells around each vertex: the side of an equal-sided simplex of their mean content."""
+        """(n,) size of the cells around each vertex: side of a regular simplex of their mean volume."""
         corners, d = self.points[self.cells], self.dimension
-        contents = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))  # times d!
+        contents = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))  # volumes times d!
         sides = (contents * np.sqrt(2.0**d / (d + 1.0))) ** (1.0 / d)
         return _mean_around(self.cells, sides, len(self.points))
 
 
 def gathered(mesh: Any, parts: list[Floats]) -> Shares:
-    """Shares (local vertices,) of several goals, put together as the root of their squares. Collective.
+    """Root sum of squares of the contributions (local vertices,) to several goals. Collective.
 
-    They are numbered as the values of linear elements (`dual.GoalErrors.shares`).
+    Numbering: values of linear elements (`dual.GoalErrors.shares`).
     """
     comm, hats = mesh.comm, compat.space(mesh, ("Lagrange", 1))
     nodes = hats.dofmap.index_map
@@ -77,9 +76,9 @@ def gathered(mesh: Any, parts: list[Floats]) -> Shares:
 def resized(
     shares: Shares, order: int, relative: float, comm: Comm
 ) -> tuple[SizeField | None, float]:
-    """Cell sizes with which the sum of shares is expected to become `relative` times what it is. Collective.
+    """Cell sizes that are expected to reduce the sum of contributions to a fraction `relative`. Collective.
 
-    Returns their field (None but on rank 0), and the number of cells relative to this mesh.
+    Returns the size field (None except on rank 0), and the number of cells relative to this mesh.
 
     Args:
         order: of the velocity on the new mesh.
@@ -95,19 +94,19 @@ def resized(
 
 
 def _smooth(shares: Shares) -> Floats:
-    """Shares averaged with those of neighbours, and none that vanishes."""
+    """Contributions averaged with those of neighbours, bounded below."""
     around = shares.errors[shares.cells].mean(axis=1)
     errors = _mean_around(shares.cells, around, len(shares.points))
     return np.maximum(errors, FAINT * errors.mean())
 
 
 def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:
-    """h_new / h at each vertex, within bounds, such that the errors expected add up to the relative sum."""
+    """h_new / h at each vertex, within bounds, for the relative sum of expected errors."""
     rate = 2 * order
     shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
 
     def at(level: float) -> Floats:
-        """Ratios of sizes at a common level."""
+        """Ratios of sizes at a common contribution."""
         return np.clip(np.exp(level) * shape, SMALLEST, LARGEST)
 
     low, high = np.log(SMALLEST / shape.max()), np.log(LARGEST / shape.min())
@@ -119,7 +118,7 @@ def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Flo
 
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
-    """The largest sizes below the given ones that grow by no more than a share of the distance."""
+    """The largest sizes below the given ones with bounded growth over distance."""
     a, b = np.vstack(
         [shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]
     ).T

@@ -1,4 +1,4 @@
-"""What a search for an accuracy refines: the cells that an error comes from, all alike, or in time steps as well."""
+"""Refinement strategies: cells by their contribution, all cells uniformly, or cells and time steps."""
 
 from __future__ import annotations
 
@@ -28,12 +28,11 @@ from ..simulation.simulate import hand_over, loads_of, solved
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at, solve_with_parts
 from . import next_mesh
-from .coarse_runs import COARSER_MESH, changed, on_coarser_mesh
+from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
 from .errorbars import coarse_scenes, error_bars, loads_of_run, of_interaction, unit_of
 from .finish import finished
 from .goal import LoadsOnMesh, relative
-from .kept_runs import KeptRuns
 from .modelling import lessened
 from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
 from .search import Attempt, Estimate, Search, SearchRecorder
@@ -48,23 +47,20 @@ from .terms import (
     is_corrected,
 )
 
-SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: what the iteration may leave
-CRITICAL = 1e-4  # a safety factor known this well and still on both sides of one
-CANCELLING = 4.0  # most that contributions of the next mesh are trusted to cancel
-TIME_GROWTH = (
-    1.3  # of the time to solve and estimate with unknowns (docs/validation/performance.md)
-)
-FOR_VERDICT = 0.2  # what is left of an error that is to decide a verdict, or is infinite
-# What is left of an estimated error on cells as much smaller as those are on which corrected loads are compared
-# (`finish.COARSER_CELLS`): 1.5^-4.
+SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: tolerance of the iteration
+CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search for a verdict
+CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
+TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
+FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
+# Fraction left of an estimated error on cells smaller by `finish.COARSER_CELLS`: 1.5^-4.
 COMPARED = 0.2
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
-# Meshes on which an error falls by less than this, before the search ends.
+# The search ends after so many meshes with a smaller reduction of the error.
 LOOKED_AT, LEAST_FALL = 3, 0.8
 
 
 class Strategy(ABC):
-    """How a search solves a flow, estimates its error and refines it. All methods are collective."""
+    """Solution, error estimate and refinement in a search. All methods are collective."""
 
     most = next_mesh.MOST_MESHES
 
@@ -73,11 +69,11 @@ class Strategy(ABC):
 
     @abstractmethod
     def first(self, failures: int = 0) -> Attempt:
-        """The first mesh, a coarse one, finer after failures."""
+        """A coarse first mesh, finer after failures."""
 
     @abstractmethod
     def solved(self, attempt: Attempt) -> AbstractContextManager[tuple[Run, LoadsOnMesh]]:
-        """The solved run of an attempt and what it has come to; raises ConvergenceError, MeshError."""
+        """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
 
     @abstractmethod
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
@@ -85,7 +81,7 @@ class Strategy(ABC):
 
     @abstractmethod
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """An attempt that is expected to leave a fraction of an error."""
+        """An attempt that is expected to leave a fraction `left` of the error."""
 
     @abstractmethod
     def concluded(self, run: Run) -> Any:
@@ -94,30 +90,30 @@ class Strategy(ABC):
     def following(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
     ) -> Attempt | None:
-        """The next attempt, or None, with the reason noted, once the accuracy is reached or cannot be."""
+        """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable."""
         if estimate.rank <= self.search.allowed:
             self.search.conclude(estimate.rank, estimate.doubt)
             return None
         return self.search.refined(attempt, estimate, self.target(estimate))
 
     def target(self, estimate: Estimate) -> float:
-        """The fraction of an error that is to be left."""
+        """The fraction of the error to leave."""
         return AIM * self.search.allowed / estimate.rank or FOR_VERDICT
 
     @contextmanager
     def coarse_runs(self) -> Iterator[InTurn]:
-        """Runs for the errors of gap and domain."""
+        """Coarse runs for the errors of gap and domain."""
         with InTurn(self.search.comm, coarse_scenes, loads_of) as solve:
             yield solve
 
 
 class Steady(Strategy):
-    """Steady flow: a run is handed to the recorder once it may be the last."""
+    """Steady flow: a run that may be the last is recorded."""
 
     _recorder: SearchRecorder | None = None
 
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
-        """The scene in elements of an order, solved as accurately as the accuracy asks for."""
+        """The scene in elements of an order, with a tolerance for the accuracy."""
         accuracy = self.search.numerics.accuracy
         wanted = SOLVER_SHARE * (accuracy if isinstance(accuracy, float | int) else CRITICAL)
         order = order or order_of(scene).number
@@ -135,10 +131,10 @@ class Steady(Strategy):
 
     @abstractmethod
     def solve(self, run: Run) -> LoadsOnMesh:
-        """Solve for what the errors are looked at of."""
+        """Solve; returns the quantities with errors."""
 
     def handed_over(self, run: Run) -> SearchRecorder:
-        """The recorder that has the solution, without error bars."""
+        """The recorder with the result without error bars."""
         numerics = {
             name: getattr(self.search.numerics, name)
             for name in ("order", "tolerance", "mesh_size")
@@ -157,15 +153,15 @@ class Steady(Strategy):
     def following(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
     ) -> Attempt | None:
-        """See `Strategy`; for a verdict by what the range of safety factors hangs on: mesh, gap or domain."""
+        """See `Strategy`; for a verdict refine the decisive source: mesh, gap or domain."""
         if self.search.numerics.accuracy != "verdict" or estimate.error is None:
             return super().following(attempt, run, on_mesh, estimate)
         search, comm = self.search, self.search.comm
-        # Coarse runs come next, for the error bars: the search's results outlast an interrupt.
+        # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
         self._recorder = recorder = self.handed_over(run)
         with told_where_kept(recorder.kept, comm):
             bars = error_bars(
-                run, on_mesh.force, on_mesh.couple, lambda scene: loads_of(scene, comm)
+                run, on_mesh.force, on_mesh.torque, lambda scene: loads_of(scene, comm)
             )
         bar = bars.safety
         assert bar is not None
@@ -192,13 +188,13 @@ class Steady(Strategy):
 
 
 class DualWeighted(Steady):
-    """Cells by what each vertex contributes to the error, by the dual-weighted residual; the order with them."""
+    """Cells refined by their dual-weighted contributions to the error, together with the order."""
 
-    # Speed and improved loads of the mesh before; the run of the first attempt, solved for the coarse runs.
+    # Speed and improved loads of the previous mesh; the solved run of the first attempt, for the coarse runs.
     _improved: tuple[float, Loads] | None = None
     _at_hand: tuple[Run, ExitStack] | None = None
-    _plain = np.inf  # the error of the quantity on the last mesh without corrections
-    _compared = False  # whether corrected loads of two meshes were
+    _plain = np.inf  # error of the uncorrected quantity on the last mesh
+    _compared = False  # whether corrected loads of two meshes were compared
 
     def first(self, failures: int = 0) -> Attempt:
         """See `Strategy`."""
@@ -223,39 +219,39 @@ class DualWeighted(Steady):
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
         """See `Strategy`."""
-        search, force, couple = self.search, on_mesh.force, on_mesh.couple
-        assert run.layout.placement is not None and force is not None and couple is not None
+        search, force, torque = self.search, on_mesh.force, on_mesh.torque
+        assert run.layout.placement is not None and force is not None and torque is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             plain = unit_of(run, search.speed)
             unit = goals.allowance * plain
             term = by_dual(goals, unit)
-            self._plain = search.goal.error(force, couple, term.force, term.couple)
+            self._plain = search.goal.error(force, torque, term.force, term.torque)
             before, self._improved = self._improved, (search.speed, goals.loads(plain))
             self._compared = self._corrects and before is not None and before[0] == search.speed
             if self._compared and before is not None:
                 term = by_both(term, goals, unit, before[1])
             search.known.terms["discretisation"] = term
             others = search.suited.terms if search.suited is not None else ()
-            between = of_interaction((*others, term), Loads(force.flow, couple.flow))
+            between = of_interaction((*others, term), Loads(force.flow, torque.flow))
             whole = (
                 term
                 if between is None
                 else replace(
-                    term, force=term.force + between.force, couple=term.couple + between.couple
+                    term, force=term.force + between.force, torque=term.torque + between.torque
                 )
             )
-            error = search.goal.error(force, couple, whole.force, whole.couple)
+            error = search.goal.error(force, torque, whole.force, whole.torque)
             if error <= search.allowed:
-                return Estimate(error, term, term.doubt)  # there is no next mesh
-            parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, couple)]
+                return Estimate(error, term, term.doubt)  # no next mesh
+            parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, torque)]
             shares = gathered(run.domain.mesh, parts)
         return Estimate(error, term, term.doubt, shares=shares)
 
     def target(self, estimate: Estimate) -> float:
         """See `Strategy`.
 
-        A corrected load is known as well as that on the mesh before: one mesh on which cells are so much smaller shows
-        it, unless less is enough for the load as computed.
+        The error of a corrected load follows from the previous mesh: one mesh with cells smaller by a fixed factor
+        suffices, unless less refinement suffices for the uncorrected load.
         """
         wanted = super().target(estimate)
         if not (self._has_one_order and self._corrects):
@@ -268,7 +264,7 @@ class DualWeighted(Steady):
         before, shares, gdim = order_of(attempt.scene).number, estimate.shares, attempt.scene.gdim
         order, excess = next_order(before, 1.0 / left, gdim, self._highest)
         together = self.search.comm.bcast(float(np.sum(shares.errors)), root=0)
-        # As far as contributions cancel, their sum may be larger than the error.
+        # Contributions may cancel: their sum may exceed the error.
         cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
         field, more = resized(shares, order, cancelling / excess, self.search.comm)
         more *= UNKNOWNS[gdim][order] / UNKNOWNS[gdim][before]
@@ -279,7 +275,7 @@ class DualWeighted(Steady):
 
     @property
     def _corrects(self) -> bool:
-        """Whether loads are corrected by their estimated errors."""
+        """Whether loads are corrected for their estimated errors."""
         return self.search.numerics.error_bars and is_corrected(self.search.scene)
 
     @property
@@ -288,33 +284,33 @@ class DualWeighted(Steady):
 
     @property
     def _has_one_order(self) -> bool:
-        """Whether all meshes are of order two, in steady flow in 3-D with inertia; coarse runs are on the first one."""
+        """Whether all meshes are of second order (steady 3-D flow with inertia); coarse runs then use the first one."""
         return self._highest == next_mesh.ORDERS[0]
 
     @contextmanager
     def coarse_runs(self) -> Iterator[InTurn]:
-        """See `Strategy`; the last of them may be the run of the first attempt."""
+        """See `Strategy`; the last one may use the run of the first attempt."""
         prepare = self._for_coarse_runs if self._has_one_order else None
         with InTurn(self.search.comm, coarse_scenes, loads_of, prepare) as solve:
             yield solve
             self._at_hand = solve.handed_over(self.first().scene)
 
     def _for_coarse_runs(self, coarse: Scene) -> AbstractContextManager[Run]:
-        """The run of the first attempt, with the gap and domain of a coarse run."""
+        """The run of the first attempt with the gap and domain of a coarse run."""
         search, first = self.search, self.first()
         own = changed(coarse, numerics=first.scene.numerics.model_dump())
         return prepared(own, search.comm, search.accounts, voice=search.voice, sizing=first.sizing)
 
 
 class Uniform(Steady):
-    """All cells of a steady mean flow smaller alike, each mesh compared with the two before it.
+    """Uniform refinement of a steady mean flow, each mesh compared with the two previous ones.
 
-    No dual solution of flow and turbulence says which cells an error comes from.
+    There is no dual solution of flow and turbulence.
     """
 
     def __init__(self, search: Search):
         super().__init__(search)
-        self._seen = list[tuple[Scene, Loads]]()  # on one mesh after the other
+        self._seen = list[tuple[Scene, Loads]]()  # by mesh
 
     def first(self, failures: int = 0) -> Attempt:
         """See `Strategy`."""
@@ -339,7 +335,7 @@ class Uniform(Steady):
         """See `Strategy`."""
         search, walls = self.search, on_mesh.turbulence
         doubt = "" if walls is None else walls.doubt
-        computed = loads_of_run(run, on_mesh.force, on_mesh.couple)
+        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
         if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest_at_walls(
@@ -369,7 +365,7 @@ class Uniform(Steady):
         return super().following(attempt, run, on_mesh, estimate)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """See `Strategy`; cells are smaller by the root of two."""
+        """See `Strategy`; cells are smaller by the square root of 2."""
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
         if mesh_size < SMALLEST:
             raise MeshError(
@@ -381,9 +377,9 @@ class Uniform(Steady):
 
 
 class InTime(Strategy):
-    """Time steps, cells and order of flow in time, each by what it contributes for its cost (`next_mesh`).
+    """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`).
 
-    A run is compared with one in longer steps, and that with one in elements of a higher order.
+    A run is compared with longer steps, and these with elements of a higher order.
     """
 
     most = next_mesh.MOST_RUNS
@@ -402,7 +398,7 @@ class InTime(Strategy):
         """See `Strategy`."""
         search, scene = self.search, attempt.scene
         self._recorder = SearchRecorder(search.recorder, scene, search.adaptation)
-        accounts = Accounts(known=search.known, spent=search.spent)  # times of each run are its own
+        accounts = Accounts(known=search.known, spent=search.spent)  # separate times of each run
         recorder = cast(Recorder, self._recorder)
         with solved(scene, search.comm, recorder, search.voice, accounts=accounts) as run:
             yield run, _on_mesh(run)
@@ -410,12 +406,12 @@ class InTime(Strategy):
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
         """See `Strategy`."""
         search, scene, terms = self.search, run.scene, self.search.known.terms
-        # What the mesh does to waves is seen the less the longer the steps are, which damp them.
+        # Longer steps damp waves, and hide the error of the mesh.
         same = self._last is not None and self._last.numerics == scene.numerics
         if not same or scene.accuracy_of in OF_SURFACE:
             terms.pop(OF_MESH, None)
         self._last = scene
-        computed = loads_of_run(run, on_mesh.force, on_mesh.couple)
+        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         runs = KeptRuns(search.known.loads, lambda: "", lambda each: loads_of(each, search.comm))
         try:
             with told_where_kept(self._recorder.provisional(outcome(run)), search.comm):
@@ -444,6 +440,6 @@ class InTime(Strategy):
 
 
 def _on_mesh(run: Run) -> LoadsOnMesh:
-    """What a solved run has come to. Collective."""
-    force, couple = (None, None) if run.probe is None else loads(run, surface=False)
-    return LoadsOnMesh(force, couple, run.elevations, run.wall_report())
+    """The loads and other quantities of a solved run. Collective."""
+    force, torque = (None, None) if run.probe is None else loads(run, surface=False)
+    return LoadsOnMesh(force, torque, run.elevations, run.wall_report())

@@ -1,7 +1,7 @@
-"""Terms of error bars: functions of a scene, the loads that its run has come to, and coarse runs to compare it with.
+"""Terms of error bars: functions of a scene, the loads of its run, and coarse runs.
 
-Discretisation by the dual solution, by coarser meshes or in longer steps; gap, domain, datum and flat ground away from
-the grain by scenes that have more or less of them. The dual solution itself is in `dual`.
+Discretisation from the dual solution (`dual`), coarser meshes or longer steps; gap, domain, datum and planar far bed
+from changed scenes.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ..scene.model import WIDEST_GAP
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
+    Solve,
     changed,
     coarse,
     comparisons,
@@ -37,37 +38,35 @@ from .coarse_runs import (
     order_in_time,
     ratio_of_steps,
 )
-from .kept_runs import Solve
 
 if TYPE_CHECKING:
     from .dual import GoalErrors
 
 Estimate = Callable[[Loads, Solve], Term]
 
-# Error over estimate where two solutions outside the asymptotic range stand for a bound: cells in 3-D, steps of waves
-# and levels of flows (tests/convergence/test_errors_of_waves.py). The largest measured (docs/contribute/defaults.md).
+# Error over estimate outside the asymptotic range, the largest measured (docs/contribute/defaults.md): cells in 3-D,
+# steps of waves and levels of flows (tests/convergence/test_errors_of_waves.py).
 SAFETY = 1.6
-# Orders in the size of cells: of turbulence, which is upwinded, and of laminar flow with corners. What two coarser
-# meshes differ by, which may agree with the finest by chance, is believed to fall at most at order two, and not at all
-# where loads scatter from mesh to mesh.
+# Orders in the cell size: of upwinded turbulence, and of laminar flow with corners. The difference between two coarser
+# meshes is assumed to fall at most at second order, and not at all if loads scatter from mesh to mesh.
 UPWINDED, AT_CORNERS, FASTEST, SCATTERING = 1.0, 2.0, 2.0, 0.0
-# Larger cells past grains and bedforms in 3-D resolve no walls (tests/end_to_end/test_sand_in_space.py).
+# Larger cells do not resolve the walls of grains and bedforms in 3-D (tests/end_to_end/test_sand_in_space.py).
 COARSEST_IN_SPACE = 3.2
-# Part of two corrections against upwinding that the second may be: if the next ones fell as slowly, all of them would
-# be twice the first.
+# Largest fraction of two updates against upwinding that the second may be: the geometric series is then twice the
+# first update.
 SETTLED = 0.5
-# Waves are resolved while second differences of an elevation are smaller than its largest value, as with six steps a
-# period, and while those of two runs are in phase.
+# Waves count as resolved if second differences of an elevation are below its largest value, as with six steps a
+# period, and if two runs are in phase.
 COARSE, OUT_OF_PHASE = 1.0, 0.7
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, over the scene's
-PARABOLA = (8 / 3, -2.0, 1 / 3)  # weights of values at 1, 2 and 4 gaps in that without one
-ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
-# The influence of sides falls as a power of their distance: on a flat bed, over bedforms (1.6 to 1.8 measured,
-# docs/contribute/defaults.md), and the slowest believed, of a boundary layer that adapts (Leveque 1928). Corrections
-# believe three quarters of the first: a disc's errs by 0.15% of the force, down to 1/3 by 0.22% (make calibration).
+PARABOLA = (8 / 3, -2.0, 1 / 3)  # weights of values at 1, 2 and 4 gaps in that at zero gap
+ORDERS = (0.3, 2.0)  # range of plausible orders in the gap
+# Powers of the distance with which the influence of sides falls: on a flat bed, over bedforms (1.6 to 1.8 measured,
+# docs/contribute/defaults.md), and the least plausible, of a developing boundary layer (Leveque 1928). Corrections use
+# at least three quarters of the first: error of a disc's force 0.15%, with 1/3 0.22% (make calibration).
 DECAY, DECAY_OVER_FORMS, SLOWEST_DECAY, SLOWEST_PART = 2.0, 1.5, 1.0 / 3.0, 0.75
-WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the bed's part meshed as it is (docs/contribute/defaults.md)
-ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes say nothing
+WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the meshed part of the bed (docs/contribute/defaults.md)
+ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes are ignored
 OF_MESH, GROUND, MODEL = "mesh", "planar far bed", "turbulence model"
 UNSETTLED = (
     "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
@@ -92,27 +91,27 @@ MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
 
 
 def by_dual(goals: GoalErrors, unit: float) -> Term:
-    """The term of estimated errors in a unit that has their allowance. Collective.
+    """The term of dual-weighted estimates times `unit`, which includes their safety factor. Collective.
 
-    An upwinded flow is corrected twice, which leaves the estimates those of both corrections.
+    An upwinded flow gets two Newton updates.
     """
     left = goals.correct_again() if goals.is_upwinded else 0.0
     doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
-    force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
+    force, torque = unit * np.abs(goals.force), unit * np.abs(goals.torque)
     return Term(
-        "discretisation", force, couple, "dual-weighted residual, next-higher order", doubt=doubt
+        "discretisation", force, torque, "dual-weighted residual, next-higher order", doubt=doubt
     )
 
 
 def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
-    """The term with loads corrected by its estimates, as far as loads improved on other cells agree. Not collective.
+    """The term with a correction by its estimates, checked against improved loads on other cells. Not collective.
 
-    Nothing is corrected where these differ by more than the error of the load as computed.
+    There is no correction if both differ by more than the error of the computed load.
     """
     plain = unit / goals.allowance
     here = goals.loads(plain)
-    apart = np.concatenate([here.force - beside.force, here.couple - beside.couple])
-    change = -plain * np.concatenate([goals.force, goals.couple])
+    apart = np.concatenate([here.force - beside.force, here.torque - beside.torque])
+    change = -plain * np.concatenate([goals.force, goals.torque])
     corrected = term.corrected(change, goals.allowance * np.abs(apart))
     if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
         return term
@@ -120,13 +119,13 @@ def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
 
 
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
-    """The term of a mean flow, of velocities on centrelines, or of laminar separation: by runs on two coarser meshes.
+    """The term of a mean flow, of velocities on centrelines, or of laminar separation, from two coarser meshes.
 
-    Past a grain in 3-D that is resolved to the walls loads scatter from mesh to mesh, and a component may change little
-    by chance: each errs by as much as force or torque do, unless it vanishes by symmetry; so do both u*.
+    Loads on a grain in 3-D with resolved walls scatter from mesh to mesh, and a component may change little by chance:
+    all nonzero components get the error of their vector, and both u* equal errors.
 
     Raises:
-        ConvergenceError: a coarser mesh has as few rows or columns of cells, or does not resolve the walls in 3-D.
+        ConvergenceError: the coarser mesh is not coarser, or does not resolve the walls in 3-D.
     """
     _require_coarser(scene)
     if not scene.is_averaged:
@@ -141,7 +140,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
 def _by_two_meshes(
     scene: Scene, computed: Loads, solve: Solve, order: float, fastest: float
 ) -> Term:
-    """The term by two coarser meshes: errors fall at `order`, what the two differ by at most at `fastest`."""
+    """The term from two coarser meshes; `order`: of the errors; `fastest`: largest order of the difference of both."""
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
     share, coarser = 1.0 / (COARSER_MESH**order - 1.0), on_coarser_mesh(scene)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
@@ -151,7 +150,7 @@ def _by_two_meshes(
 
 
 def _require_coarser(scene: Scene) -> None:
-    """Raise ConvergenceError where the mesh for comparison would not be coarser. Not collective."""
+    """Raise ConvergenceError if the mesh for comparison is not coarser. Not collective."""
     if scene.is_averaged or scene.time is None:
         setup = Setup(scene)
         by_grid = setup.far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
@@ -166,15 +165,15 @@ def _require_coarser(scene: Scene) -> None:
 def by_coarser_runs(
     scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None
 ) -> Term:
-    """The term of time step and mesh: from a run with longer steps, and one of the next-higher order with these steps.
+    """The term of time step and mesh, from longer steps, and from the next-higher order with these steps.
 
-    The error of the mesh hardly depends on the steps: it is seen in the longer ones, and `of_mesh` spares that run.
+    The error of the mesh hardly depends on the steps, so that longer ones show it; `of_mesh` replaces that run.
     """
     _require_coarser(scene)
     longer, beside = comparisons(scene)
     in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
     if not _resolve_waves(computed, in_longer):
-        to_step = max(to_step, 1.0)  # their order says nothing
+        to_step = max(to_step, 1.0)  # their order is not observable
     how = f"a run with steps x {ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = of_step.with_elevations_times(SAFETY)
@@ -190,9 +189,9 @@ def by_coarser_runs(
 
 
 def shares(scene: Scene) -> tuple[float, float]:
-    """The error of the time step over what longer ones change, and that of the mesh over what another one changes.
+    """Error of the time step over the change by longer steps, and of the mesh over the change by another mesh.
 
-    All that elements of the next-higher order change is an error of the mesh. Not collective.
+    A change by elements of the next-higher order is an error of the mesh. Not collective.
     """
     to_step = 1.0 / abs(ratio_of_steps(scene) ** order_in_time(scene) - 1.0)
     by_cells = 1.0 / (COARSER_MESH ** _order_of_mesh(scene) - 1.0)
@@ -200,7 +199,7 @@ def shares(scene: Scene) -> tuple[float, float]:
 
 
 def _order_of_mesh(scene: Scene) -> float:
-    """The order at which errors of a flow in time fall on finer meshes: one less in unresolved boundary layers."""
+    """The order in the cell size of errors of unsteady flow: one less in unresolved boundary layers."""
     if scene.is_averaged:
         return UPWINDED
     order = order_of(scene).number
@@ -210,18 +209,18 @@ def _order_of_mesh(scene: Scene) -> float:
 def order_in_space(velocity: int) -> int:
     """The order of loads in `numerics.mesh_size`, from that of the velocity's elements. Not collective.
 
-    It is between that of the energy norm and its double, which a load read off the residual has on cells that all
-    shrink alike: how fast cells grow with the distance from the grain does not change with their size.
+    It is between the order of the energy norm and twice that order, that of residual loads under uniform refinement:
+    the growth of cells with the distance from the grain is independent of their size.
     """
     return velocity + 1
 
 
 def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
-    """Whether longer steps resolve the waves, if there are any, and have them in phase. Not collective."""
+    """Whether longer steps resolve the waves in phase; true without waves. Not collective."""
     here, there = computed.elevations, in_longer.elevations
     if here is None or there is None:
         return True
-    # Longer steps damp what they do not resolve: their second differences are better seen in those of the run.
+    # Longer steps damp unresolved waves: second differences are those of the run.
     ratio = there.step / here.step if here.step > 0.0 else 1.0
     sharpness = max(there.sharpness, ratio**2 * here.sharpness)
     apart = float(here.apart(there).max(initial=0.0))
@@ -229,10 +228,7 @@ def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
 
 
 def _of_large(term: Term, computed: Loads) -> float:
-    """What errors of elevations come to if what an estimate leaves out is in proportion to the error. Not collective.
-
-    The rest is the geometric series of the relative error.
-    """
+    """Factor on errors of elevations: geometric series of the relative error. Not collective."""
     if term.elevation is None or computed.elevations is None or not computed.elevations.largest:
         return 1.0
     relative = float(term.elevation.max(initial=0.0)) / computed.elevations.largest
@@ -240,14 +236,14 @@ def _of_large(term: Term, computed: Loads) -> float:
 
 
 def is_stream(scene: Scene) -> bool:
-    """Whether a flow enters below a free surface. Not collective."""
+    """Whether the scene has an inflow below a free surface. Not collective."""
     return scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
 
 
 def doubt_of_stream(scene: Scene) -> str:
     """Why the estimated errors of a channel's level may be too small, or "". Not collective.
 
-    The zone at the inflow is a cell long at least, which no comparison of meshes shows.
+    The inflow zone is at least a cell long, which comparisons of meshes do not show.
     """
     if not is_stream(scene):
         return ""
@@ -262,17 +258,16 @@ def doubt_of_stream(scene: Scene) -> str:
     )
 
 
-# -- geometry and flow that stand for the true ones ---------------------------------------------------------
+# -- model: gap, domain, datum, far bed ---------------------------------------------------------------------
 
 
 def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
-    """What closing the gap between grain and bed would change, from coarse runs with larger gaps.
+    """The error of the gap between grain and bed, from coarse runs with larger gaps (with smaller ones for a wide gap).
 
-    If the gap is already wide they have smaller gaps. Loads are corrected by the change that a parabola through the
-    three gives; a power of the gap is the other way to estimate it. Where the space next to contacts is closed, it is
-    closed four times as widely: the pressure in a wedge is that of its mouth, so that less of it cannot change as much.
+    The correction follows from a parabola through three gaps; a power law is the second estimate. Closed interstices
+    are closed four times as widely: the pressure in a wedge is that at its mouth, and a narrower closure changes less.
     """
-    contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
+    contact = scene.contact or Contact(friction=0.0)  # friction does not affect the flow
     wide = LARGER[-1] * contact.gap > WIDEST_GAP
     gaps: tuple[float, ...] = SMALLER if wide else LARGER
     if scene.closes_contacts:
@@ -282,14 +277,14 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     if scene.closes_contacts:
         how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
         return Term.of_difference("gap", loads[0], loads[1], 1.0, how)
-    values = [np.concatenate([each.force, each.couple]) for each in loads]
-    # The change is that from the smallest gap: the way there from the scene's is added.
+    values = [np.concatenate([each.force, each.torque]) for each in loads]
+    # The change from the scene's gap to the smallest one is added.
     here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
     by_power = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
     how = f"coarse runs with {'1/4, 1/2 and 1' if wide else '1, 2 and 4'} times the gap, extrapolated to none"
     near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
     errors, order = np.abs(by_power) + np.abs(way), _order_in_gap(near, far)
-    # What the runs themselves still change by is extrapolated with them.
+    # Unconverged changes of the runs are extrapolated with them.
     errors += (loads[0].unsteady + loads[1].unsteady) / (2.0**order - 1.0)
     errors += (loads[0].unsteady + loads[2].unsteady) * wide
     term = Term("gap", errors[:3], errors[3:], how, power=order)
@@ -301,14 +296,14 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def _noise(coarse: Loads, computed: Loads) -> Floats:
-    """(6,) what coarse runs on meshes of their own differ by for that alone; on one mesh, moved, nothing."""
+    """(6,) difference between coarse runs because of their meshes; zero on one moved mesh."""
     if coarse.moved:
         return np.zeros(6)
-    return np.abs(np.concatenate([coarse.force - computed.force, coarse.couple - computed.couple]))
+    return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
 
 
 def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
-    """Value without gap - value at the gap, for a value that goes as a power of the gap."""
+    """Value at zero gap less the value at the gap, for a power law."""
     near, far = at_two - at_one, at_four - at_two
     if abs(near) <= ROUND_OFF * max(abs(at_one), abs(at_two), abs(at_four)):
         return -near
@@ -316,15 +311,16 @@ def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
 
 
 def _order_in_gap(near: float, far: float) -> float:
-    """The power of the gap from what two doublings of it change."""
+    """The power of the gap from the changes under two doublings."""
     return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
 
 
 def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None = None) -> Term:
-    """What sides that stand for an unbounded flow change, from a coarse run with all of them farther away.
+    """The error of sides that represent unbounded flow, from a coarse run with a larger domain.
 
-    Their influence falls as their distance to the power `decay`; None: as is known of the bed. The loads on a held
-    grain are corrected, with sides farther away still: these are the other way to estimate it.
+    decay: power of the distance in the influence of the sides; None: that of the bed
+
+    The loads on a fixed grain are corrected; a still larger domain gives the second estimate.
     """
     if decay is None:
         decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
@@ -340,7 +336,7 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None =
         return replace(
             term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}"
         )
-    values = [np.concatenate([each.force, each.couple]) for each in (here, far, farthest)]
+    values = [np.concatenate([each.force, each.torque]) for each in (here, far, farthest)]
     noise = _noise(here, computed)
     change, left = _to_unbounded(values, decay, float(np.linalg.norm(noise[:3])))
     times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"
@@ -349,11 +345,11 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None =
 
 
 def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
-    """The change of loads (6,) to unbounded flow, from those with three distances, and its doubt.
+    """The change of loads (6,) to unbounded flow, from three distances, and its uncertainty.
 
-    The power is that seen in the forces, between a part of the expected one and that. Doubt is the largest of what the
-    expected power, a slower one that is seen, and the two nearer distances give otherwise; what sides change in their
-    own influence is added, as much as in the load.
+    The power is observed in the forces, bounded by the expected one and a fraction of it. The uncertainty is the
+    largest deviation of the estimates with the expected power, with a slower observed power, and from the two smaller
+    distances. The relative influence of the sides on their own effect is added.
 
     Raises:
         ConvergenceError: the second enlargement changes the force by more than the first one, and by more than `noise`.
@@ -378,7 +374,7 @@ def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Flo
 
 
 def of_datum(scene: Scene, other: Scene, computed: Loads, solve: Solve) -> Term:
-    """The error of the datum, from a coarse run of a scene whose base flow starts at another height."""
+    """The error of the datum, from a coarse run with another datum of the base flow."""
     del computed
     height = Setup(other).base_flow.datum - other.domain.bottom
     how = f"a coarse run with flow.datum = {height:.4g}, which may suit the bed as well"
@@ -386,7 +382,7 @@ def of_datum(scene: Scene, other: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
-    """What a bed that is meshed as it is everywhere would change, from a run with more of it, or all, meshed so."""
+    """The error of the planar far bed, from a run with more or all of the bed's forms meshed."""
     how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
     share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
     if not _has_level_ground(Setup(wider)):
@@ -398,7 +394,7 @@ def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def by_coarse_runs(scene: Scene, of_mesh: Term | None = None) -> Estimate | None:
-    """How coarse runs tell the error of the discretisation; None where the dual solution does. Not collective."""
+    """The estimate of the discretisation error from coarse runs; None: from the dual solution. Not collective."""
     if scene.time is not None:
         return partial(by_coarser_runs, scene, of_mesh=of_mesh)
     if scene.is_averaged or scene.has_centrelines or scene.has_separation:
@@ -407,13 +403,13 @@ def by_coarse_runs(scene: Scene, of_mesh: Term | None = None) -> Estimate | None
 
 
 def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
-    """How the errors are estimated, by name, that no finer mesh reduces; the flow may be faster. Not collective."""
+    """The estimates of errors independent of the mesh, by name, at a speed of the flow. Not collective."""
     estimates: dict[str, Estimate] = {}
     other, wider = with_other_datum(scene, speed), on_more_bed(scene)
     if not no_gap(scene):
         estimates["gap"] = partial(of_gap, scene)
     if not has_no_far_sides(scene):
-        # Otherwise far sides show the slow adaptation of a flow that is not in equilibrium with its bed.
+        # Otherwise far sides show the slow adaptation of a flow out of equilibrium with its bed.
         suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
         estimates["domain"] = partial(of_domain, scene if suits else other or scene)
     if other is not None:
@@ -437,9 +433,9 @@ def not_there(scene: Scene) -> dict[str, str]:
 
 
 def is_corrected(scene: Scene) -> bool:
-    """Whether loads are corrected by what is known of their errors: of a grain that is held. Not collective.
+    """Whether loads are corrected for errors of known sign: on a fixed grain. Not collective.
 
-    In turbulent flow, and below a free surface, estimates have not shown what they are worth.
+    In turbulent flow, and below a free surface, the estimates are not validated.
     """
     held = scene.body is not None and not scene.body.moves
     return scene.numerics.correction and held and not (scene.is_averaged or scene.has_surface)
@@ -466,10 +462,10 @@ def has_no_far_sides(scene: Scene) -> str:
 
 
 def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
-    """The scene with a datum as far beyond the bed's effective height as that may be off, seen from its own datum.
+    """The scene with a datum beyond the bed's effective height by the uncertainty of that height.
 
-    None where there is no such height, or the scene's is that for certain, or a turbulent inflow is at the bed's own
-    height. At `speed` the flow is faster by a factor.
+    None without such a height, for a certain one, and for a turbulent inflow at the bed's own height. `speed`: factor
+    on the flow.
     """
     base_flow = Setup(scene).base_flow_at(speed)
     if scene.is_averaged or has_no_far_sides(scene) or not base_flow.over_forms:
@@ -484,7 +480,7 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
 
 
 def on_more_bed(scene: Scene) -> Scene | None:
-    """The scene with more of its bed meshed as it is; None where there is no more, or an accuracy chooses the mesh."""
+    """The scene with more of its bed's forms meshed; None without more, or with a mesh chosen for an accuracy."""
     if scene.numerics.accuracy is not None or not _has_level_ground(Setup(scene)):
         return None
     return changed(
@@ -493,7 +489,7 @@ def on_more_bed(scene: Scene) -> Scene | None:
 
 
 def _has_level_ground(setup: Setup) -> bool:
-    """Whether the bed of a steady flow in 3-D goes over to flat ground away from the grain."""
+    """Whether the bed of a steady 3-D flow is planar away from the grain."""
     if setup.scene.gdim != 3 or setup.scene.time is not None:
         return False
     return resolved_bed(setup.geometry, setup.scene.placement, setup.base_flow.datum) is not None

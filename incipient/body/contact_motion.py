@@ -2,9 +2,9 @@
 
 Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey Signorini's
 and Coulomb's laws with the velocities at the end of the step, and act on the same effective mass as the load, the
-fluid's added mass included. Contacts are those that the body would enter in the step, which is not cut short. An
-impulse acts along the mean of a contact's normals at both ends of the step: a body that rolls along a curved bed keeps
-its energy. Remaining gaps and overlaps are corrected in the place, not in the velocities.
+fluid's added mass included. Contacts are those at which the body would penetrate the bed in the step, whose length is
+kept. An impulse acts along the mean of a contact's normals at both ends of the step: a body that rolls along a curved
+bed conserves its energy. Remaining gaps and overlaps are corrected in the position, not in the velocities.
 """
 
 from __future__ import annotations
@@ -24,25 +24,27 @@ from .state import BodyState
 
 NearBed = Callable[[Placement, float], ClosestPoints]
 
-ROUNDS = 40  # of impulses and places, until neither changes
-IN_TURN = 12  # rounds after which contacts that come and go in turn, such as ends of a side that lands, stay
+ROUNDS = 40  # of impulses and positions, until neither changes
+IN_TURN = (
+    12  # rounds after which alternating contacts, such as the ends of a side that lands, are kept
+)
 SETTLED = 1e-9  # change of the body's place in a round, relative to its reach, that ends them
 CLOSED = 1e-9  # gap, relative to the reach, that counts as none
 CORRECTIONS = 8  # of a place, by gaps that are taken for linear in it
-SEEN = 0.05  # gap, relative to the reach, within which contacts of one round are looked for again in the next
+SEEN = 0.05  # gap, relative to the reach, within which the next round searches for the contacts of the last
 CREATED = 1e-3  # work done by contacts, relative to impulses times velocities, that is not accepted
 SLIDES = 1e-9  # velocity along a contact, relative to the largest there, from which on it slides
-SAME_NORMAL = 0.9  # cosine of normals of what is one contact at two moments of a step
-# How far apart its places may be: times the way of the body in the step, and relative to its reach besides.
+SAME_NORMAL = 0.9  # cosine of the normals of one contact at two times in a step
+# Largest distance of its positions: over the path of the body in the step, plus a fraction of the reach.
 SAME_WAY, SAME_PLACE = 2.0, 1e-3
 
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """How a body and its bed touch.
+    """The law of contact between a body and its bed.
 
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
-    restitution: share of the normal velocity with which the body leaves an impact (Newton's law)
+    restitution: fraction of the normal velocity with which the body leaves an impact (Newton's law)
     rolling: torque against rolling, over the normal force times half of the body's largest extent, at most
     """
 
@@ -93,7 +95,7 @@ class ActiveContacts:
         return np.asarray(mean[:, : self.points.shape[1]])
 
     def mean_load(self, place: Floats, length: float) -> Floats:
-        """Mean force and torque about a place (3,), in 3-D (6,), over a step of a length."""
+        """Mean force and torque about a point (3,), in 3-D (6,), over a step of a length."""
         if not len(self):
             return np.zeros(3 * len(place) - 3)
         ways = frames(self.normals)
@@ -104,7 +106,7 @@ class ActiveContacts:
 
 @dataclass(frozen=True, eq=False)
 class ContactStep:
-    """A step: its end, which does not enter the bed, the contacts there, and the motion before that was corrected.
+    """A step: its end outside the bed, the contacts there, and the motion before the correction.
 
     pushed: impulse of force and torque (n,) by all contacts; start: where the step began
     """
@@ -124,7 +126,7 @@ class ContactStep:
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """What a step starts from: state, contacts, velocities (n, n) gained by impulses, how far a contact may wander.
+    """Start of a step: state, contacts, velocities (n, n) per unit impulse, and the largest shift of a contact.
 
     mean: whether impulses act along the mean of normals at both ends
     """
@@ -141,8 +143,8 @@ class ContactMotion:
 
     Args:
         body: its mass, moments and freedom.
-        near: gaps, points and normals at a placement of all places not farther from the bed than a length; gaps count
-            from where contact begins.
+        near: gaps, points and normals at a placement, of all points within a distance of the bed; gaps vanish where
+            contact begins.
         law: friction and restitution.
         reach: the body's largest extent.
     """
@@ -163,7 +165,7 @@ class ContactMotion:
     ) -> ContactStep:
         """The motion over a step under a mean load (n,) as `RigidBody.motion`, after contacts `before`.
 
-        `tried` is a step at about the same place under about the same load, whose contacts are tried first.
+        `tried` is a step at about the same place under about the same load, whose contacts are the initial guess.
 
         Raises ConvergenceError where the impulses do not converge.
         """
@@ -185,7 +187,7 @@ class ContactMotion:
         taken = self._taken(start, first, moved)
         if self.law.restitution > 0.0 or taken.created() <= CREATED:
             return taken
-        # Contacts whose normal turns at once, as that of a corner: impulses along the mean of both would do work.
+        # Normals that turn abruptly, as at a corner: impulses along the mean of both would do work.
         return min(
             taken, self._taken(replace(start, mean=False), first, moved), key=ContactStep.created
         )
@@ -193,7 +195,7 @@ class ContactMotion:
     def _taken(
         self, start: _Start, first: ContactStep, moved: Callable[[Floats], Motion]
     ) -> ContactStep:
-        """A step from a first motion, under the contacts there, on."""
+        """A step from a first motion and its contacts."""
         state, gain, motion, pushed = start.state, start.gain, first.motion, first.pushed
         end, seen = motion.end, self._seen(motion.end)
         if len(first.contacts) == 0:
@@ -224,25 +226,25 @@ class ContactMotion:
                 touched, local, self._as_entered(seen, entered, start), left, start
             )
             if len(touched) == 0:
-                # Along a side that lies on the bed the nearest place may be elsewhere now: what presses goes on.
+                # Along a side that lies on the bed the nearest point may have moved: loaded contacts stay.
                 touched = pressed.only(local[: len(pressed), 0] > 0.0)
             if number >= IN_TURN:
                 touched = _together(touched, pressed, start.apart)
             if settled and len(touched) == len(pressed):
                 break
-        # Where two ends of a step take turns, the last obeys the laws at contacts that are off by their difference.
+        # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
         contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever)
         return ContactStep(end, contacts, motion, pushed, state)
 
     def kept_out(self, end: BodyState) -> BodyState:
-        """The state, moved out of the bed where it is within it; its velocities stay."""
+        """The state, moved out of the bed where it penetrates; its velocities stay."""
         shapes = np.where(np.arange(self.body.size) < self.body.gdim, 1.0, self.reach**-2)
         none = ActiveContacts.none(self.body.gdim)
         start = _Start(end, none, np.diag(shapes * self.body.mask), 0.0)
         return self._placed(end, self._seen(end), none.places(), start)[0]
 
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
-        """How far apart places of one contact may be in a step."""
+        """The largest distance of two positions of one contact within a step."""
         ways = [
             np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin)
             for one in (state, end)
@@ -257,9 +259,9 @@ class ContactMotion:
         return self.near(end.placement, SEEN * self.reach)
 
     def _rows(self, points: Floats, ways: Floats, place: Floats) -> Floats:
-        """(m, n) what impulses of one give the body: along ways (k, 3, 3), and after them torques against rolling.
+        """(m, n) momentum of the body per unit impulse: along ways (k, 3, 3), and after them torques against rolling.
 
-        m = 3k without resistance to rolling, else 6k, the torques as `resisted_impulses` has them.
+        m = 3k without resistance to rolling, otherwise 6k, the torques as `resisted_impulses` has them.
         """
         rows = wrenches(points, ways, place)
         if self.law.rolling == 0.0:
@@ -299,7 +301,7 @@ class ContactMotion:
     def _placed(
         self, end: BodyState, seen: ClosestPoints, pressing: ClosestPoints, start: _Start
     ) -> tuple[BodyState, ClosestPoints]:
-        """The end of a step where contacts that press are closed and nothing is in the bed, and the gaps there.
+        """The end of a step with loaded contacts closed and no penetration of the bed, and the gaps there.
 
         `seen` are the gaps before.
         """
@@ -319,7 +321,7 @@ class ContactMotion:
     def _as_entered(
         self, seen: ClosestPoints, before: ClosestPoints, start: _Start
     ) -> ClosestPoints:
-        """Closest points after a correction of the place; those with negative gaps before keep these."""
+        """Closest points after a correction of the position; negative gaps before are kept."""
         entered = before.only(before.gaps < -self._closed)
         gaps, rows = seen.gaps.copy(), matches(entered, seen, start.apart)
         np.minimum.at(gaps, rows[rows >= 0], entered.gaps[rows >= 0])
@@ -333,7 +335,7 @@ class ContactMotion:
         left: ClosestPoints,
         start: _Start,
     ) -> tuple[ClosestPoints, ClosestPoints]:
-        """The contacts of the next round, and those dropped in some round, which return for good."""
+        """The contacts of the next round, and the dropped ones, which are kept once they return."""
         now, again = matches(touched, seen, start.apart), matches(touched, left, start.apart) >= 0
         there, presses = now >= 0, local[: len(touched), 0] > 0.0
         gaps = np.append(seen.gaps, np.inf)[now]
@@ -350,15 +352,14 @@ def _contacts(
     ends: tuple[BodyState, Motion],
     lever: float,
 ) -> ActiveContacts:
-    """The contacts of a step that has settled."""
     (rows, along), (state, motion), count = ways, ends, len(touched)
     mean = (along @ (0.5 * (state.velocities + motion.end.velocities))).reshape(-1, 3)
     velocities = (rows[: 3 * count] @ motion.end.velocities).reshape(-1, 3)
     pressure = float(local[:count, 0] @ mean[:count, 0])
     works = float((local[:, 1:] * mean[:, 1:]).sum()), pressure
-    couples = lever * local[count:, 1:] if len(local) > count else np.zeros((count, 2))
+    torques = lever * local[count:, 1:] if len(local) > count else np.zeros((count, 2))
     return ActiveContacts(
-        touched.points, touched.normals, local[:count], velocities, couples, works
+        touched.points, touched.normals, local[:count], velocities, torques, works
     )
 
 
@@ -371,7 +372,7 @@ def frames(normals: Floats) -> Floats:
 
 
 def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
-    """(3k, n) force and torque about a place (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
+    """(3k, n) force and torque about a point (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
     arms = np.repeat(points - place, 3, axis=0)
     return statics.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
 

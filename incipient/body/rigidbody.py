@@ -58,7 +58,7 @@ class RigidBody:
 
     K are the moments over the largest, at least 0.05 (ones without inertia), so that Euler's equations (331)-(333)
     hold under constant loads unless the body is thinner than that. In 2-D velocities vary linearly in time.
-    RKF45 integrates place and orientation, (335). Locked velocities follow what is imposed.
+    RKF45 integrates place and orientation, (335). Locked velocities are imposed.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class RigidBody:
             at = state(t, y)
             return np.concatenate([at.velocity, turning(at.orientation, at.spin)])
 
-        path = Integrator(rate, self.tolerances, first_step=(time - start.time) or None)
+        path = Integrator(rate, self.tolerances)
         path.init(start.time, np.concatenate([start.place, start.orientation]))
         path.advance(time, None if root is None else lambda t, y: root(state(t, y)))
         end = state(path.t, path.y)
@@ -202,7 +202,7 @@ class RigidBody:
     def _small(
         self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats, noise: Floats
     ) -> bool:
-        """Whether errors of the free velocities are at the integrator's tolerance, relative to their kind, or noise."""
+        """Whether errors of the free velocities are within the integrator's tolerance or round-off."""
         scale, d = np.max([np.abs(state.velocities) for state in states], axis=0), self.gdim
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
         kinds = np.repeat([scale[:d].max(), scale[d:].max()], [d, self.size - d])[self.mask]
@@ -211,7 +211,7 @@ class RigidBody:
 
 @dataclass(frozen=True, eq=False)
 class MeanLoad:
-    """The mean load over a step that makes the body's step the fluid's own backward difference.
+    """The mean load over a step that makes the body's step the backward difference of the fluid.
 
     With dt dU/dt = a0 U(n+1) + a1 U(n) + a2 U(n-1), a0 + a1 + a2 = 0, the balance m dU/dt = F(n+1) reads
     m (U(n+1) - U(n)) = dt Fm(n+1), if m (U(n) - U(n-1)) = dt(n) Fm(n) and

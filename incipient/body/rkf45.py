@@ -5,7 +5,7 @@ dense output within the last step, `statistics` counts. The error of a step is h
 norm, the root mean square of error_i / (relative |y_i| + absolute_i); the solution of fifth order is propagated.
 
 Sources: E. Fehlberg, NASA TR R-315 (1969), formula 2; Hairer, Norsett & Wanner, Solving Ordinary Differential
-Equations I, II.4 (first step, safety factors); Gustafsson, ACM TOMS 17 (1991) (proportional-integral control).
+Equations I, II.4 (safety factors); Gustafsson, ACM TOMS 17 (1991) (proportional-integral control).
 """
 
 from __future__ import annotations
@@ -49,11 +49,6 @@ class Tolerances:
     relative: float
     absolute: float | Floats
 
-    def __post_init__(self) -> None:
-        least = np.min(np.asarray(self.absolute, dtype=float))
-        if not (self.relative >= 0.0 and least >= 0.0 and self.relative + least > 0.0):
-            raise ValueError("tolerances must be zero or more, and not all zero")
-
     def norm(self, error: Floats, size: Floats) -> float:
         """The weighted root mean square of an error (n,) in a solution of a size (n,): at most 1 is accepted."""
         weight = self.relative * size + self.absolute
@@ -78,11 +73,10 @@ class Integrator:
     Args:
         rate: f(t, y) -> (n,). A step in which it is not finite is repeated with a quarter of the length.
         tolerances: bounds of the error of one step.
-        first_step: its length; None: estimated from the rate (one more evaluation).
-        largest_step: bound of the length of all steps.
+        largest_step: bound of the length of all steps; the first one is tried with the whole of what is to come.
         max_steps: the number of steps that one `advance` may take.
 
-    `t` and `y` (n,) are the present time and solution. Raises ValueError for arguments out of range.
+    `t` and `y` (n,) are the present time and solution.
     """
 
     def __init__(
@@ -90,28 +84,19 @@ class Integrator:
         rate: Rate,
         tolerances: Tolerances,
         *,
-        first_step: float | None = None,
         largest_step: float = np.inf,
         max_steps: int = 10_000,
     ) -> None:
-        if not (largest_step > 0.0 and (first_step is None or first_step > 0.0) and max_steps > 0):
-            raise ValueError("steps and their number are positive")
-        self.rate, self.tolerances, self.first_step = rate, tolerances, first_step
+        self.rate, self.tolerances = rate, tolerances
         self.largest_step, self.max_steps = largest_step, max_steps
 
     def init(self, t: float, y: ArrayLike) -> None:
-        """Set time and solution (n,) and forget all before. Raises ValueError, ConvergenceError."""
+        """Set time and solution (n,) and forget all before. Raises ConvergenceError if the rate is not finite."""
         self.t, self.y = float(t), np.array(y, dtype=float)
-        if self.y.ndim != 1 or not np.isfinite([self.t, *self.y]).all():
-            raise ValueError("initial time and values must be finite numbers, the values a vector")
         self.statistics, self._error_before = Statistics(), 1.0
         self._slope = self._evaluate(self.t, self.y)
-        absolute = np.asarray(self.tolerances.absolute)
-        if self._slope.shape != self.y.shape or absolute.shape not in ((), self.y.shape):
-            raise ValueError("rate and tolerances have as many components as the solution")
         if not np.isfinite(self._slope).all():
             raise ConvergenceError(f"the rate of change at the initial time {t:.6g} is not finite")
-        self.statistics.next_step = self.first_step or self._estimated_first_step()
         self._start = (self.t, self.y, self._slope)
 
     def advance(self, end: float, root: Root | None = None) -> bool:
@@ -124,6 +109,7 @@ class Integrator:
             ConvergenceError: the step becomes too small, or `max_steps` do not suffice; t and y hold the last
                 accepted state.
         """
+        self.statistics.next_step = self.statistics.next_step or max(end - self.t, 0.0)
         value = 0.0 if root is None else self._value_ahead(root)
         for _ in range(self.max_steps):
             if self.t >= end:
@@ -154,19 +140,6 @@ class Integrator:
     def _evaluate(self, t: float, y: Floats) -> Floats:
         self.statistics.evaluations += 1
         return np.asarray(self.rate(t, y), dtype=float)
-
-    def _estimated_first_step(self) -> float:
-        """Hairer, Norsett & Wanner, II.4, for order 5."""
-        size, norm = np.abs(self.y), self.tolerances.norm
-        d0, d1 = norm(size, size), norm(self._slope, size)
-        usable = min(d0, d1) > 1e-5 and np.isfinite(d0 + d1)
-        h = 0.01 * d0 / d1 if usable else 1e-6
-        ahead = self._evaluate(self.t + h, self.y + h * self._slope)
-        largest = max(d1, norm(ahead - self._slope, size) / h)
-        if not np.isfinite(largest):
-            return h
-        longest = max(1e-6, 1e-3 * h) if largest <= 1e-15 else float((0.01 / largest) ** 0.2)
-        return min(100 * h, longest)
 
     def _slopes(self, t: float, y: Floats, slope: Floats, end: float) -> Floats:
         """The slopes (6, n) of the stages of a step to `end`; not finite where one of them is not."""

@@ -1,4 +1,4 @@
-"""What a rigid body is and where: its inertia, its state of motion, and which of its motions are free.
+"""A rigid body: its inertia, its state of motion, and its degrees of freedom.
 
 Velocities U = (velocity, spin) are vectors (n,) in scene directions: n = 3 in 2-D (x, y, counter-clockwise turn),
 n = 6 in 3-D. Units are the scene's, the fluid's density is one.
@@ -28,7 +28,7 @@ THINNEST = 0.05  # smallest ratio of moments that shapes the path within a step
 class Inertia:
     """Mass, principal moments, and in 3-D the principal axes in the body frame: columns (3, 3), right-handed.
 
-    One moment (1,) in 2-D, three (3,) in 3-D. Mass and moments may be zero: then only the fluid resists.
+    One moment (1,) in 2-D, three (3,) in 3-D. Mass and moments may be zero: then only the added mass resists.
     Raises SceneError on values that no distribution of mass has.
     """
 
@@ -85,7 +85,7 @@ class Inertia:
 
 @dataclass(frozen=True, eq=False)
 class BodyState:
-    """Where a body is and how it moves at a time.
+    """Position, orientation and velocities of a body at a time.
 
     place: of the centre of mass (gdim,)
     orientation: in 2-D the angle (1,), unbounded; in 3-D a unit quaternion w, x, y, z (4,)

@@ -1,1 +1,1 @@
-"""Commands of the command line with their options, a module each."""
+"""Commands of the command line."""

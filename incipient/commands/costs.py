@@ -1,4 +1,4 @@
-"""`incipient plan` and `incipient cost`: what a run takes."""
+"""`incipient plan` and `incipient cost`."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from .options import alone
 
 
 def plan(options: argparse.Namespace, comm: Comm) -> int:
-    """Says what would be computed, and what it takes."""
+    """Print the plan of a run with its cost."""
     scene = incipient.load(options.scene, options.overrides, comm)
     with collectively(comm):
         if comm.rank == 0:
-            found = planned(scene)
+            estimate = planned(scene)
             if options.json:
-                print(json.dumps(plain(found.to_dict()), indent=2))
+                print(json.dumps(plain(estimate.to_dict()), indent=2))
             else:
                 spent = _spent_before(Path("results") / options.scene.stem)
-                print("\n".join([found.text(), *spent, *_further_runs(scene)]))
+                print("\n".join([estimate.text(), *spent, *_further_runs(scene)]))
     return 0
 
 
 def _spent_before(directory: Path) -> list[str]:
-    """What the last run took that the directory for a scene's results holds, in a line; none if it holds none."""
+    """The cost of the last run in the result directory, as a line; empty without one."""
     try:
         cost = json.loads((directory / "result.json").read_text(encoding="utf-8"))["cost"]
         taken, ranks = seconds(cost["wall_time"]["total"]), cost["ranks"]
@@ -52,7 +52,7 @@ def _spent_before(directory: Path) -> list[str]:
 
 
 def _further_runs(scene: Scene) -> list[str]:
-    """The runs that the error bars of a free surface without a grain take, in a line; else none."""
+    """The additional runs for error bars of a free surface without a grain, as a line; otherwise empty."""
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return []
@@ -63,7 +63,7 @@ def _further_runs(scene: Scene) -> list[str]:
 
 
 def cost(options: argparse.Namespace, comm: Comm) -> int:
-    """Measures error against time by runs of the scene."""
+    """Measure error against CPU time in runs of the scene."""
     alone("cost", comm)
     scene = incipient.load(options.scene, options.overrides, comm)
     ending = "_cost" if options.do == "run" else f"_{options.do}_cost"
@@ -80,7 +80,7 @@ def cost(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _exact(settings: Sequence[str]) -> dict[str, float]:
-    """Exact values by name, from words such as force_x=9.4; raises SceneError."""
+    """Exact values by name, from settings such as force_x=9.4. Raises SceneError."""
     try:
         return {name: float(value) for name, value in (text.split("=") for text in settings)}
     except ValueError as error:

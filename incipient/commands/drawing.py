@@ -1,4 +1,4 @@
-"""What commands draw when they are done, and what they say of it."""
+"""Drawing of pictures at the end of commands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..parallel import Comm, collectively
 
 
 def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
-    """Draws pictures if they are wanted, and says where they are; one that fails takes nothing else with it."""
+    """Draw requested pictures and print their paths; a failed picture does not fail the command."""
     with collectively(comm):
         if comm.rank == 0 and wanted:
             draw_and_tell(directory)
@@ -18,7 +18,7 @@ def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
 
 
 def draw_and_tell(directory: Path) -> None:
-    """Draws the pictures of a directory and says where they are; raises OutputError for those that failed."""
+    """Draw the pictures of a directory and print their paths. Raises OutputError for failed ones."""
     from ..pictures.apart import draw_apart
 
     drawn = draw_apart(directory)

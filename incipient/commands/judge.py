@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from ..errors import SceneError
@@ -16,6 +18,7 @@ from ..judging.series import judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
 from ..progress import telling
+from ..results.kinds import JUDGEMENT, SERIES, ResultKind
 from .drawing import draw_and_tell
 from .options import BESIDE
 
@@ -25,8 +28,6 @@ OPTIONS_OF = {
     "law": ("forces", "series"),
     **dict.fromkeys(("density", "grain", "bed"), ("forces",)),
 }
-OF_CASE = ("judgement.json", "judgement.png")
-OF_SERIES = ("series.csv", "series.json", "series.png")
 
 
 def judge(options: argparse.Namespace, comm: Comm) -> int:
@@ -49,7 +50,7 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _refuse_unread(options: argparse.Namespace) -> None:
-    """Refuse options that nothing would read."""
+    """Refuse options without effect."""
     for name, readers in OPTIONS_OF.items():
         if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
             needs = " or ".join(f"--{one}" for one in readers)
@@ -61,7 +62,7 @@ def _judge_forces(options: argparse.Namespace) -> None:
         why = "--forces needs --density: that of the fluid over the rhoInf of the forces; 1 where they are the same"
         raise SceneError(why)
     if options.case is None:
-        from ..judging.in_place import grain_in_place  # whose libraries take 0.3 s to import
+        from ..judging.in_place import grain_in_place  # its libraries take 0.3 s to import
 
         case = grain_in_place(options.grain, options.bed, options.overrides)
     elif options.grain or options.bed:
@@ -72,26 +73,19 @@ def _judge_forces(options: argparse.Namespace) -> None:
     forces = read_forces(options.forces)
     judged = judge_forces(case, forces, options.density, options.since, options.law)
     print(judged.text())
-    if options.out is not None:
-        directory = _directory(options, options.case or options.forces)
-        theirs = filter(None, (options.case, options.grain))
-        refuse_foreign(directory, (*OF_CASE, *OF_SERIES), theirs)
+
+    def keep(directory: Path) -> None:
         save(judged.judgement, directory)
         save_series(judged.series, directory)
-        _tell(f"{directory}/: judgement.json, series.csv, series.json")
-        draw_and_tell(directory)
+
+    _keep(options, options.case or options.forces, (JUDGEMENT, SERIES), keep)
 
 
 def _judge_case(options: argparse.Namespace) -> None:
     case = load_case(options.case, options.overrides)
     judgement = judge_case(case)
     print(text(case, judgement))
-    if options.out is not None:
-        directory = _directory(options, options.case)
-        refuse_foreign(directory, OF_CASE)
-        save(judgement, directory)
-        _tell(f"{directory / 'judgement.json'}")
-        draw_and_tell(directory)
+    _keep(options, options.case, (JUDGEMENT,), partial(save, judgement))
 
 
 def _judge_series(options: argparse.Namespace) -> None:
@@ -101,16 +95,11 @@ def _judge_series(options: argparse.Namespace) -> None:
     if options.law is not None:
         start = series.motion.since
         print(FlowThreshold.of(options.law, series.times, series.batch, start, None).text())
-    if options.out is not None:
-        directory = _directory(options, options.series)
-        refuse_foreign(directory, OF_SERIES, [options.series, options.case])
-        save_series(series, directory)
-        _tell(f"{directory}/: series.csv, series.json")
-        draw_and_tell(directory)
+    _keep(options, options.series, (SERIES,), partial(save_series, series))
 
 
 def _judge_batch(options: argparse.Namespace) -> None:
-    """Judge a table of cases, which says all that a case file would."""
+    """Judge a table of complete cases."""
     path = options.batch
     if options.case is not None:
         raise SceneError(f"--batch: {path} has all of each case; leave out {options.case}")
@@ -126,8 +115,26 @@ def _judge_batch(options: argparse.Namespace) -> None:
     _tell(f"{directory}/: {', '.join(names)}")
 
 
+def _keep(
+    options: argparse.Namespace,
+    source: Path,
+    kinds: Sequence[ResultKind],
+    save: Callable[[Path], object],
+) -> None:
+    """Write results and their pictures to the directory of `--out`, if given."""
+    if options.out is None:
+        return
+    directory = _directory(options, source)
+    read = [path for path in (options.case, options.grain, options.series) if path is not None]
+    refuse_foreign(directory, set().union(*(kind.files for kind in kinds)), read)
+    save(directory)
+    names = [name for kind in kinds for name in (*kind.tables, kind.record)]
+    _tell(f"{directory}/: {', '.join(names)}" if names[1:] else f"{directory / names[0]}")
+    draw_and_tell(directory)
+
+
 def _directory(options: argparse.Namespace, source: Path) -> Path:
-    """The directory that `--out` names; without a name that of the source."""
+    """The directory of `--out`; by default that of the source."""
     return source.parent if options.out is BESIDE else Path(options.out)
 
 

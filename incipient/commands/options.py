@@ -1,4 +1,4 @@
-"""The options of all commands, and what several of them refuse alike."""
+"""The options of all commands, and their common checks."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from ..errors import SceneError
 from ..parallel import Comm, collectively
 
-BESIDE = object()  # a directory that is asked for and not named: that of the case
-OF_SWEEPS = ("quantity", "against", "by")  # options of `show` that are for sweeps alone
+BESIDE = object()  # directory option without a value: that of the case
+OF_SWEEPS = ("quantity", "against", "by")  # options of `show` for sweeps only
 
 
 def overrides(parser: argparse.ArgumentParser, example: str) -> None:
@@ -23,20 +23,20 @@ def overrides(parser: argparse.ArgumentParser, example: str) -> None:
 
 
 def named(text: str) -> Path:
-    """A path that is not empty: an empty one would mean the working directory."""
+    """A nonempty path: an empty one would mean the working directory."""
     if not text.strip():
         raise argparse.ArgumentTypeError("the name is empty; give the name of a directory or file")
     return Path(text)
 
 
 def alone(name: str, comm: Comm) -> None:
-    """Refuse ranks for a command that starts processes of its own."""
+    """Refuse several ranks for a command that starts its own processes."""
     if comm.size > 1:
         raise SceneError(f"{name} starts runs of its own; call it without mpirun")
 
 
 def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
-    """Refuses what is not a directory in which an earlier command has left one of its files. Collective."""
+    """Raise SceneError for a directory without any of the files of an earlier command. Collective."""
     with collectively(comm):
         if comm.rank == 0 and not any((directory / name).is_file() for name in names):
             why = (
@@ -48,7 +48,7 @@ def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
 
 
 def no_options(parser: argparse.ArgumentParser) -> None:
-    """Adds nothing: the command has no options."""
+    """Add no options."""
 
 
 def _scene(parser: argparse.ArgumentParser) -> None:
@@ -57,63 +57,97 @@ def _scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "results") -> None:
-    """Adds a scene and the directory for what comes of it, which is named after the scene."""
+    """Add the scene and its result directory, named after the scene."""
     _scene(parser)
     usual = f"results/NAME OF THE SCENE{ending}"
     parser.add_argument("--out", type=named, help=f"directory for the {what} (default: {usual})")
 
 
+def _details(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--verbose", "-v", action="store_true", help="print details of the result as well"
+    )
+
+
 def of_run(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient run`."""
+    """Options of `incipient run`."""
     _scene_to(parser)
-    text = "remove an earlier run from the directory even if it can be resumed (default: move it to a numbered one)"
-    parser.add_argument("--overwrite", action="store_true", help=text)
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="remove an earlier run from the directory even if it can be resumed (default: move it to a numbered one)",
+    )
+    _details(parser)
 
 
 def of_resume(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient resume`."""
+    """Options of `incipient resume`."""
     parser.add_argument("directory", type=Path, help="directory of the run")
     overrides(parser, "time.end=20")
+    _details(parser)
 
 
 def of_threshold(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient threshold`."""
+    """Options of `incipient threshold`."""
     _scene_to(parser, "_threshold")
 
 
 def of_gust(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient gust`."""
+    """Options of `incipient gust`."""
     _scene_to(parser, "_gusts")
-    text = "durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)"
-    usual = [0.5, 1.0, 2.0, 4.0, 8.0]
     parser.add_argument(
-        "--durations", type=float, nargs="+", default=usual, metavar="TIME", help=text
+        "--durations",
+        type=float,
+        nargs="+",
+        default=[0.5, 1.0, 2.0, 4.0, 8.0],
+        metavar="TIME",
+        help="durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)",
     )
 
 
 def of_entrainment(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient entrainment`."""
+    """Options of `incipient entrainment`."""
     add = parser.add_argument
     _scene_to(parser, "_entrainment")
     usual = "0.001 0.01 0.05 0.5, of those what data can tell"
-    text = f"of motion at an instant, for which the Shields number is computed (default: {usual})"
-    add("--probabilities", type=float, nargs="+", default=[], metavar="P", help=text)
-    text = "ratios of the mean flow to the scene's, for a curve (default: a range that shows it)"
-    add("--strengths", type=float, nargs="+", default=[], metavar="FACTOR", help=text)
-    text = "directory of incipient gust: also finds how often gusts last long enough"
-    add("--gusts", type=named, metavar="DIRECTORY", help=text)
-    text = "CSV of Shields number, probability, measured: drawn on the picture"
-    add("--data", type=named, metavar="FILE", help=text)
+    add(
+        "--probabilities",
+        type=float,
+        nargs="+",
+        default=[],
+        metavar="P",
+        help=f"of motion at an instant, for which the Shields number is computed (default: {usual})",
+    )
+    add(
+        "--strengths",
+        type=float,
+        nargs="+",
+        default=[],
+        metavar="FACTOR",
+        help="ratios of the mean flow to the scene's, for a curve (default: a range that shows it)",
+    )
+    add(
+        "--gusts",
+        type=named,
+        metavar="DIRECTORY",
+        help="directory of incipient gust: also finds how often gusts last long enough",
+    )
+    add(
+        "--data",
+        type=named,
+        metavar="FILE",
+        help="CSV of Shields number, probability, measured: drawn on the picture",
+    )
 
 
 def of_plan(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient plan`."""
+    """Options of `incipient plan`."""
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
 
 
 def of_cost(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient cost`."""
+    """Options of `incipient cost`."""
     add = parser.add_argument
     _scene_to(parser, "_cost", "study")
     add("--do", choices=("run", "threshold"), default="run", help="what to run (default: run)")
@@ -122,12 +156,17 @@ def of_cost(parser: argparse.ArgumentParser) -> None:
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
         text = f"{what} as multiples of the scene's"
         add(name, type=float, nargs="+", metavar="FACTOR", help=text)
-    text = "exact values, such as force_x=9.42, to compare with (default: the finest run)"
-    add("--exact", nargs="+", default=[], metavar="NAME=VALUE", help=text)
+    add(
+        "--exact",
+        nargs="+",
+        default=[],
+        metavar="NAME=VALUE",
+        help="exact values, such as force_x=9.42, to compare with (default: the finest run)",
+    )
 
 
 def of_show(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient show`."""
+    """Options of `incipient show`."""
     add = parser.add_argument
     add("directory", type=Path, help="directory of the results, or the file of a sweep")
     add("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
@@ -144,7 +183,7 @@ def of_show(parser: argparse.ArgumentParser) -> None:
 
 
 def of_report(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient report`."""
+    """Options of `incipient report`."""
     parser.add_argument("path", type=Path, help="directory of the results, or the file of a sweep")
     parser.add_argument(
         "--out",
@@ -155,7 +194,7 @@ def of_report(parser: argparse.ArgumentParser) -> None:
 
 
 def of_sweep(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient sweep`."""
+    """Options of `incipient sweep`."""
     add = parser.add_argument
     add(
         "scenes",
@@ -164,8 +203,13 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         metavar="SCENE",
         help="scene files, or cases to judge (TOML)",
     )
-    text = "as in fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; repeat it for all combinations"
-    add("--over", action="append", default=[], metavar="KEY=VALUES", help=text)
+    add(
+        "--over",
+        action="append",
+        default=[],
+        metavar="KEY=VALUES",
+        help="as in fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; repeat it for all combinations",
+    )
     add("--zip", action="store_true", help="combine the values of several keys one by one instead")
     add(
         "--cases",
@@ -173,16 +217,25 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.csv",
         help="keys in the first row, a case in each other row",
     )
-    text = "add cases where the mode changes or the curve bends, to this fraction of the range (default: 0.02)"
-    add("--refine", type=_share, nargs="?", const=True, metavar="FRACTION", help=text)
+    add(
+        "--refine",
+        type=_share,
+        nargs="?",
+        const=True,
+        metavar="FRACTION",
+        help="add cases where the mode changes or the curve bends, to this fraction of the range (default: 0.02)",
+    )
     add(
         "--most",
         type=int,
         metavar="N",
         help="with --refine: largest number of cases (default: 1000)",
     )
-    text = "with --refine: the column whose curve is to be known (see table)"
-    add("--quantity", metavar="COLUMN", help=text)
+    add(
+        "--quantity",
+        metavar="COLUMN",
+        help="with --refine: the column whose curve is to be known (see table)",
+    )
     overrides(parser, "numerics.mesh_size=2")
     add(
         "--do",
@@ -196,21 +249,24 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         help="file of the sweep (default: results/SCENE_TASK.sqlite)",
     )
     _workers(parser, "case")
-    text = "of each case (default: 4/5 of the free memory, divided by concurrent cases)"
-    add("--memory", type=float, metavar="MIB", help=text)
-    text = "attempts at a case whose worker process dies (default: 3)"
-    add("--tries", type=int, default=3, metavar="N", help=text)
     add(
-        "--wall",
-        metavar="TIME",
-        help="time after which to stop, such as 8h or 1h30m; the same call resumes",
+        "--memory",
+        type=float,
+        metavar="MIB",
+        help="of each case (default: 4/5 of the free memory, divided by concurrent cases)",
     )
-    add("--retry", action="store_true", help="compute cases again that have failed")
+    add(
+        "--tries",
+        type=int,
+        default=3,
+        metavar="N",
+        help="attempts at a case whose worker process dies (default: 3)",
+    )
     add("--dry-run", action="store_true", help="check the cases and count those to compute")
 
 
 def of_survey(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient survey`."""
+    """Options of `incipient survey`."""
     add = parser.add_argument
     add("bed", type=Path, help="survey file (TOML); with --orientations or --seeds a 3-D scene")
     overrides(parser, "bed.seed=2")
@@ -219,28 +275,45 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
         type=named,
         help="directory for the results (default: results/NAME OF THE FILE_survey)",
     )
-    text = "add this many full runs, of grains with the largest predictive variance (default: runs.number in all)"
-    add("--runs", type=int, default=0, metavar="N", help=text)
-    text = "find the thresholds of a scene's grain in this many random orientations, the first being its own"
-    add("--orientations", type=int, metavar="N", help=text)
+    add(
+        "--runs",
+        type=int,
+        default=0,
+        metavar="N",
+        help="add this many full runs, of grains with the largest predictive variance (default: runs.number in all)",
+    )
+    add(
+        "--orientations",
+        type=int,
+        metavar="N",
+        help="find the thresholds of a scene's grain in this many random orientations, the first being its own",
+    )
     add("--seeds", type=int, metavar="N", help="find its thresholds on this many random beds")
     _workers(parser, "run")
+
+
+def _workers(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the options of a sweep's workers, and retired ones, which are refused."""
+    add = parser.add_argument
+    add(
+        "--jobs",
+        "-n",
+        type=int,
+        metavar="N",
+        help=f"{what}s at a time on this machine (default: one a core)",
+    )
+    add(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="workers of Dask: tcp://HOST:PORT of its scheduler, or its file FILE.json",
+    )
+    add("--limit", metavar="TIME", help=f"time that a {what} may take, such as 2h (default: a day)")
     add(
         "--wall",
         metavar="TIME",
         help="time after which to stop, such as 8h or 1h30m; the same call resumes",
     )
-    add("--retry", action="store_true", help="compute runs again that have failed")
-
-
-def _workers(parser: argparse.ArgumentParser, what: str) -> None:
-    """Adds the options on the workers of a sweep, and old ones, which are refused."""
-    add = parser.add_argument
-    text = f"{what}s at a time on this machine (default: one a core)"
-    add("--jobs", "-n", type=int, metavar="N", help=text)
-    text = "workers of Dask: tcp://HOST:PORT of its scheduler, or its file FILE.json"
-    add("--scheduler", metavar="ADDRESS", help=text)
-    add("--limit", metavar="TIME", help=f"time that a {what} may take, such as 2h (default: a day)")
+    add("--retry", action="store_true", help=f"compute {what}s again that have failed")
     for old in ("--executor", "--ranks"):
         add(old, help=argparse.SUPPRESS)
 
@@ -265,17 +338,24 @@ def _share(text: str) -> float:
 
 
 def of_table(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient table`."""
+    """Options of `incipient table`."""
     parser.add_argument(
         "file", type=Path, help="file of a sweep; for size classes also grains.csv of a survey"
     )
-    text = "with --size-classes: column of sizes (default: diameter, or body.diameter)"
-    parser.add_argument("--size", metavar="COLUMN", help=text)
+    parser.add_argument(
+        "--size",
+        metavar="COLUMN",
+        help="with --size-classes: column of sizes (default: diameter, or body.diameter)",
+    )
     ways = parser.add_mutually_exclusive_group()
     ways.add_argument("--csv", action="store_true", help="all columns, as CSV")
     ways.add_argument("--parquet", type=named, metavar="FILE", help="write all columns there")
-    text = "critical Shields numbers by size class, as CSV: bounds of the classes, as in 0.5,1,2"
-    ways.add_argument("--size-classes", type=_numbers, metavar="BOUNDS", help=text)
+    ways.add_argument(
+        "--size-classes",
+        type=_numbers,
+        metavar="BOUNDS",
+        help="critical Shields numbers by size class, as CSV: bounds of the classes, as in 0.5,1,2",
+    )
 
 
 def _numbers(text: str) -> list[float]:
@@ -288,37 +368,115 @@ def _numbers(text: str) -> list[float]:
 
 
 def of_judge(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient judge`."""
+    """Options of `incipient judge`."""
     add = parser.add_argument
-    text = "case file (TOML): load and contacts; with --forces or --series contacts alone"
-    add("case", type=Path, nargs="?", help=text)
-    ways = parser.add_mutually_exclusive_group()
-    text = "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
-    ways.add_argument("--forces", type=named, metavar="PATH", help=text)
-    text = "with --forces: density of the fluid over the rhoInf that they were computed with"
-    add("--density", type=float, metavar="RATIO", help=text)
-    text = "with --forces, instead of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run"
-    add("--grain", type=named, metavar="FILE", help=text)
-    text = "STL, PLY or OBJ file of the bed; flat: a plane below the grain"
-    add("--bed", type=named, metavar="FILE", help=text)
-    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/howto/forces.md)"
-    ways.add_argument("--series", type=named, metavar="FILE", help=text)
-    text = "with --forces or --series: start time (default: all, and the mean of the last half)"
-    add("--since", type=float, metavar="TIME", help=text)
-    text = "with --forces or --series: loads scale with velocity, U, or its square, U2; finds the critical flow"
-    add("--law", choices=("U", "U2"), help=text)
-    text = "judge a table of cases, one a row: .csv or .parquet (docs/howto/forces.md)"
-    ways.add_argument("--batch", type=named, metavar="FILE", help=text)
-    text = "with --batch: threads (default: one for each core)"
-    add("--jobs", type=int, metavar="N", help=text)
-    overrides(parser, "contacts.friction=0.4")
-    text = (
-        "write judgement.json and its picture there; without a DIRECTORY next to the case or table"
+    add(
+        "case",
+        type=Path,
+        nargs="?",
+        help="case file (TOML): load and contacts; with --forces or --series contacts alone",
     )
-    add("--out", nargs="?", type=named, const=BESIDE, metavar="DIRECTORY", help=text)
+    ways = parser.add_mutually_exclusive_group()
+    ways.add_argument(
+        "--forces",
+        type=named,
+        metavar="PATH",
+        help="judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat",
+    )
+    add(
+        "--density",
+        type=float,
+        metavar="RATIO",
+        help="with --forces: density of the fluid over the rhoInf that they were computed with",
+    )
+    add(
+        "--grain",
+        type=named,
+        metavar="FILE",
+        help="with --forces, instead of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run",
+    )
+    add(
+        "--bed",
+        type=named,
+        metavar="FILE",
+        help="STL, PLY or OBJ file of the bed; flat: a plane below the grain",
+    )
+    ways.add_argument(
+        "--series",
+        type=named,
+        metavar="FILE",
+        help="judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/howto/forces.md)",
+    )
+    add(
+        "--since",
+        type=float,
+        metavar="TIME",
+        help="with --forces or --series: start time (default: all, and the mean of the last half)",
+    )
+    add(
+        "--law",
+        choices=("U", "U2"),
+        help="with --forces or --series: loads scale with velocity, U, or its square, U2; finds the critical flow",
+    )
+    ways.add_argument(
+        "--batch",
+        type=named,
+        metavar="FILE",
+        help="judge a table of cases, one a row: .csv or .parquet (docs/howto/forces.md)",
+    )
+    add("--jobs", type=int, metavar="N", help="with --batch: threads (default: one for each core)")
+    overrides(parser, "contacts.friction=0.4")
+    add(
+        "--out",
+        nargs="?",
+        type=named,
+        const=BESIDE,
+        metavar="DIRECTORY",
+        help=(
+            "write judgement.json and its picture there; without a DIRECTORY next to the case or table"
+        ),
+    )
+
+
+def _length(text: str) -> float:
+    from .flume import length  # its libraries are not needed by other commands
+
+    return length(text)
+
+
+def of_flume(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient flume`."""
+    parser.add_argument(
+        "--diameter", type=_length, required=True, help="of the grains, as in 2mm or 0.002 [m]"
+    )
+    parser.add_argument(
+        "--density",
+        type=float,
+        default=2650.0,
+        help="of the grains [kg/m3] (default: quartz, 2650)",
+    )
+    parser.add_argument(
+        "--shear-velocity", type=float, help="u* [m/s]; or depth and velocity, or depth and slope"
+    )
+    parser.add_argument("--depth", type=_length, help="of the flow, as in 0.3m")
+    parser.add_argument("--velocity", type=float, help="mean over the depth [m/s]")
+    parser.add_argument("--slope", type=float, help="of bed and surface, rise over length")
+    parser.add_argument(
+        "--temperature", type=float, default=20.0, help="of the water [°C] (default: 20)"
+    )
+    parser.add_argument("--viscosity", type=float, help="kinematic, of another fluid [m2/s]")
+    parser.add_argument("--fluid-density", type=float, help="of another fluid [kg/m3]")
+    parser.add_argument("--gravity", type=float, default=9.81, help="[m/s2] (default: 9.81)")
+    parser.add_argument(
+        "--scene", type=named, metavar="FILE", help="write the scene that computes one such grain"
+    )
+    parser.add_argument(
+        "--curve", type=named, metavar="FILE.png", help="draw the point into Shields' diagram"
+    )
+    parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
 
 
 def of_new(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient new`."""
+    """Options of `incipient new`."""
     parser.add_argument("name", help="name of the scene; NAME.toml is written")
     parser.add_argument("--space", action="store_true", help="a scene in three dimensions")

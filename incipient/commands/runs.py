@@ -1,16 +1,20 @@
-"""`incipient run`, `incipient resume` and `incipient threshold`."""
+"""`incipient run` and `resume`, and the searches `threshold`, `gust` and `entrainment`."""
 
 from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import incipient
 
 from ..parallel import Comm
-from ..progress import telling
+from ..progress import Silent, telling
+from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..results.result import Result
+from ..scene import Scene
 from .drawing import tell_of_pictures
 from .options import require_left_by
 
@@ -18,7 +22,7 @@ log = logging.getLogger("incipient")
 
 
 def run(options: argparse.Namespace, comm: Comm) -> int:
-    """Simulates a scene, says what came out and where it is."""
+    """Simulate a scene; print the result and its directory."""
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / options.scene.stem
     ranks = f"{comm.size} rank" + ("s" if comm.size > 1 else "")
@@ -27,37 +31,69 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
         log.info("%s on %s\n%s", scene.title or options.scene.stem, ranks, plan)
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice, options.overwrite)
-    _tell(result, directory, comm)
+    _tell(result, directory, comm, options.verbose)
     return 0
 
 
 def resume(options: argparse.Namespace, comm: Comm) -> int:
-    """Continues a run that was cut short."""
+    """Continue an interrupted run."""
     require_left_by(options.directory, ("scene.toml",), comm)
     with telling(comm.rank) as voice:
         result = incipient.resume(options.directory, options.overrides, comm, voice)
-    _tell(result, options.directory, comm)
+    _tell(result, options.directory, comm, options.verbose)
     return 0
 
 
 def threshold(options: argparse.Namespace, comm: Comm) -> int:
-    """Searches the flow at which the grain begins to move."""
+    """Search the critical flow of the grain."""
+    return _search(options, comm, THRESHOLD, incipient.threshold)
+
+
+def gust(options: argparse.Namespace, comm: Comm) -> int:
+    """Search the weakest gusts that move the grain out of its pocket."""
+
+    def find(scene: Scene, directory: Path, comm: Comm, voice: Silent) -> Any:
+        from ..thresholds.gusts import GustSearch, runs_expected
+
+        GustSearch(scene, comm)  # errors of the input come before any output
+        runs = runs_expected(len(options.durations), scene.numerics.error_bars)
+        number = len(options.durations)
+        voice.say(f"{options.scene}: durations: {number}, about {runs} runs")
+        return incipient.gusts(scene, options.durations, directory, comm, voice)
+
+    return _search(options, comm, GUSTS, find)
+
+
+def entrainment(options: argparse.Namespace, comm: Comm) -> int:
+    """Compute the probability of motion in a fluctuating flow."""
+
+    def find(scene: Scene, directory: Path, comm: Comm, voice: Silent) -> Any:
+        wanted = (options.probabilities, options.strengths, options.gusts, options.data)
+        return incipient.entrainment(scene, directory, *wanted, comm, voice)
+
+    return _search(options, comm, ENTRAINMENT, find)
+
+
+def _search(
+    options: argparse.Namespace, comm: Comm, kind: ResultKind, find: Callable[..., Any]
+) -> int:
+    """Compute a result of a kind; print it and its directory."""
     scene = incipient.load(options.scene, options.overrides, comm)
-    directory = options.out or Path("results") / f"{options.scene.stem}_threshold"
+    directory = options.out or Path("results") / f"{options.scene.stem}_{kind.name}"
     with telling(comm.rank) as voice:
-        threshold = incipient.threshold(scene, directory, comm, voice)
+        result = find(scene, directory, comm, voice)
     if comm.rank == 0:
-        print(threshold.text())
-        print(f"numbers             {directory / 'threshold.json'}", flush=True)
+        print(result.text())
+        print(f"numbers             {directory / (kind.tables or (kind.record,))[0]}", flush=True)
     tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
 
 
-def _tell(result: Result, directory: Path, comm: Comm) -> None:
-    """Say what came out and where it is; then draw the pictures if the scene wants some."""
+def _tell(result: Result, directory: Path, comm: Comm, details: bool) -> None:
+    """Print the result and its directory; then draw the pictures of the scene."""
     output, cost = result.scene["output"], result.cost
     if comm.rank == 0:
-        print(result.text())
+        print(result.text(details))
         print(f"verdict and numbers {directory / 'result.json'}")
         if output["fields"]:
             print(f"for ParaView        {directory / 'fields.xdmf'}")

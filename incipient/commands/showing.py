@@ -9,22 +9,14 @@ import incipient
 from ..errors import OutputError, SceneError
 from ..parallel import Comm, collectively
 from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart
+from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
 
-# What one of the commands leaves in a directory of results.
-RECORDS = (
-    "result.json",
-    "threshold.json",
-    "judgement.json",
-    "cost.json",
-    "series.json",
-    "survey.json",
-    "scene.toml",
-)
+RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 
 
 def show(options: argparse.Namespace, comm: Comm) -> int:
-    """Draws the pictures of results, or animates them."""
+    """Draw or animate results."""
     if options.directory.suffix == ".toml":
         remedy = "run it, then give the directory that the run was written to"
         raise SceneError(f"{options.directory}: is a scene and no results; {remedy}")
@@ -52,7 +44,7 @@ def _show_one(options: argparse.Namespace) -> None:
 
 
 def _name(drawn: Drawn) -> None:
-    """Prints the files of a drawing; raises OutputError for those that failed."""
+    """Print the files of a drawing. Raises OutputError for failed ones."""
     for path in drawn.paths:
         print(path)
     if drawn.complaint:
@@ -60,7 +52,7 @@ def _name(drawn: Drawn) -> None:
 
 
 def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
-    """Draws the pictures of a sweep next to its file."""
+    """Draw the pictures of a sweep next to its file."""
     if options.animate or options.out is not None or options.field is not None:
         why = "is the file of a sweep, which is not animated"
         raise SceneError(f"{options.directory}: {why}; leave the option out")
@@ -72,7 +64,7 @@ def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def report(options: argparse.Namespace, comm: Comm) -> int:
-    """Writes the page of results and prints its path."""
+    """Write the page of results and print its path."""
     with collectively(comm):
         if comm.rank == 0:
             print(incipient.report(options.path, options.out), flush=True)

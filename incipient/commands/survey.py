@@ -1,8 +1,10 @@
-"""`incipient survey`: thresholds of the grains of a bed."""
+"""`incipient survey`: thresholds of the grains of a bed, or of one grain in many poses."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,57 +12,47 @@ from ..errors import SceneError
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
 from ..progress import telling
-from ..survey.orientations import POSES, SUMMARY, Poses, survey_poses
-from ..survey.procedure import FILES, GRAINS, load_request
+from ..results.kinds import POSES, SURVEY
+from ..survey.orientations import Poses, survey_poses
+from ..survey.procedure import load_request
 from ..survey.procedure import survey as find
 from .drawing import draw_and_tell
 from .options import refuse_old_workers
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
-    """Survey a bed, print what came out, and draw it."""
-    directory = options.out or Path("results") / f"{options.bed.stem}_survey"
+    """Survey a bed, or a grain in many poses; print and draw the result."""
     refuse_old_workers(options)
-    sweep = _sweep(options)
-    if options.orientations is not None or options.seeds is not None:
-        return _poses(options, directory, sweep, comm)
-    request = load_request(options.bed, options.overrides)
-    with collectively(comm):
-        if comm.rank == 0:
-            named = (getattr(request.bed, key, None) for key in ("file", "heights", "labels"))
-            refuse_foreign(directory, FILES, [options.bed.parent / name for name in named if name])
-    with telling(comm.rank) as voice:
-        found = find(request, options.bed.parent, directory, comm, options.runs, sweep, voice)
-    if comm.rank == 0:
-        print(found.text())
-        print(f"numbers             {directory / GRAINS}", flush=True)
-        draw_and_tell(directory)
-    return 0
-
-
-def _sweep(options: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of the sweep of full runs."""
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)
         if value is not None and value < least:
             raise SceneError(f"--{name} {value}: is not a number of them; give {least} or more")
     names = ("jobs", "wall", "retry", "scheduler", "limit")
-    return {name: getattr(options, name) for name in names}
-
-
-def _poses(options: argparse.Namespace, directory: Path, sweep: dict[str, Any], comm: Comm) -> int:
-    """Survey one grain in many poses, and print what came out."""
-    if options.runs:
-        raise SceneError(
-            "--runs: is for a bed of grains; leave it out with --orientations and --seeds"
+    sweep = {name: getattr(options, name) for name in names}
+    directory = options.out or Path("results") / f"{options.bed.stem}_survey"
+    if options.orientations is None and options.seeds is None:
+        request, base = load_request(options.bed, options.overrides), options.bed.parent
+        named = (getattr(request.bed, key, None) for key in ("file", "heights", "labels"))
+        kind, read = SURVEY, [base / name for name in named if name]
+        compute: Callable[..., Any] = partial(
+            find, request, base, directory, comm, options.runs, sweep
         )
-    request = Poses(options.orientations or 1, options.seeds or 1)
+    elif options.runs:
+        remedy = "leave it out with --orientations and --seeds"
+        raise SceneError(f"--runs: is for a bed of grains; {remedy}")
+    else:
+        poses = Poses(options.orientations or 1, options.seeds or 1)
+        kind, read = POSES, [options.bed]
+        compute = partial(
+            survey_poses, options.bed, options.overrides, poses, directory, comm, sweep
+        )
     with collectively(comm):
         if comm.rank == 0:
-            refuse_foreign(directory, (POSES, SUMMARY), [options.bed])
+            refuse_foreign(directory, kind.files, read)
     with telling(comm.rank) as voice:
-        found = survey_poses(options.bed, options.overrides, request, directory, comm, sweep, voice)
+        result = compute(voice)
     if comm.rank == 0:
-        print(found.text())
-        print(f"numbers             {directory / POSES}", flush=True)
+        print(result.text())
+        print(f"numbers             {directory / kind.tables[0]}", flush=True)
+        draw_and_tell(directory)
     return 0

@@ -3,67 +3,46 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from pathlib import Path
 
 from ..errors import ConvergenceError
 from ..parallel import Comm
 from ..progress import telling
-from ..sweep.axes import parsed
-from ..sweep.cases import Source
-from ..sweep.procedure import LIMIT, Means, SweepProgress, computed_into
-from ..sweep.request import RefinementOptions, Request, parsed_seconds, requested
-from ..sweep.store import DONE, FAILED, Store
+from ..sweep.procedure import SweepProgress, run
 from .options import refuse_old_workers
+
+# Options with the names of arguments of `sweep.run`.
+SHARED = (
+    *("do", "zip", "cases", "jobs", "wall", "retry", "refine", "most", "quantity"),
+    *("scheduler", "tries", "limit", "dry_run"),
+)
 
 
 def sweep(options: argparse.Namespace, comm: Comm) -> int:
-    """Compute the cases that the file does not hold, and print what came out."""
+    """Compute the missing cases of the file, and print a summary."""
     refuse_old_workers(options)
-    wall = float("inf") if options.wall is None else parsed_seconds(options.wall, "wall")
-    limit = LIMIT if options.limit is None else parsed_seconds(options.limit, "limit")
-    own = options.jobs, options.memory, wall, options.retry, options.scheduler
-    means = Means(*own, options.tries, limit)
-    request = _request(options)
-    usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
-    file = options.out or usual
-    if options.dry_run:
-        with telling(comm.rank) as voice:
-            cases = request.cases(voice)
-        _count([case.identity for case in cases], file)
-        return 0
     with telling(comm.rank) as voice:
-        progress = computed_into(file, request, means, voice)
-    _tell(progress, file)
+        progress = run(
+            options.scenes,
+            options.out,
+            options.over,
+            settings=options.overrides,
+            memory_mib=options.memory,
+            voice=voice,
+            **{name: getattr(options, name) for name in SHARED},
+        )
+    if options.dry_run:
+        left = progress.total - progress.known
+        counts = f"{progress.known} already in {progress.file}, {left} to compute"
+        print(f"cases               {progress.total}: {counts}")
+    else:
+        _tell(progress)
     return ConvergenceError.exit_code if progress.failed else 0
 
 
-def _count(identities: Sequence[str], file: Path) -> None:
-    states = dict[str, str]()
-    if file.is_file():
-        with Store(file) as store:
-            states = store.states()
-    known = sum(states.get(one) in (DONE, FAILED) for one in identities)
-    counts = f"{known} already in {file}, {len(identities) - known} to compute"
-    print(f"cases               {len(identities)}: {counts}")
-
-
-def _request(options: argparse.Namespace) -> Request:
-    return requested(
-        [Source.of(path) for path in options.scenes],
-        [parsed(text) for text in options.over],
-        options.zip,
-        options.cases,
-        options.do,
-        options.overrides,
-        RefinementOptions(options.refine, options.most, options.quantity),
-    )
-
-
-def _tell(progress: SweepProgress, file: Path) -> None:
+def _tell(progress: SweepProgress) -> None:
     failed = f", {progress.failed} failed (again with --retry)" if progress.failed else ""
     done = f"{progress.done} computed{failed}, {progress.known} known before"
     print(f"cases               {progress.total}: {done}")
     print("".join(f"{line}\n" for line in progress.refined), end="")
-    print(f"numbers             {file}; incipient table {file}")
-    print(f"pictures            incipient show {file}", flush=True)
+    print(f"numbers             {progress.file}; incipient table {progress.file}")
+    print(f"pictures            incipient show {progress.file}", flush=True)

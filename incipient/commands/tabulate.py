@@ -1,4 +1,4 @@
-"""`incipient table`: the cases of a sweep, a row each."""
+"""`incipient table`: the cases of a sweep as a table."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from pathlib import Path
 from ..files import csv_text
 from ..parallel import Comm, collectively
 from ..scene import Scene
-from ..scene.key_units import unit_of
-from ..scene.section import is_number
+from ..scene.section import is_number, unit_of
 from ..sweep import table as tables
 from ..sweep.size_classes import HEADS, size_classes
 from ..sweep.store import DONE, FAILED, Store
 
-WIDE = 160  # columns of a table that goes to a file
-FIRST = 300  # cases that are printed
+WIDE = 160  # width of a table without a terminal, in characters
+FIRST = 300  # number of cases printed
 
 
 def table(options: argparse.Namespace, comm: Comm) -> int:
-    """Print or write the cases of a sweep, a row each."""
+    """Print or write the cases of a sweep, one per row."""
     with collectively(comm):
         if comm.rank == 0 and options.parquet is not None:
             tables.write_parquet(options.file, options.parquet)
@@ -38,7 +37,7 @@ def table(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _print(file: Path) -> None:
-    """The columns that differ between cases, and those of results, for a reader."""
+    """Print the columns that differ between cases, and those of results."""
     from rich.console import Console
     from rich.table import Table
 
@@ -72,7 +71,7 @@ def _print(file: Path) -> None:
 
 
 def _unit(key: str, tasks: Set[str]) -> str:
-    """The unit of a key in brackets, after a space; nothing where it has none."""
+    """The unit of a key in brackets, after a space; empty without one."""
     from ..judging.case import Case
 
     unit = unit_of(Case if tasks == {"judge"} else Scene, key)

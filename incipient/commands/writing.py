@@ -1,4 +1,4 @@
-"""`incipient new` and `incipient schema`: what scenes are written from."""
+"""`incipient new` and `incipient schema`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..parallel import Comm, collectively
 
 
 def new(options: argparse.Namespace, comm: Comm) -> int:
-    """Writes an example scene."""
+    """Write an example scene."""
     path = Path(options.name.removesuffix(".toml") + ".toml")
     if path.name == ".toml" or not options.name.strip():
         raise SceneError(
@@ -23,17 +23,17 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
         if comm.rank == 0:
             with reported(path):
                 try:
-                    stream = path.open("xb", buffering=0)
+                    file = path.open("xb", buffering=0)
                 except FileExistsError:
                     raise SceneError(f"{path}: exists already; choose another name") from None
-                with stream:
-                    write_fully(stream, scenes.example(options.space).encode())
+                with file:
+                    write_fully(file, scenes.example(options.space).encode())
             print(f"{path}: edit it, then: incipient run {path}")
     return 0
 
 
 def schema(options: argparse.Namespace, comm: Comm) -> int:
-    """Prints the JSON schema of scenes."""
+    """Print the JSON schema of scenes."""
     if comm.rank == 0:
         print(json.dumps(scenes.schema(), indent=2))
     return 0

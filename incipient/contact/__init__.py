@@ -3,7 +3,7 @@
 from incipient.contact.acceleration import IncipientMotion, incipient_motion
 from incipient.contact.batch import Batch, Cases, judge_many
 from incipient.contact.paper import Classification, Mode, classify
-from incipient.contact.problem import Load, Loads
+from incipient.contact.problem import Load
 from incipient.contact.safety import SafetyFactor, safety_factor
 from incipient.contact.verdict import Verdict, judge
 from incipient.geometry.closest import touching
@@ -16,7 +16,6 @@ __all__ = [
     "Contacts",
     "IncipientMotion",
     "Load",
-    "Loads",
     "Mode",
     "SafetyFactor",
     "Verdict",

@@ -1,26 +1,26 @@
-"""Incipient motion: the accelerations with which a grain at rest answers a load, under Coulomb's law.
+"""Incipient motion: the accelerations of a grain at rest under a load and Coulomb's law.
 
 In 2-D every motion is enumerated. An acceleration y of the grain opens contact i where N_i y > 0 and slides
 on it where N_i y = 0, T_i y != 0; these planes cut space into cells in each of which the admissible forces are fixed:
 the free acceleration, those that slide on one contact, and the lines where two contacts stay or one sticks. The ends of
 continuous families are among these motions, since they lie on lines. In 3-D Coulomb's equations (`impulses`) are
-solved by Newton's method from several starts. All else is one code.
+solved by Newton's method from several starts.
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear, nnls
 
 from incipient.arrays import Booleans, Floats, Integers
-from incipient.contact.friction import FrictionCone
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.impulses import PATIENCE, STEPS, CoulombLaw, newton
 from incipient.contact.kernels import Kernel, dot, largest, length
-from incipient.contact.problem import ContactProblem, Law, Load, plain
+from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import (
     SafetyFactor,
     can_jam,
@@ -29,10 +29,12 @@ from incipient.contact.safety import (
 )
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry.contacts import Contacts
+from incipient.geometry.statics import balance
 
 ZERO = 1e-8  # accelerations below it, relative to the free one, are zero
 SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one solution
-NEARLY = 1e-9  # of unit vectors: what counts as parallel, or as the boundary of a cell
+NEARLY = 1e-9  # of unit vectors: tolerance of parallel vectors and of boundaries of cells
+DEPENDENT = 1e-10  # singular values below it, relative to the largest, count as zero
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 SYMMETRIC = 1e-9  # of the inertia's largest entry
 MOST = 12  # solutions kept of a case, those of least energy
@@ -40,7 +42,7 @@ PARTS = 9  # of the friction, steps of continuation where no solution converges
 
 
 class ContactState(Enum):
-    """What the grain does at a contact, by its acceleration there: normal, tangential, and angular."""
+    """State of motion at a contact, from the normal, tangential and angular acceleration there."""
 
     STICK = "stays where it is, and so does the whole grain"
     ROLL = "stays where it is while the grain turns"
@@ -49,20 +51,19 @@ class ContactState(Enum):
 
 
 class Mode(Enum):
-    """What the whole grain begins to do.
+    """Incipient motion of the whole grain.
 
-    The definitions exclude one another and leave nothing out. With the states of all contacts, and the angular
-    acceleration alpha of the grain:
+    The modes are mutually exclusive and complete. With the states of all contacts, and the angular acceleration alpha:
 
     - REST: no acceleration at all.
-    - Without alpha: SLIDING if any contact slides (others may lift), else all lift: LIFTING.
-    - With alpha, no contact rolls: PIVOTING_AND_SLIDING if any contact slides, else LIFTING_AND_ROTATING.
+    - Without alpha: SLIDING if any contact slides (others may lift), otherwise all lift: LIFTING.
+    - With alpha, no contact rolls: PIVOTING_AND_SLIDING if any contact slides, otherwise LIFTING_AND_ROTATING.
     - With alpha, some contact rolls and another slides: PIVOTING_AND_SLIDING_APART.
     - With alpha, some contact rolls and none slides: PIVOTING if any contact lifts, SPINNING if none lifts and
-      alpha is along the normals of all contacts, else ROLLING.
+      alpha is along the normals of all contacts, otherwise ROLLING.
 
-    At the instant of release rolling on a contact and pivoting about it are one motion; what tells them apart
-    here is whether the grain keeps all its contacts or leaves some.
+    At the instant of release, rolling on a contact and pivoting about it are one motion. Here a rolling grain keeps all
+    its contacts, and a pivoting one leaves some.
     """
 
     REST = "rest"
@@ -85,7 +86,7 @@ MODES = tuple(Mode)
 
 
 class Uniqueness(Enum):
-    """Whether the acceleration given is the only one that mechanics allows."""
+    """Whether the acceleration is the only one that mechanics allows."""
 
     ONLY = "the only solution"
     SEVERAL = "one of several solutions"
@@ -113,7 +114,7 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class IncipientMotion:
-    """How the grain begins to move: the first of the `solutions`, which are all different accelerations.
+    """Incipient motion of a grain: its possible, distinct accelerations (`solutions`), the verdict first.
 
     Rest comes first if it is one of them, then the motions in the order of their energy of acceleration,
     (m a.a + alpha.J.alpha) / 2. `uniqueness`: whether there can be others; `jams`: contact forces can balance
@@ -146,7 +147,7 @@ class IncipientMotion:
 
 @dataclass(frozen=True, eq=False)
 class ReleaseProblem:
-    """n grains at the instant of their release, dimensionless: the load of length one, the grain's mass one.
+    """n grains at the instant of release, dimensionless: magnitude of the load one, mass of the grain one.
 
     In 2-D wrenches and accelerations have m = 3 components, in 3-D 6.
     """
@@ -167,9 +168,7 @@ class ReleaseProblem:
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
         inverse = np.zeros((len(contacts), 6, 6))
         inverse[:, [0, 1, 2], [0, 1, 2]] = 1.0
-        inverse[:, 3:, 3:] = np.linalg.inv(
-            inertia / (mass * contacts.cases.reach**2)[:, None, None]
-        )
+        inverse[:, 3:, 3:] = np.linalg.inv(inertia / (mass * contacts.reach**2)[:, None, None])
         once = contacts.within(inverse)
         return cls(
             contacts,
@@ -208,7 +207,7 @@ class ReleaseProblem:
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
         """Accelerations (n, m) in 3-D (n, 6), and those of contacts (n, k, 3), their states (n, k), and modes (n,).
 
-        What counts as zero is zero in the first.
+        Accelerations that count as zero are set to zero.
         """
         projection, zero = self.contacts.projection, ZERO * self.scale[:, None]
         if projection is not None:
@@ -216,7 +215,7 @@ class ReleaseProblem:
         turning = accelerations[:, 3:] * (np.abs(accelerations[:, 3:]) > zero).any(axis=1)[:, None]
         whole = np.concatenate([accelerations[:, :3], turning], axis=1)
         whole *= (np.abs(whole) > zero).any(axis=1)[:, None]
-        inward = self.contacts.cases.inward
+        inward = self.contacts.inward
         at = (whole[:, None] @ self.contacts.columns)[:, 0].reshape(inward.shape)
         return whole, at, *states_and_modes(at, inward, whole[:, 3:], zero, zero)
 
@@ -228,7 +227,7 @@ class ReleaseProblem:
 
 
 def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
-    """By what is wrong with masses (n,) and inertias (n, 3, 3), of which cases that is so, (n,)."""
+    """Masks (n,) of cases with invalid mass (n,) or inertia (n, 3, 3), by fault."""
     finite = np.isfinite(inertia).all(axis=(1, 2))
     table = np.where(finite[:, None, None], inertia, np.eye(3))
     skew = np.abs(table - table.transpose(0, 2, 1)).max(axis=(1, 2))
@@ -244,7 +243,7 @@ def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
 
 
 def checked_inertia(mass: float, inertia: Floats) -> tuple[Floats, Floats]:
-    """Mass (1,) and inertia (1, 3, 3); raises SceneError on what is no mass or inertia."""
+    """Mass (1,) and inertia (1, 3, 3); raises SceneError for invalid values."""
     table = np.array(inertia, dtype=float)
     if table.shape != (3, 3):
         raise SceneError(f"inertia has shape {table.shape}; give (3, 3) about the centre of mass")
@@ -257,11 +256,11 @@ def checked_inertia(mass: float, inertia: Floats) -> tuple[Floats, Floats]:
 def incipient_motion(
     load: Load,
     contacts: Contacts,
-    friction: Law,
+    law: Law,
     mass: float,
     inertia: Floats,
 ) -> IncipientMotion:
-    """The accelerations with which a grain at rest answers the load, at contacts that push and rub.
+    """The possible accelerations of a grain at rest under a load, at unilateral contacts with friction.
 
     At every contact, with N the force and A_N the acceleration along the inward normal, T and A_T tangential:
     N >= 0, A_N >= 0, N A_N = 0 (no contact pulls, nothing is penetrated), and |T| <= friction N, where A_T is
@@ -273,7 +272,7 @@ def incipient_motion(
     positive definite, and ConvergenceError if no solution converges.
     """
     known = checked_inertia(mass, inertia)
-    return motion_of(ContactProblem.of(load, contacts, friction, known[1][0]), *known)
+    return motion_of(ContactProblem.of(load, contacts, law, known[1][0]), *known)
 
 
 def motion_of(
@@ -301,38 +300,36 @@ def motion_of(
 
 def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
     """Converged accelerations (s, m) and forces (s, k, 3), rest first if among them, and whether these are all."""
-    law, scale = case.contacts.law, case.scale[0]
-    free = _frictionless(case)
-    if np.abs(free[0]).max() <= ZERO * scale:
-        return np.zeros_like(free[0]), np.zeros_like(free[1]), True  # to move takes energy
-    if law.is_frictionless:
-        return *free, True
-    held = forces_that_balance(case.contacts, 1.0) if may_rest else None
+    law, scale, held = case.contacts.law, case.scale[0], None
+    if may_rest or law.is_frictionless:
+        free = _frictionless(case)
+        if np.abs(free[0]).max() <= ZERO * scale:  # to move takes energy
+            return np.zeros_like(free[0]), np.zeros_like(free[1]), True
+        if law.is_frictionless:
+            return *free, True
+        held = forces_that_balance(case.contacts, 1.0)
     (count,), motions, local = case.motions(MOST)
     accelerations, forces = motions[0, :count], local[0].reshape(MOST, -1, 3)[:count]
     if held is None and count == 0:
-        reached = case.coulomb.solutions(np.zeros_like(free[1][0]))
+        reached = case.coulomb.solutions(np.zeros(local[0, 0].shape).reshape(-1, 3))
         forces = next((some for some in reached if len(some)), forces)
         whole = case.wrench + forces.reshape(len(forces), -1) @ case.columns[0].T
         accelerations = whole @ case.inverse[0]
     if held is not None:
         moves = np.abs(accelerations).max(axis=1, initial=0.0) > SAME * scale
-        accelerations = np.concatenate([np.zeros_like(free[0]), accelerations[moves]])
+        rest = np.zeros((1, accelerations.shape[1]))
+        accelerations = np.concatenate([rest, accelerations[moves]])
         forces = np.concatenate([held / case.force_unit[0], forces[moves]])
     return accelerations, forces, case.planar
 
 
 def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
-    """The only motion without friction, (1, m), and its forces (1, k, 3), by non-negative least squares.
+    """The only motion without friction, (1, m), and its forces (1, k, 3).
 
-    Of the accelerations that enter no contact it is that nearest to the free one.
+    It is the acceleration nearest to the free one that penetrates no contact.
     """
     root, columns = np.linalg.cholesky(case.inverse[0]), case.columns[0]
-    system, target = root.T @ columns[:, ::3], -root.T @ case.wrench[0]
-    try:
-        pressures = nnls(system, target)[0]
-    except RuntimeError:  # it cycles, which it rarely does
-        pressures = lsq_linear(system, target, (0.0, np.inf), tol=1e-15).x
+    _, pressures = balance(columns[:, ::3].T @ root, case.wrench[0] @ root)
     forces = np.zeros((1, len(pressures), 3))
     forces[0, :, 0] = pressures
     return (case.wrench + forces.reshape(1, -1) @ columns.T) @ case.inverse[0], forces
@@ -360,7 +357,7 @@ def _families(
 
 
 def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
-    """Whether forces that a motion in 2-D admits also balance the load: it may then be as slow as one likes."""
+    """Whether contact forces of a motion in 2-D also balance the load, so that the motion may be arbitrarily slow."""
     assert case.contacts.generators is not None
     at, zero = (acceleration @ case.columns[0]).reshape(-1, 3), ZERO * case.scale[0]
     slips = np.stack([at[:, 1] <= zero, at[:, 1] >= -zero], axis=1)
@@ -373,37 +370,31 @@ def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
 
 
 def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Solution:
-    """A solution with its states, forces that are determined as far as they can be, and units."""
+    """A solution in the caller's units, with its states and, as far as possible, unique forces."""
     problem, unit = case.contacts, case.acceleration_unit[0]
     whole, at, kinds, modes = case.classified(acceleration[None])
     y = problem.within(whole[:, :, None])[0, :, 0]
     needed = case.wrench[0] - np.linalg.solve(case.inverse[0], y)
 
-    def missed(tried: Floats) -> float:
-        """How far Newton's and Coulomb's laws are missed."""
-        balance = float(np.abs(needed + case.columns[0] @ tried.ravel()).max())
-        return max(balance, case.coulomb.residual(tried)) / max(1.0, float(np.abs(tried).max()))
-
-    local, unique = inner_forces(case, needed, kinds[0], at[0])
-    residual = np.inf if local is None else missed(local)
-    if local is None or (residual > NEARLY and residual > missed(forces)):
-        local, residual = forces, missed(forces)
+    local, unique = inner_forces(case, needed, kinds[0], at[0], forces)
+    balance_missed = float(np.abs(needed + case.columns[0] @ local.ravel()).max())
+    missed = max(balance_missed, case.coulomb.residual(local))
     states = list(ContactState)
     return Solution(
         acceleration=unit * whole[0, :3],
-        angular_acceleration=unit / problem.cases.reach[0] * whole[0, 3:],
-        contact_forces=case.force_unit[0] * problem.forces(problem.law.project(local[None])[0]),
+        angular_acceleration=unit / problem.reach[0] * whole[0, 3:],
+        contact_forces=problem.forces(case.force_unit[0] * problem.law.project(local[None])[0]),
         contact_states=tuple(states[kinds[0, i]] for i in problem.copy.tolist()),
         mode=MODES[modes[0]],
         forces_unique=unique,
-        residual=residual,
+        residual=missed / max(1.0, float(np.abs(local).max())),
     )
 
 
 def inner_forces(
-    case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats
-) -> tuple[Floats | None, bool]:
-    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others do; None: not converged.
+    case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats, forces: Floats
+) -> tuple[Floats, bool]:
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others than `forces` do.
 
     Contacts that lift have none, those that slide friction in full against the sliding. Of several the shortest if
     they are inside the cones, otherwise those farthest inside.
@@ -414,21 +405,17 @@ def inner_forces(
     opposing = problem.law.edge(-at[None, :, 1:])[0, slides]
     units = np.concatenate([opposing, np.tile(spans, (len(stays), 1))])
     owners = np.concatenate([slides, np.repeat(stays, len(spans))])
-    local = np.zeros_like(at)
-    if len(owners) == 0:
-        return local, True
     columns = (case.columns[0].reshape(len(wrench), -1, 3)[:, owners] * units).sum(axis=2)
-    try:
-        factors = factors_that_balance(
-            columns, wrench, len(slides) if edges is None else len(owners)
-        )
-    except ConvergenceError:
-        factors = None
-    unique = bool(np.linalg.matrix_rank(columns, 1e-10 * np.abs(columns).max()) == len(owners))
-    if factors is None:
-        return None, unique
-    np.add.at(local, owners, factors[:, None] * units)
-    return local, unique
+    sizes = np.linalg.svd(columns, compute_uv=False) if len(owners) else np.ones(1)
+    if len(owners) <= len(wrench) and sizes[-1] > DEPENDENT * sizes[0]:
+        return forces, True
+    linear = len(slides) if edges is None else len(owners)
+    with suppress(ConvergenceError):
+        factors = factors_that_balance(columns, wrench, linear)
+        if factors is not None:
+            forces = np.zeros_like(at)
+            np.add.at(forces, owners, factors[:, None] * units)
+    return forces, False
 
 
 def states_and_modes(
@@ -597,7 +584,7 @@ def _planar(case: Case) -> int:
 
 
 def _opens(normal: Floats, y: Floats, zero: float) -> bool:
-    """Whether an acceleration (3,) leads into no contact."""
+    """Whether an acceleration (3,) penetrates no contact."""
     for i in range(len(normal)):  # noqa: SIM110 (numba has no generators here)
         if dot(normal[i], y) < -zero:
             return False

@@ -1,4 +1,4 @@
-"""Many contact problems at once: the safety factor and mode of each, by the kernels that judge a single one.
+"""Many contact problems at once: the safety factor and mode of each, by the same kernels as a single one.
 
 Cases with equally many contacts are judged together. Those without friction, with coincident contacts, or for which no
 motion converges are judged one by one.
@@ -8,28 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers, unwarned
-from incipient.contact.acceleration import (
-    MODES,
-    NO_LOAD,
-    Mode,
-    ReleaseProblem,
-    inertia_faults,
-)
+from incipient.contact.acceleration import MODES, Mode, ReleaseProblem, inertia_faults
 from incipient.contact.conic import FAILED as UNANSWERED
 from incipient.contact.conic import HELD
-from incipient.contact.friction import FRICTIONLESS, INFINITE, FrictionCone
-from incipient.contact.problem import SAME_PLACE, ContactProblem, Load, Loads, Scaled
+from incipient.contact.friction import FrictionCone, Rows
+from incipient.contact.problem import SAME_PLACE, ContactProblem, Load
 from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia, judged
 from incipient.errors import ConvergenceError, SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
-
-__all__ = ["LABELS", "Batch", "Cases", "Loads", "judge_batch", "judge_many"]
 
 CHUNK = 10_000  # cases at a time
 KEPT = 4  # motions kept of a case
@@ -39,11 +32,13 @@ LABELS = ("rest", "moves", *(mode.label for mode in MODES if mode is not Mode.RE
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """n cases of up to k contacts; in 2-D third components are zero.
+    """n cases of up to k contacts; in 2-D third components are zero. A value common to all cases may be given once.
 
     points, normals: (n, k, 3), unit normals out of the grain; a case with fewer contacts ends with NaN
-    force, couple, weight, centre: (n, 3) of the flow, its torque about the centre of mass, and all else that acts there
-    friction: (n,); mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
+    force, couple: (n, 3), the flow's force, and its torque about the centre of mass
+    weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
+    law: of the contacts, or coefficients of friction: one or (n,)
+    mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
     """
 
     points: Floats
@@ -52,45 +47,51 @@ class Cases:
     couple: Floats
     weight: Floats
     centre: Floats
-    friction: Floats
-    mass: Floats
-    inertia: Floats
+    law: FrictionCone
+    mass: Floats = field(default_factory=lambda: np.array(np.nan))
+    inertia: Floats = field(default_factory=lambda: np.full((3, 3), np.nan))
 
     def __post_init__(self) -> None:
-        count, most = (
-            len(self.friction),
-            np.shape(self.points)[1] if np.ndim(self.points) == 3 else 0,
-        )
-        shapes: dict[str, tuple[int, ...]]
-        shapes = {"points": (count, most, 3), "normals": (count, most, 3), "inertia": (count, 3, 3)}
-        shapes |= {name: (count, 3) for name in ("force", "couple", "weight", "centre")}
+        contacts = np.shape(self.points)[-2:]
+        shapes = {"points": contacts, "normals": contacts, "mass": (), "inertia": (3, 3)}
         for item in fields(self):
-            value = np.asarray(getattr(self, item.name), dtype=float)
-            if value.shape != (wanted := shapes.get(item.name, (count,))):
-                raise SceneError(f"cases: {item.name} has shape {value.shape}; give {wanted}")
-            object.__setattr__(self, item.name, value)
+            value, inner = getattr(self, item.name), shapes.get(item.name, (3,))
+            if item.name == "law" and not isinstance(value, FrictionCone):
+                value = FrictionCone(np.asarray(value, dtype=float))
+            rows: Any
+            try:
+                if isinstance(value, FrictionCone):
+                    rows = value.rows(len(self))
+                else:
+                    rows = np.broadcast_to(np.asarray(value, dtype=float), (len(self), *inner))
+            except ValueError:
+                why = f"{item.name} does not fit {len(self)} cases"
+                raise SceneError(f"cases: {why}; give a row for each, or one for all") from None
+            object.__setattr__(self, item.name, rows)
 
     def __len__(self) -> int:
-        return len(self.friction)
+        return len(self.force)
 
-    def part(self, rows: Integers | Booleans | slice) -> Cases:
+    def part(self, rows: Rows) -> Cases:
         """The cases at places `rows`."""
-        return Cases(*(getattr(self, item.name)[rows] for item in fields(self)))
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        law = values.pop("law").part(rows)
+        return Cases(law=law, **{name: value[rows] for name, value in values.items()})
 
     @property
     def contacts(self) -> Integers:
-        """How many contacts each case has, (n,): up to the last that is not NaN throughout."""
+        """Number of contacts of each case, (n,): up to the last that is not all NaN."""
         there = ~np.isnan(np.concatenate([self.points, self.normals], axis=2)).all(axis=2)
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
-    def case(self, number: int) -> tuple[Load, Contacts, float, MassAndInertia | None]:
+    def case(self, number: int) -> tuple[Load, Contacts, FrictionCone, MassAndInertia | None]:
         """A single case, as `judged` takes it; raises SceneError."""
-        held = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
+        acting = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])
         mass, inertia = float(self.mass[number]), self.inertia[number]
         known = None if np.isnan(mass) and np.isnan(inertia).all() else (mass, inertia)
-        return Load(*held), contacts, float(self.friction[number]), known
+        return Load(*acting), contacts, self.law.part(number), known
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +99,10 @@ class Batch:
     """Verdicts of the exact criterion on n cases."""
 
     factors: Floats  # (n,) safety factors; NaN where a case fails
-    held: Booleans  # (n,) whether the load as it is is balanced
+    held: Booleans  # (n,) whether the actual load is balanced
     modes: Integers  # (n,) places in `labels`, which are those of `Exact.label`; FAILED where a case fails
     labels: tuple[str, ...]
-    alone: int  # how many were judged one by one
+    alone: int  # number of cases evaluated one by one
     reasons: dict[int, str]  # why cases fail, by their places
 
     @property
@@ -109,12 +110,18 @@ class Batch:
         """The modes in words, "" where a case fails."""
         return ["" if mode == FAILED else self.labels[mode] for mode in self.modes.tolist()]
 
+    def complete(self) -> Batch:
+        """The batch; raises SceneError with the first reason if a case fails."""
+        if self.reasons:
+            raise SceneError(next(iter(self.reasons.values())))
+        return self
+
 
 def judge_many(cases: Cases) -> Batch:
-    """Judge cases one like the other: as `verdict.judged` does each. Not collective.
+    """Evaluate a batch of contact problems by the exact criterion. Not collective.
 
-    A case that is not right fails with its reason in the answer; the others are not touched by it. In 2-D safety
-    factors are those of the single verdict to round-off, in 3-D to what the conic program leaves (1e-9).
+    An invalid case fails with its reason in the answer and does not affect the others. Safety factors equal those of
+    `verdict.judged`, in 2-D to round-off, in 3-D to the tolerance of the conic program (1e-9).
     """
     count = len(cases)
     factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)
@@ -141,36 +148,8 @@ def judge_many(cases: Cases) -> Batch:
     return Batch(factors, held, modes, LABELS, len(alone), reasons)
 
 
-def judge_batch(
-    loads: Loads,
-    contacts: Contacts,
-    friction: float | Floats,
-    mass_and_inertia: MassAndInertia | None = None,
-) -> Batch:
-    """Judge many loads on one grain and its contacts, as `judge_many` does. Not collective.
-
-    Args:
-        friction: the coefficient, or that of each load (n,).
-
-    Raises:
-        SceneError: as `exact.judged` does of the first load that cannot be judged.
-    """
-    count = len(loads)
-    mass, inertia = mass_and_inertia or (np.nan, np.full((3, 3), np.nan))
-    points, normals, centre, masses, inertias = (
-        np.broadcast_to(value, (count, *np.shape(value)))
-        for value in (contacts.points, contacts.normals, loads.centre, mass, inertia)
-    )
-    coefficients = np.broadcast_to(np.asarray(friction, dtype=float), count)
-    acting = loads.force, loads.couple, loads.weight, centre
-    batch = judge_many(Cases(points, normals, *acting, coefficients, masses, inertias))
-    if batch.reasons:
-        raise SceneError(next(iter(batch.reasons.values())))
-    return batch
-
-
 def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem]]:
-    """Places, from `start`, of cases with as many contacts and equations, which are judged together; their problems."""
+    """Indices from `start`, and problems, of cases with equal numbers of contacts and equations."""
     counts = cases.contacts
     for count in np.unique(counts[counts > 0]).tolist():
         places = np.flatnonzero(counts == count)
@@ -183,35 +162,31 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
         loads = some.force, some.couple, some.weight
-        scaled = Scaled.of(arms, normals, loads)
-        axes, planar = scaled.planes(some.inertia)
+        problem = ContactProblem.of_rows(arms, normals, loads, some.law)
+        axes, planar = problem.planes(some.inertia)
         for rows, plane in ((planar, axes[planar]), (~planar, None)):
             if rows.any():
-                law = FrictionCone(some.friction[rows])
-                yield start + places[rows], ContactProblem.of_rows(scaled.part(rows), law, plane)
+                yield start + places[rows], replace(problem.part(rows), plane=plane)
 
 
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
-    """Which cases are right, have friction and distinct contacts, and a load that is not balanced by itself, (n,)."""
+    """Mask (n,) of valid cases with friction and distinct contacts."""
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
-    torque = np.linalg.norm(cases.couple, axis=1) / reach
-    sizes = np.linalg.norm(cases.force, axis=1) + np.linalg.norm(cases.weight, axis=1) + torque
-    whole = np.linalg.norm(cases.force + cases.weight, axis=1) + torque
+    acting = cases.force + cases.couple + cases.weight
     one, other = np.triu_indices(arms.shape[1], 1)
     apart = np.maximum(
         np.abs(arms[:, one] - arms[:, other]).max(axis=2) / reach[:, None],
         np.abs(normals[:, one] - normals[:, other]).max(axis=2),
     )
-    ratio = np.trace(cases.inertia, axis1=1, axis2=2) / (cases.mass * reach**2)
     faults = np.any([*inertia_faults(cases.mass, cases.inertia).values()], axis=0)
     unknown = np.isnan(cases.mass) & np.isnan(cases.inertia).all(axis=(1, 2))
     rules = (
         (apart > 2.0 * SAME_PLACE).all(axis=1),
-        np.isfinite(sizes + reach) & (whole > NO_LOAD * sizes) & (reach > 0.0),
+        np.isfinite(acting.sum(axis=1) + reach) & (reach > 0.0),
         (np.abs(np.linalg.norm(normals, axis=2) - 1.0) <= UNIT_TOLERANCE).all(axis=1),
-        (cases.friction > FRICTIONLESS) & (cases.friction <= INFINITE),
+        cases.law.is_usual,
         ((arms * normals).sum(axis=2) >= 0.0).any(axis=1),
-        unknown | ~faults & (np.abs(np.log10(ratio)) < 12.0),
+        unknown | ~faults,
     )
     return np.asarray(np.all(rules, axis=0))
 

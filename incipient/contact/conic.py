@@ -28,7 +28,7 @@ ITERATIONS = 60
 STEP = 0.998  # of the longest step inside the cones
 CLOSED = 1e-13  # duality gap at which a program is solved
 ANSWERED = 1e-8  # relative error of the dual value up to which it is an answer
-CERTIFIED = 1e-11  # what a certificate of no, or no largest, solution may miss
+CERTIFIED = 1e-11  # residual of a certificate of infeasibility or unboundedness
 # Projections between cones and equilibrium before the conic program; the margin aimed at.
 PROJECTIONS, INSIDE = 12, 0.02
 ROUND_OFF = 1e-15  # of a certificate's equations
@@ -225,10 +225,10 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
     """
     m, n = a.shape
     degree, q, lower = 1.0 + linear + (n - linear) // 3, np.empty((m, n)), np.empty((m, m))
-    v, u = np.zeros((10, n)), np.zeros((5, m))
+    v, u, left = np.zeros((10, n)), np.zeros((5, m)), np.empty(n)
     v[:2, :linear] = 1.0
     v[:2, linear::3] = 1.0
-    x, z, dx, dz, missed, _, size, turn, _, _ = v
+    x, z, dx, _, missed, _, size, turn, _, _ = v
     y, dy, rho, _, _ = u
     tau, kappa, nearest, closest, value = 1.0, 1.0, np.inf, np.inf, 0.0
     for _iteration in range(ITERATIONS):
@@ -255,13 +255,19 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
             break
         if not _scaling(x, z, linear, size, turn):
             break
+        left[:] = missed
         c = _newton_system(v, u, q, lower, a, b, cost, linear)
         point = tau, kappa, by - cx - kappa, gap / degree
-        step, dtau, dkappa = _direction(v, u, q, lower, c, linear, point)
+        step, eta, dtau, dkappa = _direction(v, u, q, lower, c, linear, point)
         add(x, step, dx)
-        add(z, step, dz)
         add(y, step, dy)
         tau, kappa = tau + step * dtau, kappa + step * dkappa
+        # By the second equation: a step scaled by T^-1 adds the round-off of T.
+        for j in range(n):
+            z[j] = (step * eta - 1.0) * left[j]
+        z[0] += cost * tau
+        for i in range(m):
+            add(z, -y[i], a[i])
     return (OPTIMAL if closest <= ANSWERED else UNANSWERED), value
 
 
@@ -283,10 +289,10 @@ def _newton_system(
     _, z, _, _, missed, lam, size, turn, _, p = v
     _, _, rho, beta, pull = u
     c = cost * size[0]
-    _scale(size, turn, linear, z, 1.0, lam)
-    _scale(size, turn, linear, missed, 1.0, missed)
+    _scale(size, turn, linear, z, lam)
+    _scale(size, turn, linear, missed, missed)
     for i in range(len(a)):
-        _scale(size, turn, linear, a[i], 1.0, q[i])
+        _scale(size, turn, linear, a[i], q[i])
     _factorise(q, lower)
     beta[:], p[:] = b, 0.0
     _forward(lower, beta)
@@ -306,8 +312,8 @@ def _direction(
     c: float,
     linear: int,
     point: tuple[float, float, float, float],
-) -> tuple[float, float, float]:
-    """Fill in the steps by predictor and corrector; returns their length, and the steps of tau and kappa.
+) -> tuple[float, float, float, float]:
+    """Fill in the steps by predictor and corrector but that of z; returns their length, eta, steps of tau and kappa.
 
     point: tau, kappa, the residual of the third equation, and the gap over the degree of the cones.
     """
@@ -337,9 +343,8 @@ def _direction(
             eta = 1.0 - (1.0 - min(step, 1.0)) ** 3
             target = (1.0 - eta) * centred
     _backward(lower, dy)
-    _scale(size, turn, linear, dx, 1.0, dx)
-    _scale(size, turn, linear, dz, -1.0, dz)
-    return min(1.0, STEP * step), dtau, dkappa
+    _scale(size, turn, linear, dx, dx)
+    return min(1.0, STEP * step), eta, dtau, dkappa
 
 
 def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:
@@ -363,19 +368,16 @@ def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> b
     return True
 
 
-def _scale(
-    size: Floats, turn: Floats, linear: int, vector: Floats, sign: float, out: Floats
-) -> None:
-    """Fill in T vector, or with a negative sign T^-1 vector."""
+def _scale(size: Floats, turn: Floats, linear: int, vector: Floats, out: Floats) -> None:
+    """Fill in T vector."""
     for i in range(linear):
-        out[i] = vector[i] * size[i] if sign > 0.0 else vector[i] / size[i]
+        out[i] = vector[i] * size[i]
     for i in range(linear, len(vector), 3):
-        factor = size[i] if sign > 0.0 else 1.0 / size[i]
         normal, first, second = vector[i], vector[i + 1], vector[i + 2]
-        along = 2.0 * (turn[i] * normal + sign * (turn[i + 1] * first + turn[i + 2] * second))
-        out[i] = factor * (along * turn[i] - normal)
-        out[i + 1] = factor * (along * sign * turn[i + 1] + first)
-        out[i + 2] = factor * (along * sign * turn[i + 2] + second)
+        along = 2.0 * (turn[i] * normal + turn[i + 1] * first + turn[i + 2] * second)
+        out[i] = size[i] * (along * turn[i] - normal)
+        out[i + 1] = size[i] * (along * turn[i + 1] + first)
+        out[i + 2] = size[i] * (along * turn[i + 2] + second)
 
 
 def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out: Floats) -> None:
@@ -428,7 +430,7 @@ def _factorise(rows: Floats, lower: Floats) -> None:
     """Make rows (m, n) orthonormal and fill in the triangle (m, m) that takes them back: modified Gram-Schmidt."""
     for i in range(len(rows)):
         lower[i], after, before = 0.0, length(rows[i]), np.inf
-        while after < 0.5 * before:  # what cancelled is taken away once more
+        while after < 0.5 * before:  # reorthogonalise after cancellation
             before = after
             for j in range(i):
                 part = dot(rows[j], rows[i])

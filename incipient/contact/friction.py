@@ -1,13 +1,13 @@
-"""The law of a contact: Coulomb's friction cone; local forces are (normal, two tangential)."""
+"""The law of a contact: Coulomb's friction cone, shifted by cohesion; local forces are (normal, two tangential)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Booleans, Floats, Integers
 from incipient.errors import SceneError
 
 FRICTIONLESS = 1e-9  # a coefficient below it counts as zero
@@ -17,37 +17,62 @@ INFINITE = 1e6
 NORMAL, EDGES = np.eye(3)[:1], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
 SIDES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
 
+Rows = Integers | Booleans | slice | int
+
 
 @dataclass(frozen=True, eq=False)
 class FrictionCone:
-    """Forces N >= 0, |T| <= coefficient N.
+    """Forces N >= 0, |T| <= coefficient N; with cohesion N stands for the normal force and the cohesion together.
 
     `coefficient`: static friction of at least 0, or infinite: a number, or (n,) of n cases, all of them
-    frictionless, or all infinite, or none. Raises SceneError if it is negative or not a number.
+    frictionless, or all infinite, or none. `cohesion`: the largest pull of a contact [force], of the same shape.
     """
 
     coefficient: Floats
-
-    def __post_init__(self) -> None:
-        coefficient = np.asarray(self.coefficient, dtype=float)
-        if not (coefficient >= 0.0).all():
-            raise SceneError(
-                f"friction {self.coefficient} is not a coefficient; give a number that is not negative"
-            )
-        object.__setattr__(self, "coefficient", coefficient)
+    cohesion: Floats = field(default_factory=lambda: np.zeros(()))
 
     @classmethod
-    def of(cls, law: FrictionCone | float) -> FrictionCone:
-        """A law as it is, or that of a coefficient."""
-        return law if isinstance(law, FrictionCone) else cls(np.asarray(law, dtype=float))
+    def of(cls, law: Law, cohesion: float = 0.0) -> FrictionCone:
+        """A given law, or the law of a coefficient; raises SceneError if that is negative or not a number."""
+        cone = (
+            law
+            if isinstance(law, FrictionCone)
+            else cls(np.asarray(law, float), np.asarray(cohesion, float))
+        )
+        if not (cone.coefficient >= 0.0).all():
+            raise SceneError(
+                f"friction {cone.coefficient} is not a coefficient; give a number that is not negative"
+            )
+        if not ((cone.cohesion >= 0.0) & np.isfinite(cone.cohesion)).all():
+            raise SceneError(
+                f"cohesion {cone.cohesion} is no pull; give a finite number that is not negative"
+            )
+        return cone
 
-    def repeated(self, count: int) -> FrictionCone:
-        """The law of so many cases alike."""
-        return FrictionCone(np.full(count, self.coefficient))
+    def rows(self, count: int) -> FrictionCone:
+        """The laws of n cases."""
+        both = self.coefficient, self.cohesion
+        return FrictionCone(*(np.broadcast_to(number, count) for number in both))
 
-    def part(self, rows: np.ndarray) -> FrictionCone:
+    def part(self, rows: Rows) -> FrictionCone:
         """The law of some of the cases."""
-        return FrictionCone(self.coefficient[rows])
+        cohesion = self.cohesion[rows] if self.cohesion.shape else self.cohesion
+        return FrictionCone(self.coefficient[rows], cohesion)
+
+    def changed(self, change: float) -> FrictionCone:
+        """The law with a larger or smaller coefficient, of at least 0."""
+        return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))
+
+    @property
+    def is_cohesive(self) -> bool:
+        """Whether contacts can pull."""
+        return bool((self.cohesion > 0.0).any())
+
+    @property
+    def is_usual(self) -> Booleans:
+        """Mask of coefficients that count as neither zero nor infinite, with valid cohesion."""
+        pulls = (self.cohesion >= 0.0) & np.isfinite(self.cohesion)
+        return pulls & (self.coefficient > FRICTIONLESS) & (self.coefficient <= INFINITE)
 
     @property
     def is_frictionless(self) -> bool:
@@ -111,3 +136,6 @@ class FrictionCone:
         limit = self.coefficient[..., None] * pressure
         sticks = limit >= shear
         return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))
+
+
+Law = FrictionCone | float  # the law of the contacts, or its coefficient of static friction

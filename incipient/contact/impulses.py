@@ -27,8 +27,8 @@ from incipient.contact.friction import INFINITE, FrictionCone
 from incipient.contact.kernels import Kernel, add, dot
 from incipient.errors import ConvergenceError
 
-GOOD = 1e-9  # what a solution may miss the laws by, dimensionless
-EXACT = 1e-13  # the same where the laws are linear: what is held must not creep
+GOOD = 1e-9  # residual of a solution in the laws, dimensionless
+EXACT = 1e-13  # the same where the laws are linear: a held grain must not creep
 SINGULAR = 1e-9  # singular values below it leave a family of solutions open
 RANK = 1e-9  # singular values below it, relative to the largest, count as zero
 REGULAR = 1e-12  # added to the diagonal of W, over its mean, for impulses that are not unique
@@ -69,9 +69,8 @@ class CoulombLaw:
     def is_open(self, local: Floats) -> bool:
         """Whether the equations at a solution (k, 3) leave a direction open in which velocities change."""
         derivative = np.empty_like(self.onto)
-        differentiate(self.onto, self.friction, local.ravel() @ self.onto + self.offset, derivative)
-        if np.linalg.cond(derivative, 1) < 0.01 / SINGULAR:
-            return False
+        trial = local.ravel() @ self.onto + self.offset
+        DERIVATIVE(self.onto, self.friction, trial, derivative, rows=2.0 / len(local) ** 3)
         _, sizes, right = np.linalg.svd(derivative)
         ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
         return bool((np.abs(ways @ self.gain) > 1e3 * SINGULAR).any())
@@ -207,8 +206,7 @@ def newton(
                 reached += 1
                 continue
             differentiate(onto, friction, trial[i], derivative)
-            change, part, lowest, best = miss[i].copy(), 1.0, np.inf, 1.0
-            solve(derivative, change)
+            change, part, lowest, best = np.linalg.solve(derivative, miss[i]), 1.0, np.inf, 1.0
             start[:] = force[i]
             for tried in range(HALVINGS + 1):
                 force[i] = start
@@ -259,30 +257,5 @@ def differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> 
         out[i, i] += 1.0 + SHIFT
 
 
-def solve(matrix: Floats, right: Floats) -> None:
-    """Solve in place, by elimination with partial pivoting; an unknown without pivot becomes zero."""
-    count = len(right)
-    for column in range(count):
-        pivot = column
-        for row in range(column + 1, count):
-            if abs(matrix[row, column]) > abs(matrix[pivot, column]):
-                pivot = row
-        if matrix[pivot, column] == 0.0:
-            continue
-        right[pivot], right[column] = right[column], right[pivot]
-        for entry in range(column, count):
-            above, below = matrix[column, entry], matrix[pivot, entry]
-            matrix[column, entry], matrix[pivot, entry] = below, above
-        for row in range(column + 1, count):
-            factor = matrix[row, column] / matrix[column, column]
-            if factor != 0.0:
-                right[row] -= factor * right[column]
-                for entry in range(column + 1, count):
-                    matrix[row, entry] -= factor * matrix[column, entry]
-    for row in range(count - 1, -1, -1):
-        for other in range(row + 1, count):
-            right[row] -= matrix[row, other] * right[other]
-        right[row] = right[row] / matrix[row, row] if matrix[row, row] != 0.0 else 0.0
-
-
 NEWTON = Kernel(newton, interpreted=20)
+DERIVATIVE = Kernel(differentiate)

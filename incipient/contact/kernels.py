@@ -6,6 +6,7 @@ from types import FunctionType
 from typing import Any
 
 from incipient.arrays import Floats
+from incipient.interrupt import handlers_kept
 
 # Rows with three equations (2-D), about 2 ms each, before a kernel is compiled: numba takes 0.5 s and 100 MiB to load.
 INTERPRETED = 240
@@ -26,12 +27,14 @@ class Kernel:
         self.function, self.left = function, interpreted
         self.compiled: Callable[..., Any] | None = None
 
-    def __call__(self, *arguments: Any, rows: int = 1) -> Any:
-        """Call it for so many rows, whose work goes as the cube of the number of equations."""
+    def __call__(self, *arguments: Any, rows: float = 1) -> Any:
+        """Call the function, and compile it after enough rows, weighted by the cube of the number of equations."""
         work = rows * (arguments[0].shape[-2] / 3) ** 3
         self.left -= work
         if (self.left < 0 or work >= AT_ONCE) and self.compiled is None:
-            self.compiled = _compiled(self.function) or self.function
+            with handlers_kept():  # the compiler's callbacks would drop an interrupt
+                self.compiled = _compiled(self.function) or self.function
+                return self.compiled(*arguments)
         return (self.compiled or self.function)(*arguments)
 
 

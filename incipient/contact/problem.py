@@ -1,8 +1,8 @@
 """Contact problems of rigid grains, dimensionless: a single case is a batch of one.
 
 Lengths are divided by the longest arm from the centre of mass and forces by their own magnitude, so that nothing
-depends on units. A wrench (6,) is force and torque about the centre of mass. Planar cases, in any plane through the
-centre, have three equations, all others six.
+depends on units. A wrench (6,) is force and torque about the centre of mass. Planar cases, in a coordinate plane
+through the centre, have three equations, all others six.
 """
 
 from __future__ import annotations
@@ -14,24 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from incipient.arrays import Booleans, Floats, Integers, cross
-from incipient.contact.friction import FrictionCone
+from incipient.arrays import Booleans, Floats, Integers
+from incipient.contact.friction import FrictionCone, Law, Rows
 from incipient.errors import SceneError
 from incipient.files import plain as of_numbers
 from incipient.geometry.contacts import Contacts, freeze
 
-PLANAR = 1e-12  # dimensionless distance from its plane up to which a case is planar
-SOLID = 1e-6  # determinant of the vectors' second moments above which they are in no plane
+PLANAR = 1e-12  # dimensionless distance from a coordinate plane up to which a case is planar
 SAME_PLACE = 1e-12  # of the longest arm: contacts nearer than that with equal normals are one
+COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
 TINY = 1e-300  # divides instead of zero
 SKEW = np.zeros((3, 9))  # v @ SKEW are the entries of the matrix of v's vector product
 SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
-Law = FrictionCone | float  # the law of the contacts, or its coefficient of static friction
 
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """What acts on the grain besides the bed, each (3,).
+    """Force, torque and weight on the grain without contact forces, each (3,).
 
     `flow_force`: the flow's force on the grain; `flow_couple`: its torque about `centre`; `weight`: all else
     that acts at `centre`, the centre of mass, such as weight and buoyancy. Raises SceneError on anything but
@@ -66,44 +65,13 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False)
-class Loads:
-    """n loads: force and torque of the flow (n, 3), weight (n, 3), and the centre of mass (3,) of the torques.
-
-    Raises SceneError if shapes do not fit or a number is not finite.
-    """
-
-    force: Floats
-    couple: Floats
-    weight: Floats
-    centre: Floats
-
-    def __post_init__(self) -> None:
-        shape = np.shape(self.force)
-        if len(shape) != 2 or shape[1] != 3:
-            raise SceneError(f"loads: force has shape {shape}; give (n, 3)")
-        object.__setattr__(self, "weight", np.broadcast_to(self.weight, shape))
-        for name in ("force", "couple", "weight"):
-            value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != shape or not np.isfinite(value).all():
-                raise SceneError(
-                    f"loads: {name} is not {shape[0]} rows of three finite numbers; give such"
-                )
-            object.__setattr__(self, name, value)
-
-    def __len__(self) -> int:
-        return len(self.force)
-
-    def load(self, number: int) -> Load:
-        """The load of one row."""
-        return Load(self.force[number], self.couple[number], self.weight[number], self.centre)
-
-
-@dataclass(frozen=True, eq=False)
-class Scaled:
-    """n cases of k contacts and the loads on them, dimensionless.
+class ContactProblem:
+    """n cases of k distinct contacts each, with the loads on them, dimensionless.
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward normals. `wrenches`
     (n, 2, 6): unit wrenches of flow and weight, or zero, and their magnitudes `sizes` (n, 2) in the caller's units.
+    `plane` (n, 3, 3): two in-plane axes of planar cases and the normal, otherwise None. `copy` (j,): the distinct
+    contact of each contact of the caller, `fraction` (j,): its fraction of that contact's force.
     """
 
     arms: Floats
@@ -111,59 +79,6 @@ class Scaled:
     reach: Floats
     wrenches: Floats
     sizes: Floats
-
-    @classmethod
-    def of(cls, arms: Floats, normals: Floats, loads: tuple[Floats, Floats, Floats]) -> Scaled:
-        """Cases of arms and unit normals (n, k, 3) under force, torque and weight (n, 3)."""
-        reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
-        reach[reach == 0.0] = 1.0
-        wrenches = np.zeros((len(arms), 2, 6))
-        wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
-        wrenches[:, 0, 3:] = loads[1] / reach[:, None]
-        sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
-        wrenches /= np.maximum(sizes, TINY)[:, :, None]
-        return cls(arms / reach[:, None, None], -normals, reach, wrenches, sizes)
-
-    def part(self, rows: Integers | Booleans) -> Scaled:
-        """Some of the cases."""
-        return Scaled(*(getattr(self, item.name)[rows] for item in fields(self)))
-
-    def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
-        """The nearest planes of the cases (n, 3, 3): two axes and the normal; and which cases are planar, (n,).
-
-        inertia: (n, 3, 3); a planar load gives a planar motion only if the normal is a principal axis.
-        """
-        vectors = np.concatenate([self.arms, self.inward, self.wrenches[:, :, :3]], axis=1)
-        torque = self.wrenches[:, 0, 3:]
-        axes = np.empty((len(vectors), 3, 3))
-        axes[:] = np.eye(3)
-        other = vectors[:, :, 2].any(axis=1) | torque[:, :2].any(axis=1)
-        planar = ~other
-        if other.any():
-            other &= np.linalg.det(vectors.swapaxes(1, 2) @ vectors) <= SOLID
-        if other.any():
-            axes[other] = _axes(vectors[other], torque[other])
-            normal = axes[other, 2]
-            along = (torque[other] * normal).sum(axis=1, keepdims=True)
-            outside = np.abs(vectors[other] @ normal[:, :, None]).max(axis=(1, 2))
-            outside = np.maximum(outside, np.abs(torque[other] - along * normal).max(axis=1))
-            planar[other] = outside <= PLANAR
-        if inertia is not None:
-            along = (inertia @ axes[:, 2, :, None])[:, :, 0]
-            across = np.abs((axes[:, :2] @ along[:, :, None])[:, :, 0]).max(axis=1)
-            planar &= ~(across > PLANAR * np.abs(inertia).max(axis=(1, 2)))
-        return axes, planar
-
-
-@dataclass(frozen=True, eq=False)
-class ContactProblem:
-    """n cases of k distinct contacts each, with the loads on them, dimensionless.
-
-    `plane` (n, 3, 3): two axes in the plane of planar cases and its normal, otherwise None. `copy` (j,): the distinct
-    contact of each contact of the caller, `fraction` (j,): its fraction of that contact's force.
-    """
-
-    cases: Scaled
     law: FrictionCone
     plane: Floats | None
     copy: Integers
@@ -173,7 +88,7 @@ class ContactProblem:
     def of(
         cls, load: Load, contacts: Contacts, law: Law, inertia: Floats | None = None
     ) -> ContactProblem:
-        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion in the plane.
+        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion planar.
 
         Raises SceneError if friction is negative or not a number, or all normals point into the grain.
         """
@@ -181,36 +96,67 @@ class ContactProblem:
         require_outward(arms, contacts.normals)
         kept, copy, fraction = _distinct(arms, contacts.normals)
         loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
-        scaled = Scaled.of(arms[None, kept], contacts.normals[None, kept], loads)
-        axes, planar = scaled.planes(None if inertia is None else inertia[None])
-        law = FrictionCone.of(law).repeated(1)
-        return cls(scaled, law, axes if planar[0] else None, copy, fraction)
+        surface = arms[None, kept], contacts.normals[None, kept]
+        problem = cls.of_rows(*surface, loads, FrictionCone.of(law).rows(1))
+        axes, planar = problem.planes(None if inertia is None else inertia[None])
+        return replace(problem, plane=axes if planar[0] else None, copy=copy, fraction=fraction)
 
     @classmethod
-    def of_rows(cls, cases: Scaled, law: FrictionCone, plane: Floats | None) -> ContactProblem:
-        """The problems of cases of distinct contacts, all planar or none."""
-        count = cases.arms.shape[1]
-        return cls(cases, law, plane, np.arange(count), np.ones(count))
+    def of_rows(
+        cls, arms: Floats, normals: Floats, loads: tuple[Floats, Floats, Floats], law: FrictionCone
+    ) -> ContactProblem:
+        """Problems, none planar, of arms and unit normals (n, k, 3) under force, torque and weight (n, 3)."""
+        count, k, _ = arms.shape
+        reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
+        reach[reach == 0.0] = 1.0
+        wrenches = np.zeros((count, 2, 6))
+        wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
+        wrenches[:, 0, 3:] = loads[1] / reach[:, None]
+        # Forces in the cones are those of the contacts and their cohesion together, which pulls the grain to the bed.
+        pull = law.cohesion[:, None]
+        wrenches[:, 1, :3] += pull * normals.sum(axis=1)
+        wrenches[:, 1, 3:] = pull * np.cross(arms, normals).sum(axis=1) / reach[:, None]
+        sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
+        wrenches /= np.maximum(sizes, TINY)[:, :, None]
+        scaled = arms / reach[:, None, None], -normals, reach, wrenches, sizes
+        return cls(*scaled, law, None, np.arange(k), np.ones(k))
+
+    def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
+        """The nearest coordinate planes (n, 3, 3): two axes and the normal; and which cases are planar, (n,).
+
+        inertia: (n, 3, 3); a planar load gives a planar motion only if the normal is a principal axis.
+        """
+        vectors = np.concatenate([self.arms, self.inward, self.wrenches[:, :, :3]], axis=1)
+        torque = np.abs(self.wrenches[:, 0, 3:])
+        outside = np.abs(vectors).max(axis=1) + torque.sum(axis=1, keepdims=True) - torque
+        if inertia is not None:
+            moments = np.abs(inertia)
+            products = moments.sum(axis=2) - np.diagonal(moments, axis1=1, axis2=2)
+            outside = np.fmax(outside, products / moments.max(axis=(1, 2))[:, None])
+        normal = 2 - outside[:, ::-1].argmin(axis=1)
+        return COORDINATE_PLANES[normal], outside.min(axis=1) <= PLANAR
 
     def __len__(self) -> int:
-        return len(self.cases.arms)
+        return len(self.arms)
 
-    def part(self, rows: Integers | Booleans) -> ContactProblem:
+    def part(self, rows: Rows) -> ContactProblem:
         """The problems of some of the cases."""
+        names = ("arms", "inward", "reach", "wrenches", "sizes")
+        changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         plane = None if self.plane is None else self.plane[rows]
-        return replace(self, cases=self.cases.part(rows), law=self.law.part(rows), plane=plane)
+        return replace(self, **changes, law=self.law.part(rows), plane=plane)
 
     @cached_property
     def frames(self) -> Floats:
         """(n, k, 3, 3): rows inward normal and two tangents, in planar cases the second across the plane."""
         across = None if self.plane is None else self.plane[:, None, 2, :, None]
-        return contact_frames(self.cases.inward, across)
+        return contact_frames(self.inward, across)
 
     @cached_property
     def basis(self) -> Floats:
         """(n, 6, k, 3): wrenches of unit local forces."""
-        moments = _skew(self.cases.arms) @ self.frames.swapaxes(2, 3)
-        basis = np.empty((len(self), 6, *self.cases.arms.shape[1:]))
+        moments = _skew(self.arms) @ self.frames.swapaxes(2, 3)
+        basis = np.empty((len(self), 6, *self.arms.shape[1:]))
         basis[:, :3] = self.frames.transpose(0, 3, 1, 2)
         basis[:, 3:] = moments.transpose(0, 2, 1, 3)
         return basis
@@ -236,12 +182,12 @@ class ContactProblem:
 
     @property
     def linear(self) -> int:
-        """How many factors on `cone_columns` need only be non-negative: all or none."""
+        """Number of factors on `cone_columns` with a bound of zero only: all or none."""
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:
         """Local forces (n, k, 3) of the factors (n, h) on `cone_columns`."""
-        parts = factors.reshape(len(self), self.cases.arms.shape[1], -1)
+        parts = factors.reshape(len(self), self.arms.shape[1], -1)
         if self.generators is None:
             return np.asarray(parts * self.law.scaling[:, None])
         return np.asarray(parts @ self.generators)
@@ -261,13 +207,14 @@ class ContactProblem:
 
     def wrench(self, factor: float) -> tuple[Floats, Floats]:
         """(factor flow + weight) over the sum of both magnitudes, (n, 6), and that sum (n,)."""
-        sizes = self.cases.sizes * [factor, 1.0]
+        sizes = self.sizes * [factor, 1.0]
         size = sizes.sum(axis=1)
-        whole = (sizes[:, :, None] * self.cases.wrenches).sum(axis=1)
+        whole = (sizes[:, :, None] * self.wrenches).sum(axis=1)
         return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:
-        """Local forces (k, 3) of a single case as forces (j, 3) on the grain at the contacts of the caller."""
+        """Forces (j, 3) on the grain at the caller's contacts, of local forces (k, 3) in the cones of a single case."""
+        local = local - [self.law.cohesion.item(), 0.0, 0.0]
         return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames[0])[self.copy, 0])
 
 
@@ -299,7 +246,8 @@ def contact_frames(inward: Floats, across: Floats | None) -> Floats:
 def plain(value: Any) -> Any:
     """Results as dictionaries, lists, names, numbers and None (no number, or infinite), for JSON."""
     if is_dataclass(value):
-        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        shown = (item.name for item in fields(value) if item.repr)
+        return {name: plain(getattr(value, name)) for name in shown}
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, tuple | list):
@@ -317,17 +265,6 @@ def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats
         return np.arange(count), np.arange(count), np.ones(count)
     kept, copy = np.unique(same.argmax(axis=1), return_inverse=True)
     return kept, copy, 1.0 / same.sum(axis=1)
-
-
-def _axes(vectors: Floats, torque: Floats) -> Floats:
-    """Axes (n, 3, 3) of the planes nearest to vectors (n, m, 3); of those on one line, across the torque (n, 3)."""
-    _, sizes, axes = np.linalg.svd(vectors)
-    across = torque - (torque * axes[:, 0]).sum(axis=1, keepdims=True) * axes[:, 0]
-    left = np.linalg.norm(across, axis=1)
-    line = (sizes[:, 1] <= PLANAR * sizes[:, 0]) & (left > 0.5 * np.linalg.norm(torque, axis=1))
-    axes[line, 2] = across[line] / left[line, None]
-    axes[:, 1] = cross(axes[:, 2], axes[:, 0])
-    return np.asarray(axes)
 
 
 def _skew(vectors: Floats) -> Floats:

@@ -1,12 +1,12 @@
-"""What errors of load and friction mean for the verdict: bounds over a box of loads, and probabilities by sampling.
+"""Effect of errors of load and friction on the verdict: bounds over a box of loads, and probabilities by sampling.
 
-A load of a box is weight + s (flow + directions u) with |u_i| <= 1. What contacts hold is a convex cone, so
+A load of a box is weight + s (flow + directions u) with |u_i| <= 1. The loads that contacts hold form a convex cone, so
 
 - whether some load is held at a factor is one conic program, with s u among its unknowns;
 - all loads are held at a factor exactly if those at the corners of the box are. That corners move proves nothing.
 
 Sampled cases have normal and independent errors (friction is cut off at zero). The influence of an input is its
-first-order share of the variance of the margin s / (1 + s), s the safety factor: Sobol's first index for independent
+first-order fraction of the variance of the margin s / (1 + s), s the safety factor: Sobol's first index for independent
 inputs, from the means over classes of the input of equal size, corrected for their number (epsilon squared).
 """
 
@@ -19,11 +19,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.batch import judge_batch
+from incipient.contact.batch import Cases, judge_many
 from incipient.contact.conic import FAILED, HELD, INTERVALS, TOLERANCE
-from incipient.contact.friction import FrictionCone
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import classify
-from incipient.contact.problem import PLANAR, TINY, ContactProblem, Law, Load, Loads
+from incipient.contact.problem import PLANAR, TINY, ContactProblem, Load
 from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia
 from incipient.errors import SceneError
@@ -61,7 +61,7 @@ class ErrorBox:
 
 @dataclass(frozen=True, eq=False)
 class SafetyRange:
-    """What the loads of a box have in common."""
+    """Safety factors possible for some load of a box, and those guaranteed for all."""
 
     # The smallest and the largest factor at which some load of the box, or every load, is held; None if there is none.
     possible: Interval | None
@@ -73,25 +73,25 @@ class SafetyRange:
 
     @property
     def rests(self) -> bool:
-        """Whether every load of the box is held as it is."""
+        """Whether every load of the box is held at factor one."""
         return _contains(self.guaranteed, 1.0)
 
     @property
     def moves(self) -> bool:
-        """Whether no load of the box is held as it is."""
+        """Whether no load of the box is held at factor one."""
         return not _contains(self.possible, 1.0)
 
     @property
     def width(self) -> float:
-        """How much longer `possible` is than `guaranteed`, on the scale of s / (1 + s)."""
+        """Excess length of `possible` over `guaranteed`, on the scale of s / (1 + s)."""
         return _extent(self.possible) - _extent(self.guaranteed)
 
 
-def safety_range(load: Load, contacts: Contacts, friction: Law, box: ErrorBox) -> SafetyRange:
+def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> SafetyRange:
     """The factors at which some load of a box and every load of it are held. Raises SceneError as `safety_factor`."""
-    law = FrictionCone.of(friction)
+    cone = FrictionCone.of(law)
     firm, loose = (
-        _problem(load, contacts, FrictionCone(np.maximum(law.coefficient + change, 0.0)), box)
+        _problem(load, contacts, cone.changed(change), box)
         for change in (box.friction, -box.friction)
     )
     some, firm_holds = _possible(firm, box)
@@ -130,7 +130,7 @@ def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -
 
 def _flows(problem: ContactProblem, changes: Floats) -> Floats:
     """Changes (6, j) of the flow's load as wrenches with the equations of the problem, (m, j)."""
-    units = np.array([1.0, 1.0, 1.0, *3 * [problem.cases.reach[0]]])
+    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
     return problem.within((changes / units[:, None])[None])[0]
 
 
@@ -138,14 +138,14 @@ def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, 
     """The smallest and the largest factor at which some load of the box is held, and whether the weight is.
 
     s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, which count as further contact forces.
-    What has no answer excludes no load.
+    A program without an answer excludes no load.
     """
     (low,), (high,), (state,), _ = intervals(problem)
     weight_held, count = state == HELD, box.error_directions.shape[1]
     if count and state != FAILED:
         ways = _flows(problem, box.error_directions)
-        flow, weight = problem.within(problem.cases.wrenches.swapaxes(1, 2))[0].T
-        flow_size, weight_size = problem.cases.sizes[0]
+        flow, weight = problem.within(problem.wrenches.swapaxes(1, 2))[0].T
+        flow_size, weight_size = problem.sizes[0]
         size = flow_size + float(np.linalg.norm(ways))
         columns, unity = problem.cone_columns[0], np.eye(count)
         rows = np.block(
@@ -174,11 +174,10 @@ def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None
     """The factors at which loads at all corners are held, the corner held at the fewest, and whether the weight is."""
     corners = box.corners()
     every = problem.part(np.zeros(len(corners), dtype=int))
-    cases = every.cases
-    units = np.array([1.0, 1.0, 1.0, *3 * [cases.reach[0]]])
-    flows = cases.sizes[:, :1] * cases.wrenches[:, 0] + corners / units
+    units = np.array([1.0, 1.0, 1.0, *3 * [every.reach[0]]])
+    flows = every.sizes[:, :1] * every.wrenches[:, 0] + corners / units
     sizes = np.linalg.norm(flows, axis=1)
-    cases.wrenches[:, 0], cases.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
+    every.wrenches[:, 0], every.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
     low, high, state, _ = intervals(every)
     lengths = np.nan_to_num(1.0 / (1.0 + low) - 1.0 / (1.0 + high))
     common = float(low.max()), float(high.min())
@@ -235,7 +234,7 @@ class StandardErrors:
         return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
 
     def box(self, centre: Floats) -> ErrorBox:
-        """The loads and frictions of which no input is off by more than two standard errors; `centre` of mass (3,)."""
+        """Loads and frictions with every input within two standard errors; `centre` of mass (3,)."""
         ways = WITHIN * np.diag(np.concatenate([self.flow_force, self.flow_couple]))
         ways[3:, :3] = np.cross(self.arm(centre), ways[:3, :3].T).T
         return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)
@@ -245,9 +244,9 @@ class StandardErrors:
 class Probability:
     """A probability, its standard error, and both in words.
 
-    Of k cases in n: k / n, and the standard deviation of Beta(k + 1, n - k + 1), which is what is known of it
-    after n cases without prior knowledge; it is not zero where all cases agree. `words`: "34.1 +- 1.5%"; where no
-    case was drawn, or no other, the bound that it is on the right side of with a chance of 95%: "<0.3%".
+    Of k cases in n: k / n, and the standard deviation of Beta(k + 1, n - k + 1), the posterior of a uniform prior,
+    which is not zero where all cases agree. `words`: "34.1 +- 1.5%"; for k = 0 and k = n the bound that holds with a
+    probability of 95%: "<0.3%".
     """
 
     value: float
@@ -271,7 +270,7 @@ class Probability:
 
 @dataclass(frozen=True)
 class Within:
-    """The range of safety factors while no input is off by more than two standard errors, and what is certain then."""
+    """Range of safety factors with every input within two standard errors, and whether one verdict holds there."""
 
     low: float
     high: float
@@ -293,7 +292,7 @@ class Within:
 
 @dataclass(frozen=True)
 class Probabilities:
-    """How likely each mode is, and what that depends on."""
+    """Probabilities of the modes, and the influence of each input."""
 
     samples: int
     seed: int
@@ -303,26 +302,26 @@ class Probabilities:
     # Probability that the grain moves, by the paper's criteria and by the exact one.
     moves_criteria: Probability
     moves_equilibrium: Probability
-    same: Probability  # that the judges agree on whether it does
+    same: Probability  # that both criteria agree on rest or motion
     margin: tuple[float, float, float]  # 5%, 50% and 95% of the safety factor
     influence: dict[str, float]  # first-order fraction of the variance, of each input
     most: str | None  # the input that matters most; None: the margin does not vary
-    within: Within  # what is certain
+    within: Within  # range within two standard errors
 
     @property
     def sentence(self) -> str:
         """The outcome in a sentence."""
-        said = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
+        text = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
         if self.most is not None:
             part = self.influence[self.most]
-            said += f"; what matters most is {self.most}, {part:.0%} of the variance of the margin"
-        return said
+            text += f"; what matters most is {self.most}, {part:.0%} of the variance of the margin"
+        return text
 
 
 def probabilities(
     load: Load,
     contacts: Contacts,
-    friction: float,
+    law: Law,
     errors: StandardErrors,
     samples: int = 1000,
     seed: int = 0,
@@ -330,19 +329,22 @@ def probabilities(
 ) -> Probabilities:
     """Judge `samples` cases drawn around a load and friction with standard errors.
 
-    Without `mass_and_inertia` the exact criterion says only whether the grain rests or moves.
+    Without `mass_and_inertia` the exact criterion decides only between rest and motion.
 
     Raises SceneError as `classify` does, and for less than one sample.
     """
     if samples < 1:
         raise SceneError(f"samples is {samples}; draw at least one case")
-    drawn = draw(load, friction, errors, samples, seed)
+    cone = FrictionCone.of(law)
+    drawn = draw(load, cone, errors, samples, seed)
     inputs = np.column_stack(list(drawn.values()))
-    force, coefficients = inputs[:, :3], inputs[:, 6]
+    force, laws = inputs[:, :3], replace(cone, coefficient=inputs[:, 6])
     torque = inputs[:, 3:6] + np.cross(errors.arm(load.centre), force)
-    loads = Loads(force, torque, load.weight, load.centre)
-    paper = [classify(loads.load(i), contacts, coefficients[i]).mode for i in range(samples)]
-    exact = judge_batch(loads, contacts, coefficients, mass_and_inertia)
+    surface = contacts.points, contacts.normals
+    known = mass_and_inertia or ()
+    cases = Cases(*surface, force, torque, load.weight, load.centre, laws, *known)
+    paper = [classify(*cases.case(i)[:3]).mode for i in range(samples)]
+    exact = judge_many(cases).complete()
     moves = np.array([mode.moves for mode in paper])
     margin = 1.0 - 1.0 / (1.0 + exact.factors)
     varied = {name: drawn[name] for name, size in errors.sizes.items() if size > 0.0}
@@ -359,12 +361,12 @@ def probabilities(
         margin=tuple(np.quantile(exact.factors, (0.05, 0.5, 0.95), method="nearest").tolist()),
         influence=influence,
         most=max(influence, key=lambda name: influence[name]) if influence else None,
-        within=Within.of(safety_range(load, contacts, friction, errors.box(load.centre))),
+        within=Within.of(safety_range(load, contacts, cone, errors.box(load.centre))),
     )
 
 
 def draw(
-    load: Load, friction: float, errors: StandardErrors, samples: int, seed: int
+    load: Load, law: Law, errors: StandardErrors, samples: int, seed: int
 ) -> dict[str, Floats]:
     """Independent values (samples,) of every input by its name in INPUTS.
 
@@ -372,14 +374,14 @@ def draw(
     """
     noise = np.random.default_rng(seed).standard_normal((samples, 7))
     torque = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
-    means = np.array([*load.flow_force, *torque, friction])
+    means = np.array([*load.flow_force, *torque, FrictionCone.of(law).coefficient])
     drawn = means + noise * np.array(list(errors.sizes.values()))
     drawn[:, 6] = np.maximum(drawn[:, 6], 0.0)
     return dict(zip(INPUTS, drawn.T, strict=True))
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
-    """First-order share of every input (n,) in the variance of an output (n,); empty if that does not vary."""
+    """First-order fraction of the variance of an output (n,) for every input (n,); empty if the output is constant."""
     if np.ptp(output) <= 1e-12 * max(float(np.abs(output).max()), 1e-300):
         return {}
     return {name: _correlation_ratio(values, output) for name, values in inputs.items()}

@@ -1,13 +1,13 @@
-"""A grain that rocks in its pocket as the flow's load grows: its rest followed from the weight alone upwards.
+"""Rocking of a grain in its pocket: its equilibrium, continued from the weight alone to larger loads of the flow.
 
 Contacts that hold a grain against its weight but not against every load (one in 2-D, one or two in 3-D) give
-way to any flow. In a stable trough the grain then finds another rest, turned and moved a little. This follows the rest
-under weight + s (flow force, flow torque) from s = 0, with the settling of `geometry.settle`: where contacts hold more
-than the load they have, up to what they hold at most, else in steps in which the grain settles anew. Where no step is
-short enough for a rest close by, the grain leaves its pocket.
+way to any flow. In a stable trough the grain then reaches another equilibrium, slightly turned and shifted. The
+equilibrium under weight + s (flow force, flow torque) is continued from s = 0 with the settling of `geometry.settle`:
+contacts with a reserve hold up to their capacity, otherwise the grain settles again in short steps. Where even the
+shortest step has no equilibrium nearby, the grain leaves its pocket.
 
 The flow's load is frozen: force and torque about the centre of mass are those of the first pose, also for a grain that
-has turned and moved. `drift` says by how much that may be wrong.
+has turned and moved. `drift` estimates the error.
 """
 
 import math
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import spatial
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.problem import Load
 from incipient.contact.safety import safety_factor
 from incipient.contact.verdict import MassAndInertia, judged
@@ -61,11 +62,11 @@ class Rocking:
     critical: float  # the largest factor with a rest in the pocket; inf: every one has one
     mode: str  # how the grain leaves the last rest, by the exact criterion; "rest" if it does not
     size: float  # the grain's largest diameter
-    round: bool  # whether turning leaves its shape as it is
+    round: bool  # whether rotation does not change its shape
 
     @property
     def leaves(self) -> bool:
-        """Whether the load as it is, at factor one, has no rest in the pocket."""
+        """Whether the load at factor one has no rest in the pocket."""
         return self.critical < 1.0
 
     @property
@@ -92,7 +93,7 @@ class Rocking:
 
     @property
     def sentence(self) -> str:
-        """What becomes of the grain."""
+        """Outcome in a sentence."""
         way, factor = self.way(self.last), f"safety factor {self.critical:.4g}"
         if self.leaves:
             way = f"begins to move ({self.mode}), having rocked, {way}"
@@ -127,19 +128,21 @@ def follow(
     bed: Bed | Terrain,
     start: Placement,
     load: Load,
-    friction: float,
+    law: Law,
     mass_and_inertia: MassAndInertia | None = None,
     resolved: float = RESOLVED,
 ) -> Rocking | None:
     """Follow the rest of a grain from its weight alone until it leaves its pocket; None if it has no rest at `start`.
+
+    None with cohesion as well: a contact that opens is torn off, and other rests are sought without it.
 
     `load.centre` is not used: the load acts at the grain's centroid. Without mass and inertia the mode is not known.
     `resolved` is the relative tolerance of the critical factor.
 
     Raises SceneError if grain and bed are not of one dimension, or friction is not a coefficient.
     """
-    pocket = _Pocket(grain, bed, load, friction, resolved)
-    first = pocket.rest(0.0, start)
+    pocket = _Pocket(grain, bed, load, FrictionCone.of(law), resolved)
+    first = None if pocket.law.is_cohesive else pocket.rest(0.0, start)
     if first is None:
         return None
     rests = tuple(pocket.rests(first))
@@ -148,7 +151,7 @@ def follow(
     if math.isfinite(last.high):
         more = max(last.high * (1.0 + BEYOND), BEYOND * pocket.unit)
         beyond = pocket.load_at(more, last.placement)
-        mode = judged(beyond, last.contacts, friction, mass_and_inertia).label
+        mode = judged(beyond, last.contacts, law, mass_and_inertia).label
     return Rocking(rests, last.high, mode, grain.size, pocket.round)
 
 
@@ -159,7 +162,7 @@ class _Pocket:
     grain: Grain | Solid
     bed: Bed | Terrain
     load: Load
-    friction: float
+    law: FrictionCone
     resolved: float
 
     @property
@@ -169,7 +172,7 @@ class _Pocket:
 
     @cached_property
     def unit(self) -> float:
-        """The factor with which the flow's force, and torque over the size, are as large as the weight."""
+        """The factor at which the flow's force and torque over size equal the weight in magnitude."""
         flow = math.hypot(*self.load.flow_force, *(self.load.flow_couple / self.size))
         return math.hypot(*self.load.weight) / flow if flow else math.inf
 
@@ -180,19 +183,26 @@ class _Pocket:
 
     def load_at(self, factor: float, placement: Placement) -> Load:
         """The load at a factor, on the grain where it is."""
-        flow, couple = factor * self.load.flow_force, factor * self.load.flow_couple
-        return Load(flow, couple, self.load.weight, spatial(placement.centre))
+        flow, torque = factor * self.load.flow_force, factor * self.load.flow_couple
+        return Load(flow, torque, self.load.weight, spatial(placement.centre))
 
     def rest(self, factor: float, start: Placement) -> Rest | None:
         """The stable rest in the same pocket as `start` under the load at a factor."""
         acting = self.load_at(factor, start)
-        force, couple = acting.force, acting.flow_couple
+        force, torque = acting.force, acting.flow_couple
         if self.grain.gdim == 2:
-            force, couple = force[:2], couple[2:]
+            force, torque = force[:2], torque[2:]
         if not force.any():
             return None
         settled = settle_under(
-            self.grain, self.bed, start, force, couple, self.friction, 2.0 * POCKET, MOST_WAY
+            self.grain,
+            self.bed,
+            start,
+            force,
+            torque,
+            float(self.law.coefficient),
+            2.0 * POCKET,
+            MOST_WAY,
         )
         placement, contacts = settled.placement, settled.contacts
         if not settled.stable or contacts is None or self._far(start, placement):
@@ -224,7 +234,7 @@ class _Pocket:
         yield replace(rest, high=0.0 if none else math.inf) if none or every else rest
 
     def _tried(self, fraction: float, step: float, lost: float, shortest: float) -> float:
-        """The next fraction to look for a rest at; not beyond that of the load as it is before that was looked at."""
+        """The next fraction to try, which does not skip the fraction of factor one."""
         if fraction <= NOTHING and lost < 1.0:
             return max(SHRINK * lost, fraction + shortest)
         whole, tried = (
@@ -239,7 +249,7 @@ class _Pocket:
 
     def _held_to(self, factor: float, placement: Placement, contacts: Contacts) -> float:
         """The largest factor, not below the one that the contacts hold already, up to which they hold the load."""
-        interval = safety_factor(self.load_at(1.0, placement), contacts, self.friction).interval
+        interval = safety_factor(self.load_at(1.0, placement), contacts, self.law).interval
         if interval is None or interval[0] > factor * (1.0 + self.resolved):
             return factor
         return max(factor, interval[1])

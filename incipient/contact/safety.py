@@ -1,15 +1,17 @@
-"""The safety factor: how much the flow's load may grow before the contacts cannot balance it."""
+"""The safety factor: the largest multiple of the flow's load that the contacts balance."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.conic import FAILED, HELD, INTERVALS, TOLERANCE
-from incipient.contact.problem import TINY, ContactProblem, Law, Load
+from incipient.contact.friction import Law
+from incipient.contact.problem import TINY, ContactProblem, Load
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
@@ -18,7 +20,7 @@ NO_FORCE = 1e-7
 
 
 class SafetyStatus(Enum):
-    """Why the safety factor is what it is."""
+    """Reason for the value of the safety factor."""
 
     CRITICAL = "a larger multiple of the flow's load is not balanced"
     UNLIMITED = "contact forces balance the flow's load at any size"
@@ -31,7 +33,7 @@ class SafetyStatus(Enum):
 
 
 class ConeState(Enum):
-    """Where a contact force is in its friction cone."""
+    """Position of a contact force in its friction cone."""
 
     UNLOADED = "no force"
     INSIDE = "inside the friction cone"
@@ -40,15 +42,14 @@ class ConeState(Enum):
 
 @dataclass(frozen=True, eq=False)
 class SafetyFactor:
-    """The safety factor and the contact forces that show it.
+    """The safety factor and contact forces that attain it.
 
     `value`: the largest s >= 0 such that forces in the friction cones balance weight + s times the flow's
     load; math.inf if there is no largest; 0 if the weight alone is not held. `interval`: the smallest and the
     largest s that are balanced, None if none is. `held`: whether 1 is in it. `contact_forces` (n, 3) on the
     grain balance the load at `factor`: the largest of the interval; if that is infinite 1, or twice the
     smallest if 1 is not in it; NaN, with zero forces, if there is no interval. `contact_states`: of these
-    forces; `jams`: forces in the cones can balance one another, so contact forces have no bound; `residual`:
-    how far equilibrium and cones are missed, relative to the largest force.
+    forces; `residual`: how far equilibrium and cones are missed, relative to the largest force.
     """
 
     value: float
@@ -58,20 +59,25 @@ class SafetyFactor:
     contact_forces: Floats
     contact_states: tuple[ConeState, ...]
     factor: float
-    jams: bool
     residual: float
+    problem: ContactProblem = field(repr=False)
+
+    @cached_property
+    def jams(self) -> bool:
+        """Whether forces in the cones can balance one another, so that contact forces have no bound."""
+        return can_jam(self.problem)
 
 
-def safety_factor(load: Load, contacts: Contacts, friction: Law) -> SafetyFactor:
+def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
     """The largest s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
 
     At every contact the force on the grain has a part N >= 0 along the inward normal and a tangential part of
-    at most `friction` N. In 2-D, and where friction is zero or infinite, the program is linear.
+    at most friction N. In 2-D, and where friction is zero or infinite, the program is linear.
 
     Raises SceneError if friction is negative or not a number (it may be infinite), ConvergenceError if the program is
     not solved.
     """
-    return safety_of(ContactProblem.of(load, contacts, friction))
+    return safety_of(ContactProblem.of(load, contacts, law))
 
 
 def safety_of(problem: ContactProblem) -> SafetyFactor:
@@ -104,8 +110,8 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
         contact_forces=problem.forces(local[0]),
         contact_states=tuple(states[place] for place in places[problem.copy].tolist()),
         factor=factor,
-        jams=can_jam(problem),
         residual=0.0 if math.isnan(factor) else float(missed / (unit or 1.0)),
+        problem=problem,
     )
 
 
@@ -122,18 +128,18 @@ class Intervals(NamedTuple):
 
     @property
     def held(self) -> Booleans:
-        """Whether the load as it is is balanced."""
+        """Whether the load at factor one is balanced."""
         return (self.low <= 1.0 + TOLERANCE) & (self.high >= 1.0 - TOLERANCE)
 
 
 def intervals(problem: ContactProblem) -> Intervals:
     """The balanced factors of n problems."""
-    both = problem.within(problem.cases.wrenches.swapaxes(1, 2))
+    both = problem.within(problem.wrenches.swapaxes(1, 2))
     flow, weight = np.ascontiguousarray(both.transpose(2, 0, 1))
     low, high, state, factors = INTERVALS(
         problem.cone_columns, flow, weight, problem.linear, rows=len(problem)
     )
-    flow_size, weight_size = problem.cases.sizes.T
+    flow_size, weight_size = problem.sizes.T
     unit = np.where(weight_size > 0.0, weight_size, flow_size)
     ratio = np.where(flow_size > 0.0, unit / np.maximum(flow_size, TINY), 1.0)
     return Intervals(low * ratio, high * ratio, state, unit[:, None, None] * problem.local(factors))
@@ -167,7 +173,7 @@ def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None
 
 def can_jam(problem: ContactProblem) -> bool:
     """Whether contact forces in the cones of a single case, not all zero, balance one another."""
-    push = problem.cases.inward[0].sum(axis=0)
+    push = problem.inward[0].sum(axis=0)
     cosine, sine, _ = problem.law.scaling[0]
     inward = problem.frames[0] @ push
     if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
@@ -186,7 +192,7 @@ def _status(
         return SafetyStatus.UNHELD
     if not weight_held:
         return SafetyStatus.HELD_BY_FLOW
-    flow_size, weight_size = problem.cases.sizes[0]
+    flow_size, weight_size = problem.sizes[0]
     if flow_size == 0.0:
         return SafetyStatus.NO_FLOW
     if math.isinf(high):

@@ -1,8 +1,7 @@
 """The verdict on one case: both criteria, whether they agree, and why not.
 
-Two questions are compared: whether the grain moves, and if both say so, how: which of lifting, sliding and turning
-there is. Every difference has one reason, found by repeating the exact criterion with less: with the significant
-contacts alone, or of contact forces that brace one another.
+Two questions are compared: whether the grain moves, and if both criteria say so, which of lifting, sliding and turning
+the motion consists of. Each difference has one `Reason`.
 """
 
 import math
@@ -15,9 +14,10 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.contact.acceleration import IncipientMotion, checked_inertia, motion_of
 from incipient.contact.acceleration import Mode as ExactMode
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import Classification, classify
 from incipient.contact.paper.outcomes import Criterion, Mode
-from incipient.contact.problem import ContactProblem, Law, Load, plain
+from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import SafetyFactor, SafetyStatus, safety_factor, safety_of
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
@@ -27,7 +27,7 @@ NEAR = 1e-6  # a safety factor nearer to one is a boundary case
 
 
 class Family(Flag):
-    """What a motion is made of; REST of nothing."""
+    """Components of a motion; REST has none."""
 
     REST = 0
     LIFTS = auto()
@@ -93,15 +93,16 @@ class Reason(Enum):
         "the paper infers the motion from the residual force and torque; "
         "it also depends on mass and inertia"
     )
+    COHESION = "contacts pull, and the paper's criteria know no cohesion"
     NOT_UNIQUE = "with dry friction several motions are possible here, or none; the exact criterion says which"
     MODE_UNKNOWN = "both predict motion; the exact criterion names no mode, without mass and inertia or a solution"
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Whether the judges agree, on rest or motion and on its family, and the reason if they do not.
+    """Whether the criteria agree on rest or motion and on its family, and the reason if they differ.
 
-    `same_family` is None where a judge names no mode.
+    `same_family` is None where a criterion names no mode.
     """
 
     same_moves: bool
@@ -110,7 +111,7 @@ class Agreement:
 
     @property
     def agree(self) -> bool:
-        """Whether nothing said by one judge is denied by the other."""
+        """Whether the criteria agree on rest or motion and, where both name a mode, on its family."""
         return self.same_moves and self.same_family is not False
 
     @property
@@ -124,7 +125,7 @@ class Exact:
     """The safety factor, and the incipient motion where the grain moves.
 
     `motion` is None where the grain rests, where mass and inertia are not given, and where no solution was
-    computed, which `unsolved` then says.
+    computed, for the reason `unsolved`.
     """
 
     safety: SafetyFactor
@@ -133,7 +134,7 @@ class Exact:
 
     @property
     def moves(self) -> bool:
-        """Whether no contact forces in the friction cones balance the load as it is."""
+        """Whether no contact forces in the friction cones balance the load."""
         return not self.safety.held
 
     @property
@@ -145,14 +146,14 @@ class Exact:
 
 
 def judged(
-    load: Load, contacts: Contacts, friction: Law, mass_and_inertia: MassAndInertia | None = None
+    load: Load, contacts: Contacts, law: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Exact:
-    """The safety factor and, if the grain moves, how it does.
+    """The safety factor and, if the grain moves, its incipient motion.
 
     Raises SceneError as `safety_factor` and `incipient_motion` do.
     """
     known = None if mass_and_inertia is None else checked_inertia(*mass_and_inertia)
-    problem = ContactProblem.of(load, contacts, friction, known and known[1][0])
+    problem = ContactProblem.of(load, contacts, law, known and known[1][0])
     safety = safety_of(problem)
     if safety.held or known is None:
         return Exact(safety, None)
@@ -163,7 +164,7 @@ def judged(
 
 
 def compare(paper: Classification, exact: Exact) -> Agreement:
-    """Compare the two judges' answers to the same case; of several motions that are possible one must agree."""
+    """Compare both criteria on one case; of several possible motions one must agree."""
     if paper.moves != exact.moves:
         return Agreement(False, None, _why_only_one_moves(paper, exact))
     if exact.moves and exact.motion is None:
@@ -203,7 +204,7 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
     assert exact.motion is not None
     if len(families) > 1:
         return Reason.NOT_UNIQUE
-    (family,), said = families, FAMILIES[paper.mode]
+    (family,), paper_families = families, FAMILIES[paper.mode]
     if not family or _at_boundary(exact):
         return Reason.BOUNDARY
     others = np.linalg.norm(exact.motion.first.contact_forces, axis=1)
@@ -211,10 +212,10 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
     pressed = bool(others.max() > NEAR * paper.force_scale)
     if pressed or set(paper.obstructed_by) - set(paper.significant):
         return Reason.ONE_CONTACT_AT_A_TIME
-    if family is Family.TURNS and all(Family.SLIDES in one for one in said):
+    if family is Family.TURNS and all(Family.SLIDES in one for one in paper_families):
         stuck = bool((paper.C_friction >= 1.0).all())
         return Reason.ROLLING_CALLED_SLIDING if stuck else Reason.SLIP_IS_OVERESTIMATED
-    translates = paper.criterion is Criterion.TRANSLATION_ONLY and Family.SLIDES in said
+    translates = paper.criterion is Criterion.TRANSLATION_ONLY and Family.SLIDES in paper_families
     if translates and Family.TURNS in family:
         return Reason.FRICTION_TORQUE
     return Reason.FORCES_NOT_ACCELERATIONS
@@ -222,7 +223,7 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """The paper's judgement, the exact one, and whether they agree."""
+    """Outcome of the paper's criteria and of the exact criterion, and their agreement."""
 
     criteria: Classification
     equilibrium: Exact
@@ -235,14 +236,15 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """The exact criterion's verdict with the safety factor, the paper's, and whether they agree."""
+        """Verdicts of the exact criterion, with the safety factor, and of the paper's criteria; their agreement."""
         return f"{exact_sentence(self.equilibrium)}; {paper_sentence(self)}"
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain data for JSON; an infinite safety factor is None with the status UNLIMITED."""
+        """Plain data for JSON; an infinite safety factor is None with the status UNLIMITED."""
         exact, agreement = self.equilibrium, self.agreement
         motion = None if exact.motion is None else exact.motion.to_dict()
         factor = plain(exact.safety.value)
+        safety = plain(exact.safety) | {"jams": exact.safety.jams}
         return {
             "moves": self.moves,
             "mode": exact.label,
@@ -251,8 +253,8 @@ class Verdict:
             "safety_status": exact.safety.status.name,
             "judges": {
                 "criteria": self.criteria.to_dict(),
-                "equilibrium": plain(replace(exact, motion=None))
-                | {"moves": exact.moves, "mode": exact.label, "motion": motion},
+                "equilibrium": {"safety": safety, "motion": motion, "unsolved": exact.unsolved}
+                | {"moves": exact.moves, "mode": exact.label},
             },
             "agreement": plain(agreement)
             | {"agree": agreement.agree, "explanation": agreement.explanation},
@@ -260,19 +262,22 @@ class Verdict:
 
 
 def judge(
-    load: Load, contacts: Contacts, friction: Law, mass_and_inertia: MassAndInertia | None = None
+    load: Load, contacts: Contacts, law: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Verdict:
-    """Both judges on one case; without mass and inertia the exact one does not say how the grain moves.
+    """Evaluate both criteria on one case; without mass and inertia the exact criterion names no mode.
 
     Raises SceneError as `classify` and `incipient_motion` do.
     """
-    paper = classify(load, contacts, friction)
-    exact = judged(load, contacts, friction, mass_and_inertia)
-    return Verdict(paper, exact, compare(paper, exact))
+    paper = classify(load, contacts, law)
+    exact = judged(load, contacts, law, mass_and_inertia)
+    agreement = compare(paper, exact)
+    if isinstance(law, FrictionCone) and law.is_cohesive and not agreement.agree:
+        agreement = replace(agreement, reason=Reason.COHESION)
+    return Verdict(paper, exact, agreement)
 
 
 def exact_sentence(exact: Exact) -> str:
-    """Rest or motion by the exact criterion, and the safety factor with what it means."""
+    """Rest or motion by the exact criterion, and the meaning of the safety factor."""
     margin = _margin(exact.safety)
     if not exact.moves:
         return f"the grain stays at rest, {margin}"
@@ -283,16 +288,16 @@ def exact_sentence(exact: Exact) -> str:
 
 
 def paper_sentence(verdict: Verdict) -> str:
-    """What the paper's criteria say, whether that agrees, and why not."""
+    """Outcome of the paper's criteria, and the reason if the exact criterion differs."""
     paper, agreement = verdict.criteria, verdict.agreement
-    said = "by the paper's criteria there is no incipient motion"
+    verdict_text = "by the paper's criteria there is no incipient motion"
     if paper.moves:
         item = "" if paper.category is None else f" [{paper.category.item}]"
-        said = f"by the paper's criteria it begins to move, {paper.mode.wording}{item}"
+        verdict_text = f"by the paper's criteria it begins to move, {paper.mode.wording}{item}"
     if agreement.agree:
-        return f"{said}, in agreement"
+        return f"{verdict_text}, in agreement"
     alone = paper.moves and not verdict.moves and agreement.reason is not Reason.BOUNDARY
-    return f"{said}; they differ: {agreement.explanation}{', so it rests' if alone else ''}"
+    return f"{verdict_text}; they differ: {agreement.explanation}{', so it rests' if alone else ''}"
 
 
 def _margin(safety: SafetyFactor) -> str:

@@ -1,1 +1,1 @@
-"""What accuracy costs in time: a ladder of runs, their errors, and the frontier of error against time."""
+"""Cost of accuracy: a ladder of runs, their errors, and the frontier of error against CPU time."""

@@ -1,4 +1,4 @@
-"""Error against time in numbers: the frontier, the law along it, and words for shares and times."""
+"""Error against time: the frontier, the power law along it, and the wording of fractions and times."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LOWEST, HIGHEST = 0.5, 8.0  # observed orders of convergence that are believed
-LEAST_GAIN = 1.02  # a time must exceed the start by so much to enter a law
-FLATTEST, STEEPEST = 0.25, 20.0  # powers that a fit believes
-WORTH = 1.1  # by what a dearer run must be better to be on the frontier
-LEAST_SPAN = 2.0  # of the errors that a law is fitted to
+LOWEST, HIGHEST = 0.5, 8.0  # range of plausible observed orders of convergence
+LEAST_GAIN = 1.02  # least ratio of a time to the start in a fit
+FLATTEST, STEEPEST = 0.25, 20.0  # range of plausible fitted powers
+WORTH = 1.1  # least gain in error of a costlier run on the frontier
+LEAST_SPAN = 2.0  # least ratio of the largest to the smallest error in a fit
 
 
 def extrapolated(three: Sequence[float], ratio: float) -> float | None:
-    """Richardson's limit of three numbers, the finest last, at their order of convergence; None if they diverge."""
+    """Richardson extrapolation of three values, the finest last, at the observed order; None if they diverge."""
     coarse, fine, finest = three
     before, last = fine - coarse, finest - fine
     if last == 0.0 or before / last <= 0.0:
@@ -26,18 +26,18 @@ def extrapolated(three: Sequence[float], ratio: float) -> float | None:
 
 
 def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) -> list[int]:
-    """Indices of runs that no cheaper one equals in error to a factor `gain`; the cheapest first."""
-    best, found = math.inf, []
+    """Indices of the Pareto-optimal runs, the cheapest first; each gains a factor `gain` on all cheaper ones."""
+    best, indices = math.inf, []
     for index in sorted(range(len(costs)), key=lambda i: (costs[i], errors[i])):
         if gain * errors[index] < best:
             best = errors[index]
-            found.append(index)
-    return found
+            indices.append(index)
+    return indices
 
 
 @dataclass(frozen=True)
 class CostLaw:
-    """Time for an error: start + (constant/error)^(1/power); the error falls with the time beyond the start."""
+    """Time for an error: start + (constant/error)^(1/power)."""
 
     constant: float
     power: float
@@ -49,22 +49,22 @@ class CostLaw:
 
     @property
     def digit(self) -> float:
-        """The factor by which the time beyond the start grows for an error ten times smaller."""
+        """Factor on the time beyond the start for an error ten times smaller."""
         return 10.0 ** (1.0 / self.power)
 
 
 def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence[float]) -> float:
-    """Time of a run without unknowns: the part of times that does not grow with unknowns and solves."""
+    """Fixed cost of a run: the part of the times that is independent of unknowns and solves."""
     from scipy.optimize import nnls
 
     t, n, s = (np.asarray(values, dtype=float) for values in (times, unknowns, solves))
     parts = np.stack([np.ones_like(t), n / n.max(), n * s / (n * s).max()], axis=1)
-    found, _ = nnls(parts / t[:, None], np.ones_like(t))
-    return float(found[0])
+    fitted, _ = nnls(parts / t[:, None], np.ones_like(t))
+    return float(fitted[0])
 
 
 def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> CostLaw | None:
-    """error = constant (cost - start)^-power by least squares in the logarithms; None if runs do not suffice."""
+    """Least-squares fit of error = constant (cost - start)^-power in logarithms; None for too few runs."""
     runs = zip(costs, errors, strict=True)
     usable = [(t - start, e) for t, e in runs if t > LEAST_GAIN * start and e > 0.0]
     if len({round(math.log(t), 3) for t, _ in usable}) < 2:
@@ -79,7 +79,7 @@ def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> Cos
 
 
 def percent(error: float) -> str:
-    """A share in per cent, such as "0.1%" for 0.001."""
+    """A fraction in per cent, such as "0.1%" for 0.001."""
     share = 100.0 * error
     if share == 0.0 or 1e-4 <= share < 1000.0:
         return f"{share:.2g}%"
@@ -88,7 +88,7 @@ def percent(error: float) -> str:
 
 
 def seconds(time: float) -> str:
-    """A time in the unit that suits it, two digits."""
+    """A time in a suitable unit, with two digits."""
     for unit, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if time >= 2.0 * unit:
             return f"{_two_digits(time / unit)} {name}"

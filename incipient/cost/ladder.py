@@ -1,4 +1,4 @@
-"""The ladder of a study of cost: velocity orders, cell sizes and time steps around those of a scene."""
+"""Resolutions of a cost study: velocity orders, cell sizes and time steps around those of a scene."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ class Rung:
         return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}"
 
     def finer(self, times: int) -> Rung:
-        """The rung of the same order so many times finer, negative: coarser, in cells and steps."""
+        """The rung of the same order, refined `times` times in cells and steps; negative: coarsened."""
         step = None if self.step is None else self.step / 2.0**times
         return Rung(self.order, self.mesh_size / RATIO**times, step)
 
     def is_close(self, other: Rung) -> bool:
-        """Whether another rung is the same but for round-off."""
+        """Whether both rungs agree within round-off."""
         pairs = ((self.mesh_size, other.mesh_size), (self.step or 0.0, other.step or 0.0))
         return self.order == other.order and all(math.isclose(*pair) for pair in pairs)
 
     def of(self, scene: Scene) -> Scene:
-        """The scene at this resolution, without error bars and files; raises SceneError if it cannot have it."""
+        """The scene at this resolution, without error bars and output. Raises SceneError for an invalid resolution."""
         fields = type(scene.numerics).model_fields
         numerics: dict[str, Any] = {name: fields[name].default for name in BY_REFINEMENT}
         numerics |= {"order": self.order, "mesh_size": self.mesh_size, "error_bars": False}
@@ -54,7 +54,7 @@ class Rung:
 
 
 def own_rung(scene: Scene) -> Rung:
-    """The resolution that the scene itself has, its defaults included."""
+    """The resolution of the scene, defaults included."""
     step = None if scene.time is None else scene.time.step
     return Rung(order_of(scene).number, scene.numerics.mesh_size, step)
 
@@ -66,15 +66,15 @@ def ladder(
     sizes: Sequence[float] | None = None,
     steps: Sequence[float] | None = None,
 ) -> tuple[Rung, ...]:
-    """The rungs of a scene, the scene's own among them; the last is the reference, finer than all others.
+    """The rungs of a scene, its own included; the last and finest is the reference.
 
     Args:
         quick: the scene's own order and coarser cells and steps only.
-        orders: of the velocity; sizes, steps: multiples of the scene's cells and steps. Default: as the kind of scene
-            allows in reasonable time.
+        orders: of the velocity.
+        sizes, steps: multiples of the scene's cells and steps; default: those affordable for this kind of scene.
 
     Raises:
-        SceneError: a list makes no sense, or the scene is steady and has no steps.
+        SceneError: invalid values, or steps of a steady scene.
     """
     for name, values in (("orders", orders), ("sizes", sizes), ("steps", steps)):
         if values is not None and (not values or min(values) <= 0.0):
@@ -92,7 +92,7 @@ def ladder(
         times = [min(multiple * scene.time.step, longest) for multiple in multiples]
     every = product(orders or _orders(scene, quick), cells, times)
     rungs = {own, *(Rung(*values) for values in every)}
-    # The finest of all, then the reference, which is compared with it.
+    # The finest rung, then the reference.
     finest = Rung(
         max(rung.order for rung in rungs),
         min(rung.mesh_size for rung in rungs),
@@ -105,7 +105,7 @@ def ladder(
 
 
 def _orders(scene: Scene, quick: bool) -> tuple[int, ...]:
-    # In 3-D the order that costs least is known (docs/contribute/defaults.md).
+    # The cheapest order in 3-D is known (docs/contribute/defaults.md).
     if quick or scene.gdim == 3:
         return (order_of(scene).number,)
     return (2, 3) if scene.is_averaged or scene.time is not None else (2, 3, 4)

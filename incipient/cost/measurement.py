@@ -1,7 +1,7 @@
-"""One rung of a ladder: what its run takes and gives.
+"""Cost and results of the run of one rung.
 
-Each run has a process of its own, so that time and memory are its own. `python -m incipient.cost.measurement TASK` is
-that process: it reads a scene as TOML and prints one line of JSON.
+Each run has a separate process, which isolates its time and memory: `python -m incipient.cost.measurement TASK` reads
+a scene as TOML and prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 TASKS = ("run", "threshold")
-COMPILED = 0.05  # CPU time [s] of compilers that tells that forms were compiled
+COMPILED = 0.05  # CPU time [s] of compilers above which forms were compiled
 
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """Cost and results of a run: seconds of the whole process, MiB, Newton updates; `failed`: why it has no result."""
+    """Cost and results of a run: seconds of the process, MiB, Newton updates; `failed`: reason for a missing result."""
 
     rung: Rung
     wall: float = 0.0
@@ -54,7 +54,7 @@ class MeasuredRun:
 
 
 def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
-    """Run a rung in its own process, again if that compiled forms; `failed` says why a run fails. Not collective."""
+    """Run a rung in a separate process, twice if forms were compiled. Not collective."""
     try:
         text = dumps(rung.of(scene))
     except SceneError as error:
@@ -65,7 +65,7 @@ def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
 
 def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
     """One run of a rung, a scene as TOML, and whether it compiled forms."""
-    # -P: modules are not looked for in the working directory. In a session of its own: an interrupt is this process's.
+    # -P: no modules from the working directory. A session of its own: interrupts reach the parent alone.
     began = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-P", "-m", "incipient.cost.measurement", task],
@@ -82,9 +82,9 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
         return MeasuredRun(rung, failed=why), False
     measured = json.loads(done.stdout.strip().splitlines()[-1])
     compiled = measured.pop("compiling") > COMPILED
-    found = {name: Quantity(**value) for name, value in measured.pop("quantities").items()}
+    values = {name: Quantity(**value) for name, value in measured.pop("quantities").items()}
     wall = time.perf_counter() - began
-    return MeasuredRun(rung, wall, quantities=found, **measured), compiled
+    return MeasuredRun(rung, wall, quantities=values, **measured), compiled
 
 
 class _History(Recorder):
@@ -99,19 +99,19 @@ class _History(Recorder):
 
 
 def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a scene; what a `MeasuredRun` holds but for the times of the whole process. Collective."""
+    """Run a scene; the content of a `MeasuredRun` except for the wall time. Collective."""
     if task == "threshold":
         from ..thresholds.critical import find_threshold
 
         threshold = find_threshold(scene, comm)
         if not threshold.is_critical:
             raise ConvergenceError(f"there is no critical flow: {threshold.reason}")
-        cost, found = threshold.cost, quantities.of_threshold(threshold)
+        cost, values = threshold.cost, quantities.of_threshold(threshold)
     else:
         history = _History()
         result = simulate(scene, comm, history)
-        cost, found = result.cost, quantities.of_run(scene, result, history.rows)
-    if not found:
+        cost, values = result.cost, quantities.of_run(scene, result, history.rows)
+    if not values:
         raise ConvergenceError("its result has nothing to compare")
     compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
@@ -120,13 +120,13 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
         "cells": cost["cells"],
         "unknowns": cost["unknowns"],
         "newton": cost["iterations"].get("newton", 0),
-        "quantities": {name: asdict(quantity) for name, quantity in found.items()},
+        "quantities": {name: asdict(quantity) for name, quantity in values.items()},
         "compiling": compilers.ru_utime + compilers.ru_stime,
     }
 
 
 def main() -> int:
-    """Run the scene on standard input and print what it took and gave as JSON; returns the exit code."""
+    """Run the scene on standard input and print its cost and results as JSON; returns the exit code."""
     start_alone_quickly()
     from mpi4py import MPI
 

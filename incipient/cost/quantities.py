@@ -1,8 +1,8 @@
-"""Results by which the runs of a ladder are compared.
+"""Quantities that are compared between the runs of a ladder.
 
-A held grain: force, torque and safety factor, of an unsteady flow the largest and least force and torque. A moving
-grain: where it ends. Without a grain: the elevations of a free surface at its stations, the extreme velocities on the
-centrelines of a box, u* at the walls of a turbulent flow, otherwise the kinetic energy. A threshold: the critical flow.
+Fixed grain: force, torque and safety factor; in unsteady flow the extremes of force and torque. Moving grain: its final
+position. Without a grain: elevations of a free surface at its stations, extreme velocities on the centrelines of a box,
+u* at the walls of a turbulent flow, otherwise the kinetic energy. Threshold: the critical flow.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from ..scene import Scene, Surface
 from ..scene.surface import stations_of
 from ..thresholds.outcome import Threshold
 
-SMALLEST_TORQUE = 0.01  # of force times grain size: below it a torque's error is relative to that
-SMALLEST_TURN = 0.1  # the same for a rotation, of the path in units of the grain's size
-SETTLED = 0.75  # of the time after which flow from a steady inflow is taken to be what it tends to
-TIMES = 16  # in the time of a run, at which elevations are compared
+SMALLEST_TORQUE = 0.01  # of force times grain size: scale of the error of smaller torques
+SMALLEST_TURN = 0.1  # of the path over the grain's size: scale of the error of smaller rotations
+SETTLED = 0.75  # fraction of the time after which flow with a steady inflow counts as developed
+TIMES = 16  # number of times at which elevations are compared
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Numbers of a result, by name, whose error is the norm of their differences over a scale."""
+    """Numbers of a result by name; their error is the norm of the differences over a scale."""
 
     numbers: Mapping[str, float]
     scale: float
 
     def error(self, numbers: Mapping[str, float]) -> float:
-        """Relative error of numbers with this as the reference."""
+        """Relative error of `numbers` against this reference."""
         differences = [numbers[name] - value for name, value in self.numbers.items()]
         return float(np.linalg.norm(differences)) / self.scale
 
@@ -48,7 +48,7 @@ def of_threshold(threshold: Threshold) -> Quantities:
 
 
 def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Quantities of a finished run, `history` being its rows, one a time step. Collective."""
+    """Quantities of a finished run; `history` has one row for each time step. Collective."""
     if scene.body is None:
         stations = scene.has_surface and stations_of(scene.surface, scene.domain)
         return _of_surface(scene, history) if stations else _of_flow(scene, result)
@@ -56,12 +56,12 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
         return _of_path(scene, result.trajectory, history)
     if scene.time is not None:
         return _of_extremes(scene, history)
-    assert result.force is not None and result.couple is not None
+    assert result.force is not None and result.torque is not None
     force = dict(zip((f"force_{axis}" for axis in "xyz"), result.force.flow, strict=True))
-    torque = dict(zip((f"torque_{axis}" for axis in "xyz"), result.couple.flow, strict=True))
-    found = _of_loads(scene, force, torque)
+    torque = dict(zip((f"torque_{axis}" for axis in "xyz"), result.torque.flow, strict=True))
+    quantities = _of_loads(scene, force, torque)
     safety = (result.verdict or {}).get("safety_factor")
-    return found | _single("safety factor", safety or np.nan)
+    return quantities | _single("safety factor", safety or np.nan)
 
 
 def _of_flow(scene: Scene, result: Result) -> Quantities:
@@ -74,7 +74,7 @@ def _of_flow(scene: Scene, result: Result) -> Quantities:
 
 
 def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Elevations at the stations at equal intervals, between steps by a cubic spline from time zero on."""
+    """Elevations at the stations at equally spaced times, interpolated by a cubic spline."""
     from scipy.interpolate import CubicSpline
 
     assert scene.time is not None
@@ -98,34 +98,33 @@ def _of_path(
     path = path or scene.grain.size
     if (angle := trajectory.get("angle")) is not None:
         turn, turned = {"angle": angle}, abs(angle - start.angle)
-    else:  # twice the vector part of a quaternion is a small rotation
+    else:  # small rotation: twice the vector part of the quaternion
         w, *axis = trajectory["quaternion"]
         turn = {f"rotation_{x}": 2.0 * np.sign(w) * a for x, a in zip("xyz", axis, strict=True)}
         turned = _norm(turn)
     end, size = trajectory["ended"]["time"], scene.grain.size
-    found = {
+    quantities = {
         "position": Quantity(dict(zip(axes, map(float, trajectory["place"]), strict=False)), path),
         "rotation": Quantity(turn, max(turned, SMALLEST_TURN * path / size)),
     }
     early = end < scene.time.end * (1.0 - 1e-6)
-    return found | (_single("time of contact", end) if early else {})
+    return quantities | (_single("time of contact", end) if early else {})
 
 
 def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Largest and least loads: of all times if the inflow changes or waves pass, otherwise of the last quarter."""
+    """Extreme loads: over all times for unsteady inflow or waves, otherwise over the last quarter."""
     assert scene.time is not None
     changing = scene.flow.kind == "expression" and scene.flow.unsteady
     changing = changing or (scene.has_surface and scene.flow.kind == "still")
     begin = 0.0 if changing else SETTLED * scene.time.end
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
-    found: dict[str, dict[str, float]] = {"force": {}, "couple": {}}
-    for part, numbers in found.items():
+    ranges: dict[str, dict[str, float]] = {"force": {}, "torque": {}}
+    for part, numbers in ranges.items():
         for column in (name for name in rows[0] if name.startswith(part)):
             low, high = extremes(times, np.array([row[column] for row in rows]))
-            name = column.replace("couple", "torque")
-            numbers |= {f"least_{name}": low, f"most_{name}": high}
-    return _of_loads(scene, found["force"], found["couple"])
+            numbers |= {f"least_{column}": low, f"most_{column}": high}
+    return _of_loads(scene, ranges["force"], ranges["torque"])
 
 
 def _of_loads(scene: Scene, force: dict[str, float], torque: dict[str, float]) -> Quantities:
@@ -141,7 +140,7 @@ def _of_loads(scene: Scene, force: dict[str, float], torque: dict[str, float]) -
 
 
 def _single(name: str, value: float) -> Quantities:
-    """A quantity of one number; none where that is zero or missing."""
+    """A quantity of one number; none for zero or NaN."""
     known = bool(np.isfinite(value)) and value != 0.0
     return {name: Quantity({name.replace(" ", "_"): value}, abs(value))} if known else {}
 
@@ -159,7 +158,7 @@ def _kinetic_energy(velocity: Any) -> float:
 
 
 def extremes(times: Floats, values: Floats) -> tuple[float, float]:
-    """Least and largest value of a sampled function, between samples by a cubic spline."""
+    """Minimum and maximum of the cubic spline through samples."""
     from scipy.interpolate import CubicSpline
 
     if len(times) > 1:

@@ -1,6 +1,6 @@
-"""What accuracy costs for a scene: the runs of a ladder, their errors, the frontier of error against time.
+"""Cost study of a scene: the runs of a ladder, their errors, the frontier of error against CPU time.
 
-A study is kept in `cost.json` run by run, so that it resumes where it was interrupted.
+`cost.json` stores each run, so that an interrupted study resumes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from pydantic import TypeAdapter
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import reading
-from ..output.ownership import OTHERS, SCENE, place_scene, refuse_foreign
+from ..output.ownership import SCENE, place_scene, refuse_foreign
+from ..results.kinds import COST
 from ..scene import Scene, load
 from ..scene.file import dumps
 from . import frontier
@@ -28,14 +29,15 @@ from .measurement import MeasuredRun
 from .quantities import Quantity
 
 STUDY, TABLE = "cost.json", "cost.csv"
-RESOLVED = 2.0  # an error that exceeds the doubt about the reference by this factor is known
+ROUND_OFF = 1e-9  # relative error that counts as zero
+RESOLVED = 2.0  # least ratio of a resolved error to the uncertainty of the reference
 
 Measure = Callable[[Scene, Rung, str], MeasuredRun]
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Quantities that errors are measured against, their largest relative uncertainty, and where they are from."""
+    """Reference quantities, their largest relative uncertainty, and their origin."""
 
     quantities: Mapping[str, Quantity]
     doubt: float
@@ -44,7 +46,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class JudgedRun:
-    """A run with its relative errors by quantity, against a reference that is known to `doubt`."""
+    """A run with its relative errors by quantity; `doubt`: relative uncertainty of the reference."""
 
     run: MeasuredRun
     errors: Mapping[str, float]
@@ -52,30 +54,30 @@ class JudgedRun:
 
     @property
     def resolved(self) -> bool:
-        """Whether the largest error is clearly more than the doubt about the reference."""
+        """Whether the largest error exceeds the uncertainty of the reference."""
         return RESOLVED * self.doubt < max(self.errors.values())
 
     @property
     def error(self) -> float:
-        """The largest error; where it is not resolved what it cannot exceed."""
+        """The largest error; its upper bound if it is not resolved."""
         return max(self.errors.values()) + (0.0 if self.resolved else self.doubt)
 
     @property
     def said(self) -> str:
-        """The error in words."""
+        """The error as text."""
         return f"{'' if self.resolved else '<'}{percent(self.error)}"
 
 
 class Study:
-    """The completed runs of a ladder, judged against the last of them or exact values.
+    """The completed runs of a ladder, compared with the last of them or with exact values.
 
     judged: cheapest first; own: the scene's own resolution, None if it failed
-    frontier: runs that are better by a tenth at least than all that take less CPU time, cheapest first
+    frontier: runs with an error at least a tenth smaller than all runs of less CPU time, cheapest first
     law: CPU time against error along the frontier, None where it is too short
 
     Raises:
         ConvergenceError: fewer than two runs succeeded.
-        SceneError: exact values are given of numbers that the runs do not have.
+        SceneError: exact values of unknown quantities.
     """
 
     def __init__(
@@ -111,18 +113,27 @@ class Study:
 
     @cached_property
     def sentence(self) -> str:
-        """What the scene's own resolution costs, and what ten times less error would cost."""
+        """Cost of the scene's resolution, and of a tenth of its error, as a sentence."""
         if self.own is None:
             return f"As the scene stands ({self.own_rung.name}) its run failed."
-        own, target = self.own, 0.1 * self.own.error
-        return (
+        own, target, cheapest = self.own, 0.1 * self.own.error, self.judged[0].run
+        spent = (
             f"As the scene stands ({own.run.rung.name}) a run takes {seconds(own.run.cpu)} of CPU time without error "
-            f"bars for an error {'of' if own.resolved else 'below'} {percent(own.error)}; ten times less error "
-            f"({percent(target)}) {self._price(target, own.run.cpu)}."
+            "bars"
+        )
+        if max(judged.error for judged in self.judged) < ROUND_OFF:
+            cheap = f"{cheapest.rung.name}, {seconds(cheapest.cpu)}"
+            return f"{spent}; all runs agree to round-off, so that the cheapest is as accurate ({cheap})."
+        if not own.resolved:
+            below = f"below {percent(max(own.error, ROUND_OFF))}"
+            return f"{spent}. Its error is {below}, which these runs do not resolve; add finer cells by --sizes."
+        return (
+            f"{spent} for an error of {percent(own.error)}; ten times less error ({percent(target)}) "
+            f"{self._price(target, own.run.cpu)}."
         )
 
     def _price(self, error: float, own_time: float) -> str:
-        """The time for an error, in words: of the cheapest run that has it, otherwise by the law."""
+        """Time for an error as text: that of the cheapest run, otherwise from the fitted law."""
         reached = [judged.run for judged in self.judged if judged.error <= error]
         if reached:
             return f"takes {seconds(reached[0].cpu)} ({reached[0].rung.name})"
@@ -132,12 +143,12 @@ class Study:
         return f"takes about {seconds(time)} by extrapolation, {time / own_time:.2g} times as much"
 
     def text(self) -> str:
-        """The study for a reader: the sentence, the runs with the frontier, the reference, the law."""
+        """The study as text: sentence, runs with the frontier, reference, fitted law."""
         names, doubt = ", ".join(self.reference.quantities), self.reference.doubt
         known = f", known to {percent(doubt)}" if doubt else ""
         lines = [
             f"{self.sentence}\n",
-            f"  {'CPU time':>9} {'memory':>9} {'unknowns':>9} {'error':>9}  run",
+            f"  {'error':>9} {'CPU time':>9} {'of own':>7} {'memory':>9} {'unknowns':>9}  run",
             *map(self._line, self.judged),
             f"\n* frontier: no cheaper run is as accurate; the error is the largest relative one of: {names}",
             f"reference: {self.reference.source}{known}",
@@ -152,9 +163,10 @@ class Study:
 
     def _line(self, judged: JudgedRun) -> str:
         run, mark = judged.run, "*" if judged in self.frontier else " "
-        spent = f"{seconds(run.cpu):>9} {run.peak_mib:>5.0f} MiB {run.unknowns:>9}"
+        ratio = f"{run.cpu / self.own.run.cpu:.2g} x" if self.own else ""
+        spent = f"{seconds(run.cpu):>9} {ratio:>7} {run.peak_mib:>5.0f} MiB {run.unknowns:>9,}"
         own = "  (the scene's own)" if judged is self.own else ""
-        return f"{mark} {spent} {judged.said:>9}  {run.rung.name}{own}"
+        return f"{mark} {judged.said:>9} {spent}  {run.rung.name}{own}"
 
     def to_dict(self) -> dict[str, Any]:
         """The study without its runs as plain data, for pictures and pages."""
@@ -180,7 +192,7 @@ def _row(judged: JudgedRun) -> dict[str, Any]:
 
 
 def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
-    """The runs; one without a quantity that the finest has, such as a time of contact, counts as failed."""
+    """The runs; a run that lacks a quantity of the finest run, such as a time of contact, counts as failed."""
     wanted = next((run.quantities for run in reversed(runs) if not run.failed), {})
     lacking = [", ".join(name for name in wanted if name not in run.quantities) for run in runs]
     return [
@@ -190,7 +202,7 @@ def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
 
 
 def _reference(good: Sequence[MeasuredRun]) -> Reference:
-    """The last of the runs, extrapolated by those of its order with coarser cells and steps."""
+    """The last run, extrapolated from coarser runs of the same order."""
     finest, *others = reversed(good)
     at = [finest.rung.finer(-1), finest.rung.finer(-2)]
     line = [run.numbers for rung in at for run in others if run.rung.is_close(rung)]
@@ -227,10 +239,10 @@ def run_ladder(
     task: str = "run",
     exact: Mapping[str, float] | None = None,
 ) -> Study:
-    """Make the runs of a ladder that a directory does not hold yet, and judge all of them. Not collective.
+    """Make the missing runs of a ladder, and evaluate all of them. Not collective.
 
     Raises:
-        OutputError: the directory holds the study of another scene, or cannot be written.
+        OutputError: the directory belongs to another scene, or is not writable.
         ConvergenceError: too few runs succeeded.
     """
     runs = _prepared(scene, task, directory)
@@ -250,12 +262,12 @@ def run_ladder(
 
 
 def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRun]:
-    """The runs that the directory of a scene's study holds; it is made if it is not there. Raises OutputError."""
+    """The stored runs of a scene's study; a missing directory is created. Raises OutputError."""
     source, kept = directory / STUDY, directory / SCENE
-    refuse_foreign(directory, {*OTHERS["cost"], SCENE})
+    refuse_foreign(directory, {*COST.files, SCENE})
     if not (source.exists() and kept.exists()):
         make_directory(directory, source)
-        place_scene(directory, dumps(scene), OTHERS["cost"])
+        place_scene(directory, dumps(scene), COST.files)
         return {}
     with reading(source, "delete it to begin anew", error=OutputError):
         stored = json.loads(source.read_text(encoding="utf-8"))

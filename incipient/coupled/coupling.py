@@ -18,7 +18,7 @@ from .part import Part
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
-# The flow is solved to this share of the residual of the body's equation at hand.
+# The flow is solved to this fraction of the residual of the body's equation.
 SHARE = 1e-3
 SLOW = (
     "the iteration of fluid and {parts} did not converge in {number} iterations: use shorter steps, or a larger "
@@ -30,13 +30,13 @@ PATIENCE = 3
 
 @dataclass(frozen=True)
 class InterfaceReport(NewtonReport):
-    """How the iteration of a step went: `residuals` of the body's equation of motion, relative to its load."""
+    """The iteration of a step: `residuals` of the body's equation of motion, relative to its load."""
 
     residuals: tuple[float, ...] = ()
 
     @property
     def corrected(self) -> int:
-        """How often the body's velocities were corrected."""
+        """Number of updates of the body's velocities."""
         return max(len(self.residuals) - 1, 0)
 
 
@@ -45,7 +45,7 @@ class Coupling:
 
     Args:
         fluid: with `FlowModel.moving_mesh`.
-        parts: what moves, each with a boundary of its own.
+        parts: the moving parts, each with a boundary of its own.
         motion: the motion of the mesh, which is where the parts' last states put it.
         tolerance: for the parts' equations of motion, relative to their loads; None: that of the step's equations.
         stage: context managers by name that take the time.
@@ -77,7 +77,7 @@ class Coupling:
     def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
         """Iterate on the parts' velocities at the end of a step from the last state."""
         if order != self._order:
-            # Factors of the other backward difference serve badly.
+            # The LU factorisation of the other backward difference is a poor approximation.
             self.fluid.renew_factors()
         self._order = order
         for part in self.parts:
@@ -87,7 +87,7 @@ class Coupling:
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> InterfaceReport:
-        """Iterate on from the converged end, whose report is given, for a flow that other things have changed since."""
+        """Iterate on from the converged end, whose report is given, for a flow that has changed otherwise since."""
         assert isinstance(before, InterfaceReport)
         return self._iterate(length, order, tolerance, before.residuals)
 
@@ -136,7 +136,6 @@ class Coupling:
         return self._complaint
 
     def _folded(self) -> str:
-        """What to say of a mesh that has folded over."""
         return " or ".join(part.folded for part in self.parts)
 
     def _is_folded(self) -> bool:
@@ -145,17 +144,17 @@ class Coupling:
         return self.quality.worst <= 0.0
 
     def _inner_tolerance(self, residuals: Sequence[float]) -> float:
-        """The flow is solved as well as this iteration can use."""
+        """The tolerance of the flow that this iteration can use."""
         last = residuals[-1] if residuals else self._first_residual
         # From one iteration to the next the residual falls by two orders or more.
         return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which a part meets something on the way it has taken."""
+        """The length, or the shorter one after which a part meets something on its path."""
         return min(part.allowed(length) for part in self.parts)
 
     def accept(self) -> None:
-        """The end of the attempt is the last state now."""
+        """Make the end of the attempt the last state."""
         for part in self.parts:
             part.accept()
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
@@ -168,7 +167,7 @@ class Coupling:
         self.fluid.constraints.boundary_points_moved()
 
     def forget(self) -> None:
-        """Drop what the parts know of the flow, and how far the last step began from its end."""
+        """Discard the parts' data on the flow, and the initial residual of the last step."""
         self._first_residual = 0.0
         for part in self.parts:
             part.forget()
@@ -193,11 +192,11 @@ class Coupling:
         return self.motion.quality(self._places())
 
     def _places(self) -> Floats:
-        """(n, 3) places of the mesh's nodes with the parts at the ends tried."""
+        """(n, 3) positions of the mesh's nodes with the parts at the trial ends."""
         return self.motion.places(*(part.displacement() for part in self.parts))
 
     def _follow(self) -> None:
-        """Bring mesh and boundary values to where the parts are at the ends tried."""
+        """Move mesh and boundary values to the trial ends of the parts."""
         with self._stage("mesh motion"):
             self.fluid.domain.mesh.geometry.x[:] = self._places()
             self.fluid.mesh_moved(self.places[0], self.places[-1])

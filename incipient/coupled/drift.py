@@ -1,16 +1,16 @@
-"""Advection of a surface's elevation by the flow, and what keeps the surface level at the inflow.
+"""Advection of a surface's elevation by the flow, and the level condition at the inflow.
 
 With u the horizontal velocity on the surface, v . n ds is (v3 - u . grad h) over the area below it. The flow is solved
-on the mesh as it is tried, that is with the slopes of the elevation tried: without regard to that the iteration on the
-place of the mesh would fail where the flow crosses more than a node in a step. So a correction d of the elevation
-solves int q (a0 d + u . grad d) = int q a0 (new - old), as if the velocities at the nodes stayed.
+on the trial mesh, with the slopes of the trial elevation. Without these the iteration on the mesh's position would
+fail at CFL numbers above one. A correction d of the elevation therefore solves
+int q (a0 d + u . grad d) = int q a0 (new - old), with constant velocities at the nodes.
 
-Where fluid enters, the elevation needs a condition of its own: short waves can only go with the flow, and nothing
-would keep them from growing at the end. It is that the surface comes in level, by a diffusion over a short zone,
+At an inflow the elevation needs its own condition: short waves travel with the flow only, and would grow at the
+end. The condition is a level surface, imposed by a diffusion over a short zone,
 int k(x) grad h . grad q with k(x) = |u| times the zone's length, falling to zero along it. Its level is free, and since
-constants have no gradient, volume is kept. A flow faster than long waves also needs its level given there: it is
-brought back to the still one in the same zone, int r(x) h q with r(x) = k(x) over the square of the zone's length.
-Where a wave comes in, the elevation beside that of the wave takes the place of h in both.
+constants have no gradient, volume is conserved. Supercritical flow also needs a prescribed level there: it is
+relaxed to the still level in the same zone, int r(x) h q with r(x) = k(x) over the square of the zone's length.
+With an incoming wave the elevation less that of the wave replaces h in both.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Drift:
 
     Args:
         fluid: with a surface below which fluid enters or leaves.
-        rising: how its surface displaces the mesh.
+        rising: displacement of the mesh by its surface.
     """
 
     def __init__(self, fluid: Fluid, rising: RisingDisplacement):
@@ -73,16 +73,16 @@ class Drift:
         return self._rising.solved(self._solvers[0], flux)
 
     def correction(self, missed: Floats) -> Floats:
-        """(local nodes,) the correction of an elevation that the flow has missed by `missed` (local nodes,)."""
+        """(local nodes,) the correction of an elevation for the residual `missed` (local nodes,)."""
         return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
 
     def _entered(self) -> Floats:
-        """(local nodes,) the elevation of what comes in as a wave."""
-        found, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
+        """(local nodes,) the elevation of the incoming wave."""
+        elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
             if entry.wave is not None:
-                found[nodes] += entry.wave.elevation(self._places, self._fluid.time)
-        return found
+                elevation[nodes] += entry.wave.elevation(self._places, self._fluid.time)
+        return elevation
 
     def destroy(self) -> None:
         """Free PETSc's memory."""

@@ -38,13 +38,13 @@ class EnclosedPressure:
         return load_of(places - about[:2], np.linspace(low, high, len(contacts) + 1))
 
     def unknown(self, about: Floats) -> tuple[Floats, Floats]:
-        """What force and torque (3,) change where the pressure between contacts is that on either side of them."""
+        """Change of force and torque (3,) if the pressure between contacts equals that on either side of them."""
         low, high = self._ends()
         contacts = self._closing.contacts
-        force, couple = load_of(
+        force, torque = load_of(
             contacts - about[:2], np.full(len(contacts) - 1, 0.5 * (high - low))
         )
-        return np.abs(force), np.abs(couple)
+        return np.abs(force), np.abs(torque)
 
     def _ends(self) -> tuple[float, float]:
         """The pressures at the left and at the right line."""
@@ -59,5 +59,5 @@ def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:
     the pressure times the difference of the squares of its ends' distances from there. Not collective.
     """
     force = (pressures[:, None] * quarter_turned(np.diff(arms, axis=0))).sum(axis=0)
-    couple = 0.5 * float(pressures @ np.diff((arms**2).sum(axis=1)))
-    return spatial(force), np.array([0.0, 0.0, couple])
+    torque = 0.5 * float(pressures @ np.diff((arms**2).sum(axis=1)))
+    return spatial(force), np.array([0.0, 0.0, torque])

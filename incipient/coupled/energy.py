@@ -1,4 +1,4 @@
-"""Where the energy of a flow is and goes: kinetic energy, dissipation, and the power put in at the boundaries."""
+"""Energy balance of a flow: kinetic energy, dissipation, and the power of the boundaries."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class EnergyBudget:
     def power(self) -> float:
         """Work that prescribed and carried boundaries, and walls with friction that move, do on the fluid in unit time.
 
-        The residual vanishes but where velocities are given: there it is the force that holds them.
+        The residual vanishes except where velocities are prescribed: there it is the reaction force.
         """
         residual = self.fluid.residual()
         velocities = self.fluid.space.velocity_map

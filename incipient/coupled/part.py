@@ -1,4 +1,4 @@
-"""What moves with the fluid and is solved together with it, as the coupling sees it: a body, a surface."""
+"""Interface of the moving parts that the coupling solves together with the flow: bodies and surfaces."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..arrays import Floats
 
 
 class Part(Protocol):
-    """One moving part of the fluid's boundary. It has a last state, and the end of a step that is being tried.
+    """One moving part of the fluid's boundary. It has a last state, and the trial end of a step.
 
     Every method is collective.
 
@@ -23,38 +23,38 @@ class Part(Protocol):
     folded: str
 
     def join(self, follow: Callable[[], None]) -> None:
-        """Enter a coupling; `follow` brings mesh and boundary values to where all parts are at the end tried."""
+        """Enter a coupling; `follow` moves mesh and boundary values to the trial ends of all parts."""
         ...
 
     def predict(self, length: float, order: int) -> None:
-        """Begin a step from the last state: try the end that the states before suggest."""
+        """Begin a step from the last state: extrapolate the trial end from the past states."""
         ...
 
     def displacement(self) -> Floats:
-        """(n, 3) what the part adds to the places of the mesh's nodes at the end tried."""
+        """(n, 3) displacement of the mesh's nodes by the part at the trial end."""
         ...
 
     def place(self) -> None:
-        """Give the part's boundary its velocity at the end tried."""
+        """Set the velocity of the part's boundary at the trial end."""
         ...
 
     def residual(self, length: float, order: int) -> float:
-        """The residual of the part's equation of motion under the flow's load, relative; also finds the correction.
+        """The residual of the part's equation of motion under the flow's load, relative; also computes the update.
 
         Raises ConvergenceError where a shorter step may help.
         """
         ...
 
     def correct(self) -> None:
-        """Try the corrected end; the fluid's state answers linearly."""
+        """Try the updated end; the fluid's state responds linearly."""
         ...
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which the part meets something on the way it has taken."""
+        """The length, or the shorter one after which the part meets something on its path."""
         ...
 
     def accept(self) -> None:
-        """The end tried is the last state now."""
+        """Make the trial end the last state."""
         ...
 
     def restore(self) -> None:
@@ -62,9 +62,9 @@ class Part(Protocol):
         ...
 
     def forget(self) -> None:
-        """Drop what earlier steps have taught about the iteration."""
+        """Discard the information of earlier steps on the iteration."""
         ...
 
     def velocities(self) -> Floats:
-        """(k,) velocities at the end tried, whose error limits the steps."""
+        """(k,) velocities at the trial end, whose error limits the steps."""
         ...

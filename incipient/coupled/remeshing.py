@@ -1,8 +1,8 @@
-"""A new mesh on the way: everything the run needs is carried over from the old one, and checked.
+"""Remeshing during a run: the fields are transferred from the old mesh, and checked.
 
-Fields, past states and past places of the mesh live on the old mesh as it is now. Each point of the new mesh
-takes what the old one has there: velocities and pressures now and before, and the way its point of the mesh
-has come. The second-order backward difference goes on as if nothing had happened. Velocities then get their
+Fields, past states and past positions of the mesh are given on the present old mesh. Each point of the new mesh
+takes the values of the old one there: present and past velocities and pressures, and the path of its point of the
+mesh. The second-order backward difference continues unchanged. Velocities then get their
 boundary values, and the nearest velocity field without (discrete) divergence, each on the mesh of its time.
 """
 
@@ -29,17 +29,17 @@ from .rigid import RigidPart
 
 # Relative change of the velocity by the projection from which on the new mesh is too coarse for the flow.
 LARGEST_CHANGE = 0.1
-# Places nearer to each other than this share of the mesh's extent are the same.
+# Positions nearer to each other than this fraction of the mesh's extent coincide.
 SAME_PLACE = 1e-12
-# How far out of a cell of the old mesh its polynomials go on, in barycentric coordinates. In clefts between the spheres
-# of a bed, which coarse cells fill otherwise on each mesh, velocities else became half of the largest one, and there
-# was no step on the new mesh at u* d/nu = 133.
+# Largest extrapolation out of a cell of the old mesh, in barycentric coordinates. Coarse cells fill the interstices
+# between the spheres of a bed differently on each mesh. Without a limit velocities there reached half of the largest
+# one, and no step on the new mesh converged at u* d/nu = 133.
 REACH = 0.25
 
 
 @dataclass(frozen=True)
 class Remeshing:
-    """A new mesh: when, of how many cells, the worst of them, and how much the flow changed with it.
+    """A new mesh: time, number of cells, the worst of them, and the change of the flow.
 
     outside: nodes of the new mesh that were not in the old one, and how far from it (`farthest`) [length]
     change:  how much making the velocity free of divergence again changed it, relative
@@ -73,7 +73,7 @@ def carry_over(
     with Projection(fluid) as projection:
         for k, one in enumerate(states):
             state = carrier.state(one.state)
-            # A fluid at rest stays so, though its boundaries may have been set off at once.
+            # A fluid at rest stays at rest, though its boundaries may have been impulsively started.
             if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
                 _put(fluid, coupling.places[k])
                 state, change = _admissible(part, part.past[k], state, projection)
@@ -155,8 +155,8 @@ class Carrier:
         for name in ("velocity", "pressure"):
             part = dolfinx.fem.Function(getattr(spaces[0], name))
             part.x.array[:] = values[getattr(spaces[0], f"{name}_map")]
-            found = self.transfer.values(part)[self._rows[name]]
-            carried[getattr(spaces[1], f"{name}_map")] = found.ravel()
+            transferred = self.transfer.values(part)[self._rows[name]]
+            carried[getattr(spaces[1], f"{name}_map")] = transferred.ravel()
         return carried
 
     def places(self, old_places: Floats) -> Floats:

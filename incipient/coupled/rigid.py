@@ -1,14 +1,14 @@
 """A rigid body in a fluid, with the derivative of the traction with respect to the body's velocity.
 
-A body accelerates with the fluid around it. For a light body that added mass is most of what has to be moved,
-and passing forces and velocities back and forth diverges. The iteration here uses the derivative of the traction
+A body accelerates with the fluid around it. For a light body the added mass dominates,
+and a segregated exchange of forces and velocities diverges. The iteration here uses the derivative of the traction
 with respect to the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in 2-D, 6
-in 3-D) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, for
-which the fluid has a solver anyway. What the displaced mesh adds to A R is a one-sided finite difference, and
-Broyden's updates correct A_u from one iteration to the next. With A_u beside the mass, bodies without mass are no
-exception.
-Along a law of the wall the flow is not held: the wall's velocity is in what the wall exerts, friction and what nothing
-crosses it by. The flow's answer is that to the change of this load, and A_u what the load then differs by.
+in 3-D) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, which
+the fluid's solver solves. The contribution of the displaced mesh to A R is a one-sided finite difference, and
+Broyden's updates correct A_u from one iteration to the next. With A_u added to the mass, bodies without mass
+converge as well.
+A law of the wall does not prescribe the flow's velocity: the wall's velocity enters friction and impermeability. The
+flow then responds to the change of this load, and A_u is the resulting change of the load.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .tractions import Resultant, TractionProbe
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
-# A step whose length differs by more than this share from that of the derivative at hand takes a new one.
+# A step whose length differs by more than this fraction from that of the present derivative takes a new one.
 SAME_LENGTH = 0.1
 # Room left, relative to the body's extent, at which a body counts as having met something.
 CLOSE = 1e-6
@@ -59,7 +59,7 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The flow's answer to rigid motions of its body: changes of its state (k, unknowns), and of the load.
+    """The flow's response to rigid motions of its body: changes of its state (k, unknowns), and of the load.
 
     `resistance` (k, k) is A_u, minus the derivative of the load by the velocities, for steps of a `length`.
     """
@@ -76,10 +76,10 @@ class RigidPart:
         fluid: with `Carried(displacement.boundary)`, or there `Friction` that moves, among its conditions, and with
             `FlowModel.moving_mesh`.
         body: its mass, moments and freedom.
-        state: where it is and how it moves at the fluid's time.
-        displacement: how the body displaces the mesh.
+        state: position and velocities at the fluid's time.
+        displacement: displacement of the mesh by the body.
         load: force and torque (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
-        room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
+        room: clearance [length] of a body in a state; None: unlimited.
         stage: context managers by name that take the time.
         added_mass: False iterates without the derivative of the traction, as programs that pass forces and
             velocities back and forth do. It diverges for light bodies: for comparison only.
@@ -149,11 +149,11 @@ class RigidPart:
             self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
 
     def residual(self, length: float, order: int) -> float:
-        """The residual of the body's equation of motion relative to its load; also finds the end under that load.
+        """The residual of the body's equation of motion relative to its load; also computes the end under that load.
 
         Raises:
-            ConvergenceError: a folded mesh offers no resistance, nor need the flow in a step so long that the
-                way which the body goes outweighs its velocity; both pass with shorter steps.
+            ConvergenceError: the resistance of a folded mesh, or of a step so long that the body's path outweighs
+                its velocity, may be singular; shorter steps converge.
         """
         self.mean_load = replace(self.mean_load, order=order)
         try:
@@ -165,7 +165,7 @@ class RigidPart:
         return residual
 
     def correct(self) -> None:
-        """Try the end under the load at hand; the flow answers linearly to the change of the body's velocities."""
+        """Try the end under the present load; the flow responds linearly to the change of the body's velocities."""
         change = self._improved.velocities - self._tried.velocities
         self._tried = self._improved
         with self._stage("interface"):
@@ -193,7 +193,7 @@ class RigidPart:
         self.past = [self.state, *self.past[:2]]
 
     def take_over(self, was: RigidPart) -> None:
-        """Go on from where the body was on another mesh."""
+        """Continue from the body on another mesh."""
         self.mean_load, self.end, self.past = was.mean_load, was.end, list(was.past)
 
     def restore(self) -> None:
@@ -228,7 +228,7 @@ class RigidPart:
     # -- one iteration ----------------------------------------------------------------------------
 
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
-        """The end under the load at hand, and by how much that load misses the body's motion."""
+        """The end under the present load, and the residual of the body's equation of motion there."""
         with self._stage("tractions"):
             self.probe.refer_to(end.place.tolist())
             flow_load = self._load_of(self.probe.resultant())
@@ -251,7 +251,7 @@ class RigidPart:
         return self._motion.end
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
-        """A load missed, relative to the loads at hand: the flow's, the rest, what resists the motion."""
+        """A residual load relative to the loads of the flow, of other forces, and of the resistance to the motion."""
         end, free = self.end, self.body.mask
         unit = self._unit()
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
@@ -262,11 +262,11 @@ class RigidPart:
     # -- the derivative ---------------------------------------------------------------------------
 
     def _responded(self, before: End, end: End) -> Response:
-        """The response at hand, corrected by what the last iteration has shown, or a new one.
+        """The present response, updated by the last iteration, or a new one.
 
-        New where the factors or the length of the step have changed. The correction is Broyden's: the least
-        that explains the change of load seen with the last change of velocities. It accounts for what A_u
-        leaves out, the change of the load with the body's place, and for factors that have aged.
+        New after a change of the factorisation or of the step's length. Otherwise Broyden's update, the smallest that
+        explains the last change of the load with the velocities. It accounts for the change of the load with the
+        body's position, which A_u neglects, and for an old factorisation.
         """
         if not self.added_mass:
             return self._no_response(end.length)
@@ -332,7 +332,7 @@ class RigidPart:
     ) -> dict[int, Floats]:
         """Derivatives of the fluid's residual by velocities of the body, at given velocities of the fluid.
 
-        They come through the place of the mesh at the end, and where a law of the wall holds directly.
+        They arise from the position of the mesh at the end, and directly along a law of the wall.
         """
         before, derivatives = self.fluid.residual(), {}
         for k in free:
@@ -343,7 +343,7 @@ class RigidPart:
         return derivatives
 
     def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
-        """The end of a step with a little more of a velocity, and how much more."""
+        """The end of a step with a perturbed velocity, and the perturbation."""
         way, d = np.zeros(self.body.size), self.body.gdim
         way[k] = NUDGE * self._extent / self._unit()[k]
         # At the end of a step the body has gone half the step's length times its velocity there.
@@ -356,7 +356,7 @@ class RigidPart:
         self._follow()
 
     def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
-        """What the load (k,) falls by with a velocity to which the flow gives an answer (unknowns,)."""
+        """Decrease (k,) of the load per unit velocity, from the flow's response (unknowns,)."""
         fluid, before = self.fluid, self.fluid.state.x.array.copy()
         self._try(nudged)
         fluid.state.x.array[:] += change * answer
@@ -369,7 +369,7 @@ class RigidPart:
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
         """Minus the derivative (k, k) of the load that is not the flow's by the body's velocities; not collective.
 
-        It comes through the place at the end as in `_of_displacements`, and directly; zero for a constant load.
+        It arises from the position at the end as in `_of_displacements`, and directly; zero for a constant load.
         """
         changes = np.zeros((self.body.size, self.body.size))
         for k in np.flatnonzero(self.body.mask):
@@ -381,7 +381,7 @@ class RigidPart:
         """Force and torque as the body takes them, (k,)."""
         d = self.body.gdim
         return np.concatenate(
-            [resultant.force[:d], resultant.couple[2:] if d == 2 else resultant.couple]
+            [resultant.force[:d], resultant.torque[2:] if d == 2 else resultant.torque]
         )
 
     def _largest_arm(self) -> float:

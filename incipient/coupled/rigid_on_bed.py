@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..arrays import Floats
 from ..body.contact_motion import ActiveContacts, ContactMotion, ContactStep
 from ..body.state import BodyState
-from .rigid import End, Response, RigidPart
-
-# Way between iterations beside that of velocities, relative to it, from which on these explain nothing: where they were
-# asked all the same, a sphere that begins half its gap too near to its pocket has no convergent step
-# (tests/end_to_end/test_sand_in_space.py).
-STRAYED = 0.5
+from .rigid import RigidPart
 
 
 class RigidPartOnBed(RigidPart):
@@ -39,7 +32,7 @@ class RigidPartOnBed(RigidPart):
         self._step = None  # a resumed run has none, either
 
     def take_over(self, was: RigidPart) -> None:
-        """Go on from where the body was on another mesh."""
+        """Continue from the body on another mesh."""
         assert isinstance(was, RigidPartOnBed)
         super().take_over(was)
         self.contacts = was.contacts
@@ -53,14 +46,3 @@ class RigidPartOnBed(RigidPart):
         step = self.contact.step(self.state, length, mean, added, guess, self.contacts, tried)
         self._motion, self._step, self._length = step.motion, step, length
         return step.end
-
-    def _corrected(self, known: Response, before: End, end: End) -> Response:
-        """The response corrected as of a body that is free, unless contacts have moved the body beside its velocities.
-
-        What its place was put right by then changes the load as well, and would be taken for what velocities do.
-        """
-        change, d = end.state.velocities - before.state.velocities, self.body.gdim
-        way, own = end.state.place - before.state.place, 0.5 * end.length * change[:d]
-        if np.linalg.norm(way - own) > STRAYED * np.linalg.norm(own):
-            return known
-        return super()._corrected(known, before, end)

@@ -2,8 +2,8 @@
 
 With h the elevation, a0 h + a1 h(n) + a2 h(n-1) its backward difference and n . up ds the area below the surface,
 which never changes, the condition is int q (a0 h + a1 h(n) + a2 h(n-1)) n . up ds = int q v . n ds for every q of the
-space of h. In the flow's equations the velocity raises the surface already within the step (`forms.surface.load`): what
-is left to the iteration is that the mesh is where the surface has gone, a correction of the second order in the slope.
+space of h. In the flow's equations the velocity raises the surface already within the step (`forms.surface.load`): the
+iteration only moves the mesh to the surface, a correction of second order in the slope.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class SurfacePart:
 
     Args:
         fluid: with a `FreeSurface` among its conditions and `FlowModel.moving_mesh`.
-        displacement: how the surface displaces the mesh.
+        displacement: displacement of the mesh by the surface.
         elevation: (local nodes,) at the fluid's time, zero off the surface.
-        depths: (local nodes,) from the still level to what is below each node of the surface.
-        below: what that is, in words.
+        depths: (local nodes,) from the still level to bed or grain below each node of the surface.
+        below: the name of that boundary.
         stage: context managers by name that take the time.
 
     Attributes:
@@ -95,10 +95,10 @@ class SurfacePart:
     # -- the step, as the coupling sees it --------------------------------------------------------
 
     def join(self, follow: Callable[[], None]) -> None:
-        """Enter a coupling; nothing is asked of it."""
+        """Enter a coupling, which the surface does not use."""
 
     def predict(self, length: float, order: int) -> None:
-        """Try the elevation that those before suggest. The fluid's backward difference is that of the step."""
+        """Extrapolate the elevation from the past ones. The fluid's backward difference is that of the step."""
         time = self.times[0] + length
         count = min(order + 1, len(self.past))
         self._tried = extrapolated(self.times[:count], self.past[:count], time)
@@ -121,7 +121,7 @@ class SurfacePart:
         return self.mesh.at(self._tried)
 
     def place(self) -> None:
-        """Tell the flow the elevation tried, and what is above it."""
+        """Set the trial elevation, and the pressure above it, in the flow."""
         self._load.elevation.x.array[:] = self._tried
         self._load.update(self.fluid.time)
 
@@ -136,7 +136,7 @@ class SurfacePart:
         """Distance of the mesh from the surface convected by the flow, as a velocity over that of the flow.
 
         Raises:
-            ConvergenceError: the flow has taken it beyond all bounds.
+            ConvergenceError: the elevation diverges.
         """
         with self._stage("free surface"):
             a0 = float(self.fluid.rate[0].value)
@@ -149,7 +149,7 @@ class SurfacePart:
         return missed / max(self.fluid.speed(), 1e-300)
 
     def correct(self) -> None:
-        """Try the elevation to which the flow has taken the surface."""
+        """Try the elevation computed from the flow."""
         if self._drift is None:
             self._tried = self._improved
         else:
@@ -160,7 +160,7 @@ class SurfacePart:
         return length
 
     def accept(self) -> None:
-        """The elevation that the flow has made, by which volume is kept to round-off, is the last state now."""
+        """Make the flow's elevation, which conserves volume to round-off, the last state."""
         self._load.elevation.x.array[:] = self._improved
         self.past = [self._improved, *self.past[:2]]
         self.times = [self.fluid.time, *self.times[:2]]
@@ -171,7 +171,7 @@ class SurfacePart:
         self._load.elevation.x.array[:] = self.past[0]
 
     def forget(self) -> None:
-        """Nothing is learnt from step to step."""
+        """Do nothing: no data is kept from step to step."""
 
     def velocities(self) -> Floats:
         """None: the velocities of the surface are the flow's, whose errors are known."""
@@ -202,15 +202,15 @@ class SurfacePart:
         return self._whole * self._sum(self._potential)
 
     def crossed(self) -> float:
-        """(v - v_mesh) . n on the surface, root mean square: it should be small beside the velocity."""
+        """(v - v_mesh) . n on the surface, root mean square: it should be small compared with the velocity."""
         return float(np.sqrt(self._sum(self._crossing) / self._sum(self._area)))
 
     # -- parts ------------------------------------------------------------------------------------
 
     def ends(self) -> str:
-        """Why a step from the last state would be worth nothing: the surface is no graph, or has come down to the bed.
+        """The reason to stop before the next step: the surface is no graph, or touches the bed.
 
-        In words, with a remedy; empty if it goes on.
+        A reason with a remedy; empty if the run continues.
         """
         slope, nodes = self._steepness(self.elevation), self.mesh.nodes
         left = float((self._depths + self.elevation)[nodes].min(initial=np.inf))
@@ -225,21 +225,20 @@ class SurfacePart:
     def _raised(self) -> Floats:
         """(local nodes,) the rate of the elevation that the flow makes, in its space.
 
-        Without an open end the volume grows by the inflow: what unfinished iterations have left of that is taken out.
+        Without an open end the volume grows by the inflow: the remainder due to unfinished iterations is removed.
         """
         with self._vector.localForm() as local:
             local.set(0.0)
         petsc.assemble_vector(self._vector, self._flux)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         if self._drift is None:
-            found = self.mesh.elevation_of(self._vector)
+            elevation = self.mesh.elevation_of(self._vector)
         else:
-            found = self._drift.raised(self._vector, self._load.known.x.array)
+            elevation = self._drift.raised(self._vector, self._load.known.x.array)
         held = self.fluid.constraints
-        return found if held.open else self.mesh.with_volume(found, held.influx)
+        return elevation if held.open else self.mesh.with_volume(elevation, held.influx)
 
     def _size(self, elevation: Floats) -> float:
-        """Root mean square over the nodes of the surface."""
         own = elevation[self.mesh.nodes[: self.mesh.owned]]
         total, count = self.fluid.domain.comm.allreduce(np.array([own @ own, len(own)]))
         return float(np.sqrt(total / max(count, 1)))

@@ -24,11 +24,11 @@ from ..arrays import Floats, cross, spatial
 from ..body.state import turned
 from ..compat import petsc
 from ..fluid import Fluid
-from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
 from ..mesh.domain import Domain
 from ..meshes import SYMMETRY
+from ..symmetric import solve_symmetric
 from .enclosed import EnclosedPressure
 
 ACROSS = 1  # the component across a plane of symmetry
@@ -63,7 +63,7 @@ class Resultant:
     """
 
     force: np.ndarray
-    couple: np.ndarray
+    torque: np.ndarray
     about: np.ndarray
 
 
@@ -73,7 +73,7 @@ class TractionProbe:
     Args:
         fluid: the solved flow.
         boundary: name of the boundary, such as "body". Where it meets another one (a wall and the inflow),
-            the residual force holds the share of the end nodes in that one's traction too.
+            the residual force includes the end nodes' fraction of the traction of the other boundary.
         about: point that torques refer to, (gdim,).
         enclosed: of a body part of which no flow reaches: the pressure there, which is in the resultants.
     """
@@ -96,7 +96,7 @@ class TractionProbe:
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
-        """Let torques refer to another point (gdim,), such as the centre of a body that has moved."""
+        """Take torques about another point (gdim,), such as the centre of a body that has moved."""
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
@@ -122,17 +122,31 @@ class TractionProbe:
             traction = surface_traction(v, p, n, self.fluid.viscosity, self.fluid.reference_map)
             ds = self.fluid.domain.measure(self.boundary)
             self._surface_form = compat.form(ufl.inner(traction, w) * ds)
-        vector = petsc.assemble_vector(self._surface_form)
+        return self._with_enclosed(self._integrated(self._surface_form))
+
+    def viscous_resultant(self) -> Resultant:
+        """Part of `surface_resultant` due to viscous stress, or to the friction of a law of the wall."""
+        _, p = ufl.split(self.fluid.state)
+        w, n = ufl.TestFunction(self.fluid.space.velocity), -ufl.FacetNormal(self.fluid.domain.mesh)
+        pressure = -p * surface_vector(n, self.fluid.reference_map)
+        ds = self.fluid.domain.measure(self.boundary)
+        part = self._with_enclosed(self._integrated(compat.form(ufl.inner(pressure, w) * ds)))
+        whole = self.surface_resultant()
+        return Resultant(whole.force - part.force, whole.torque - part.torque, self.about)
+
+    def _integrated(self, form: Any) -> Resultant:
+        """Force and torque of the linear form of a traction."""
+        vector = petsc.assemble_vector(form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         forces = vector.array_r.reshape(-1, self.fluid.space.gdim)[self._blocks].copy()
         vector.destroy()
-        return self._with_enclosed(self._sum(forces))
+        return self._sum(forces)
 
     def _with_enclosed(self, exposed: Resultant) -> Resultant:
         if self.enclosed is None:
             return exposed
-        force, couple = self.enclosed.load(self.about)
-        return Resultant(exposed.force + force, exposed.couple + couple, exposed.about)
+        force, torque = self.enclosed.load(self.about)
+        return Resultant(exposed.force + force, exposed.torque + torque, exposed.about)
 
     def field(self) -> Any:
         """The traction as a velocity-space function, zero off the boundary; its integral is the residual force.
@@ -148,18 +162,18 @@ class TractionProbe:
         values.reshape(-1, self.fluid.space.gdim)[self._blocks] = self._nodal_forces()
         right.setArray(values)
         across = self._across_symmetry()
-        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are empty, too
+        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are also empty
         right.setValues(across, np.zeros(len(across)))
         right.assemble()
-        solve_mass_matrix(mass, right, traction)
+        solve_symmetric(mass, right, traction)
         return traction
 
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, gdim) of the boundary and the traction there (n, gdim), those of all ranks on each of them."""
         gdim = self.fluid.space.gdim
         traction = self.field()
-        found = traction.x.array.reshape(-1, gdim)[self._blocks]
-        gathered = self.fluid.domain.comm.allgather((self._places(), found))
+        nodal = traction.x.array.reshape(-1, gdim)[self._blocks]
+        gathered = self.fluid.domain.comm.allgather((self._places(), nodal))
         points, tractions = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
         return points, tractions
 
@@ -185,10 +199,10 @@ class TractionProbe:
         )
 
     def _made_near(self, blocks: np.ndarray) -> Any:
-        """What stands for the residual at the nodes, compiled; None: that of all cells does.
+        """The compiled form of the residual at the nodes; None: the residual of all cells is used.
 
-        In time it is read at every step, from the cells at the nodes only. Along a boundary with a law of the wall the
-        velocity is free, and the flow's residual as a whole vanishes: what the law adds is what the wall bears.
+        An unsteady flow integrates it at every step, over the cells at the nodes only. Along a boundary with a law of
+        the wall the velocity is free and the flow's residual vanishes: the term of the law alone is the wall's force.
         """
         fluid, (w, q) = self.fluid, ufl.TestFunctions(self.fluid.space.mixed)
         if self.boundary in fluid.constraints.rubbing:
@@ -205,12 +219,12 @@ class TractionProbe:
         forces = spatial(forces)
         arms = spatial(self._places()) - self.about
         mine = np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
-        force, couple = self.fluid.domain.comm.allreduce(mine)
+        force, torque = self.fluid.domain.comm.allreduce(mine)
         if self.fluid.domain.halved:
-            force, couple = (
-                np.array([force, couple]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
+            force, torque = (
+                np.array([force, torque]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
             )  # no zeros below zero
-        return Resultant(force, couple, self.about)
+        return Resultant(force, torque, self.about)
 
     def _places(self) -> np.ndarray:
         """Coordinates of the boundary's owned nodes, (n, gdim)."""

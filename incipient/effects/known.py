@@ -1,26 +1,29 @@
-"""The list of all effects, which everything else walks."""
+"""The list of all effects."""
 
 from __future__ import annotations
 
-from ..planning.effects import Decision
+from dataclasses import replace
+
+from ..planning.effects import Decision, accuracy_asked
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
+from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity
-from .contact import ContactEffect
-from .effect import Effect
-from .flow import FlowEffect
+from .effect import Effect, Solved
+from .flow import (
+    FlowEffect,
+    InertiaEffect,
+    MovingMeshEffect,
+    ThirdDimensionEffect,
+    UnsteadinessEffect,
+)
 from .free_surface import FreeSurfaceEffect
-from .gravity import GravityEffect
-from .inertia import InertiaEffect
+from .grain import ContactEffect, GravityEffect, TractionEffect
 from .moving_grain import FreeBodyEffect
-from .moving_mesh import MovingMeshEffect
-from .third_dimension import ThirdDimensionEffect
-from .traction import TractionEffect
 from .turbulence import TurbulenceEffect
-from .unsteadiness import UnsteadinessEffect
 
-# In the order in which plans and results show them; parts of a run are solved in this order, too.
+# In the order in which plans and results show them; parts of a run are also solved in this order.
 EFFECTS: tuple[Effect, ...] = (
     InertiaEffect(),
     UnsteadinessEffect(),
@@ -37,11 +40,23 @@ EFFECTS: tuple[Effect, ...] = (
 
 
 def decisions(setup: Setup, numbers: Numbers) -> tuple[Decision, ...]:
-    """What is decided on every effect. Not collective."""
+    """The decisions on all effects. Not collective."""
     return tuple(effect.decide(setup, numbers) for effect in EFFECTS)
 
 
 def quantities(plan: Plan | None = None) -> tuple[OutputQuantity, ...]:
-    """What runs may have to report, of those effects that a plan has, or of all. Not collective."""
+    """Output quantities of the effects in a plan, or of all effects. Not collective."""
     present = (effect for effect in EFFECTS if plan is None or plan.has(effect.name))
     return tuple(one for effect in present for one in effect.quantities)
+
+
+def omissions(solved: Solved) -> tuple[Omission, ...]:
+    """The effects of the plan that were left out though the scene has them, and what they would change. Collective."""
+    plan, accuracy = solved.run.plan, accuracy_asked(solved.run.scene.numerics)
+    decided = {decision.name: decision for decision in plan.effects if not decision.present}
+    return tuple(
+        replace(one, exceeds=one.exceeds if one.relative is None else one.relative > accuracy)
+        for effect in EFFECTS
+        if effect.name in decided
+        for one in effect.left_out(solved, decided[effect.name])
+    )

@@ -1,4 +1,4 @@
-"""A term that is missing in the equations: what it would change, to first order, in the flow that was computed.
+"""First-order change of a computed flow by a term that is missing in the equations.
 
 A term T changes force and torque by -T(v)(z): the term at the computed flow v, tested with the solution z of the dual
 problem of force or torque (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182,
@@ -26,33 +26,33 @@ from .effect import Solved
 
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
-# Residual of the dual solutions of what is said in two digits: a thousandth of them, where it was measured in 3-D.
+# Residual of the dual solutions of estimates of two digits: an error of a thousandth, measured in 3-D.
 ROUGH = 1e-4
 
 
 def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     """The change of force and torque by a missing term; without a grain, that of the velocity. Collective."""
-    # To first order the flow of lower order does, whose matrix is there.
-    run, force, couple = solved.run, solved.force, solved.couple
+    # The lower-order flow, whose matrix is assembled, is accurate enough to first order.
+    run, force, torque = solved.run, solved.force, solved.torque
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
-    if force is None or couple is None or grain is None:
+    if force is None or torque is None or grain is None:
         how = "of the velocity on average, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
-    forces, couples = change_of_loads(
-        fluid, term, "body", couple.about[: fluid.space.gdim].tolist()
+    forces, torques = change_of_loads(
+        fluid, term, "body", torque.about[: fluid.space.gdim].tolist()
     )
-    # A torque may vanish by symmetry: it then is compared with half the grain's size times the force.
+    # A torque may vanish because of symmetry: it is then compared with half the grain's size times the force.
     arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
-    of_couple = float(np.linalg.norm(couples)) / max(
-        float(np.linalg.norm(couple.flow)), arm, 1e-300
+    relative_torque = float(np.linalg.norm(torques)) / max(
+        float(np.linalg.norm(torque.flow)), arm, 1e-300
     )
-    relative = max(_ratio(forces, force.flow), of_couple)
-    return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, couples)
+    relative = max(_ratio(forces, force.flow), relative_torque)
+    return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, torques)
 
 
 def with_factors_of_steady_flow(fluid: Fluid) -> None:
-    """Let the fluid's factors be those of its steady equations, linearised about its state. Collective.
+    """Factorise the fluid's steady equations, linearised about its state. Collective.
 
     The state stays; of an unsteady fluid the next step sets everything again.
     """
@@ -71,7 +71,7 @@ def change_of_loads(
     """The change of force (3,) and torque (3,) on a boundary by a missing term, to first order. Collective.
 
     Args:
-        fluid: solved, with factors of its steady equations at hand.
+        fluid: solved, with its steady equations factorised.
         term: the integrand, on the left-hand side of the momentum equation.
         about: point (gdim,) that the torque refers to.
     """
@@ -83,10 +83,10 @@ def change_of_loads(
         motion = rigid_motion(fluid, boundary, about, goal)
         mine[k] = tested @ fluid.dual(motion, ROUGH)[:owned]
     changes = -fluid.domain.comm.allreduce(mine)
-    force, couple = np.zeros(3), np.zeros(3)
+    force, torque = np.zeros(3), np.zeros(3)
     force[:gdim] = changes[:gdim]
-    couple[-(size - gdim) :] = changes[gdim:]
-    return force, couple
+    torque[-(size - gdim) :] = changes[gdim:]
+    return force, torque
 
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:

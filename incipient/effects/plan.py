@@ -13,7 +13,7 @@ from ..geometry.space.grains import Box, Triangulated
 from ..planning.datum import datum_of
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
-from ..planning.linear import Method, method_of
+from ..planning.linear import method_of
 from ..planning.numbers import grain_size
 from ..planning.plan import Plan
 from ..planning.scene_geometry import Geometry
@@ -34,7 +34,7 @@ def make_plan(scene: Scene) -> Plan:
 
 
 def plan_of(setup: Setup) -> Plan:
-    """The plan of a scene whose parts are at hand, as of `make_plan`. Not collective."""
+    """The plan of a scene whose parts have been made, as by `make_plan`. Not collective."""
     scene = setup.scene
     numbers = setup.numbers
     effects = known.decisions(setup, numbers)
@@ -51,7 +51,7 @@ def plan_of(setup: Setup) -> Plan:
         convection=convection if inert else "no",
         scheme=scheme,
         reynolds=1.0 / scene.viscosity,
-        solver=_linear_method(setup, present, slow=not (inert or unsteady), unsteady=unsteady),
+        solver=method_of(setup, slow=not (inert or unsteady), unsteady=unsteady),
         numbers=numbers,
         stabilisation=stabilisation_of(setup, inert),
         sought=_sought(setup),
@@ -61,16 +61,8 @@ def plan_of(setup: Setup) -> Plan:
     )
 
 
-def _linear_method(setup: Setup, present: set[EffectName], slow: bool, unsteady: bool) -> Method:
-    """What an effect that is present calls for, else what the flow does."""
-    asked = (
-        effect.linear_method(setup, unsteady) for effect in known.EFFECTS if effect.name in present
-    )
-    return next(filter(None, asked), None) or method_of(setup, slow, unsteady)
-
-
 def _sought(setup: Setup) -> str:
-    """What the run chooses mesh and order, in time the steps as well, for."""
+    """The purpose for which the run chooses mesh and order and, if unsteady, the time steps."""
     scene, numerics = setup.scene, setup.scene.numerics
     if numerics.accuracy is None:
         return ""
@@ -92,7 +84,7 @@ def _sought(setup: Setup) -> str:
 
 
 def _geometry_order(setup: Setup) -> int:
-    """Straight cells where every boundary is straight, else curved ones to match the velocity."""
+    """Straight cells where every boundary is straight, otherwise curved ones to match the velocity."""
     scene, geometry = setup.scene, setup.geometry
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order

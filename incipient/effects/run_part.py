@@ -1,4 +1,4 @@
-"""The part of a run that an effect adds to the flow, as everything that handles runs sees it."""
+"""Interface of the part of a run that an effect adds to the flow."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from ..arrays import Floats
-from ..geometry.placement import Placement
 from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.plan import Plan
@@ -23,14 +21,12 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
     from ..restart.checkpoint import Checkpoint
-    from ..results.elevations import Elevations
-    from ..results.wall_report import WallReport
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
 
 class Solving(Protocol):
-    """What effects ask of the run that they are in."""
+    """Interface of a run, as its effects use it."""
 
     scene: Scene
     plan: Plan
@@ -47,7 +43,7 @@ class Solving(Protocol):
 
     @property
     def time_stepper(self) -> Transient | None:
-        """The steps in time; None for a steady flow, and before the first step."""
+        """The time stepper; None for a steady flow, and before the first step."""
 
     def count(self, **numbers: int) -> None:
         """Add to the numbers of iterations by name. Not collective."""
@@ -59,19 +55,15 @@ class Solving(Protocol):
 class RunPart:
     """Unknowns of an effect that are solved with the flow, within each step. Every method is collective.
 
-    The methods here are those of a part that adds nothing. A part is made for a mesh, changes the model of the flow
+    The default methods add nothing. A part is made for a mesh, changes the model of the flow
     (`within`), enters the fluid that is made with that model (`joined`), moves the mesh by what `moving` returns, and
     wraps the solution of a step (`around`). On a new mesh another part of the kind takes over (`on`, `carry_over`).
 
     Attributes:
         effect: whose part it is.
-        elevations: of a free surface so far; None: there are none.
-        probe: reads the traction on the grain where the part has a better one than the run; None: it has not.
     """
 
     effect: EffectName
-    probe: TractionProbe | None = None
-    elevations: Elevations | None = None
 
     # -- solution ---------------------------------------------------------------------------------
 
@@ -82,15 +74,12 @@ class RunPart:
     def joined(self, fluid: Fluid, before: Self | None = None) -> None:
         """Enter the fluid, whose mesh is as it was made; `before` is the part on the mesh before, to take over from."""
 
-    def displaced(self, motion: MeshMotion) -> None:
-        """Make ready to move the mesh, as the parts' states at the start require."""
-
-    def moving(self) -> tuple[Part, ...]:
-        """The boundaries that the part moves, and the mesh with them."""
+    def moving(self, motion: MeshMotion) -> tuple[Part, ...]:
+        """The boundaries that the part moves, and the mesh with them; the mesh goes to where they are at the start."""
         return ()
 
     def around(self, interface: Interface | None) -> Interface | None:
-        """What is solved together with the flow in a step, given what moves in it."""
+        """The interface solved together with the flow in a step, given that of the moving parts."""
         return interface
 
     def on(self, domain: Domain) -> Self:
@@ -100,48 +89,19 @@ class RunPart:
     def carry_over(self, before: Self) -> None:
         """Take the state over from the part on the mesh before; both meshes are where they are now."""
 
-    def drawn_height(self, height: float, placement: Placement) -> float:
-        """Height of the domain for which a new mesh is made around a grain, given what the parts before would have.
-
-        Raises:
-            MeshError: there cannot be one.
-        """
-        return height
-
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Find the steady flow together with the part's unknowns; False: the flow does not depend on them.
+        """Solve the steady flow together with the part's unknowns; False: the flow does not depend on them.
 
         The flow may be faster than the scene's by a factor, and may be computed from the present state (`onwards`).
         """
         return False
 
-    def mean_load(self) -> tuple[Floats, Floats] | None:
-        """Force and torque (3,) on the grain that stand for a steady flow which has not converged."""
-        return None
-
-    def start(self, steady: Self) -> None:
-        """Begin from the part of a steady flow on the mesh."""
-
     def states(self) -> tuple[Any, ...]:
         """Functions that are part of the state of a steady flow."""
         return ()
 
-    def begin(self) -> None:
-        """Take note of the state before the first step, at the start or as a checkpoint has it."""
-
     def accept_step(self, step: TimeStep) -> None:
-        """Take note of an accepted step."""
-
-    def check(self, step: TimeStep, placement: Placement | None) -> None:
-        """Refuse to continue from the state after a step, with a moving grain in a placement or none.
-
-        Raises:
-            ConvergenceError: why it cannot, and a remedy.
-        """
-
-    def change(self, depth: float) -> float:
-        """The change of the part's state in the last step over the depth of the flow."""
-        return 0.0
+        """Record an accepted step."""
 
     # -- output -----------------------------------------------------------------------------------
 
@@ -149,24 +109,12 @@ class RunPart:
         """Columns of the history after a step."""
         return {}
 
-    def contact_rows(self) -> list[dict[str, Any]]:
-        """Rows of contacts.csv after a step: one for each contact of a moving grain. Not collective."""
-        return []
-
-    def budget(self) -> dict[str, float]:
-        """Columns of the history that stand at its end: energies."""
-        return {}
-
     def reported(self) -> dict[str, Any]:
         """Fields of `results.result.Result` by their names."""
         return {}
 
-    def wall_report(self) -> WallReport | None:
-        """The flow along walls with a wall-function layer, of a part that knows any."""
-        return None
-
     def functions(self) -> dict[str, Any]:
-        """Functions on the mesh by the names that files have."""
+        """Functions on the mesh by their names in files."""
         return {}
 
     def unknowns(self) -> dict[str, int]:

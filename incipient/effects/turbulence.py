@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
-from ..planning.linear import DEAR, FEW_CELLS, Method
 from ..planning.meshing_in_space import cut_at_inflow
 from ..planning.numbers import Numbers
-from ..planning.stabilisation import upwinds
 from ..planning.wall_cells import WALL_CELL, coarsening
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity, at
-from .effect import Effect, Findings, SlowestFlow, Solved
+from .effect import Effect, SlowestFlow, Solved
 from .run_part import RunPart, Stage
 from .transition import REMEDY, transition, turbulent_from
 
@@ -121,44 +119,10 @@ class TurbulenceEffect(Effect):
             reason += f"; {found.text()}; {REMEDY}"
         return Decision(self.name, False, reason, off)
 
-    def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
-        """LU factorisation on few cells with upwinding."""
-        if upwinds(setup):
-            return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")
-        return None
-
     def warnings(self, setup: Setup) -> Iterator[str]:
         """What makes the result less sure; raises SceneError where the model is not for the scene."""
         if setup.is_averaged:
             yield from _doubts(setup)
-
-    def as_fast(self, setup: Setup, speed: float) -> Setup:
-        """The setup of a flow as fast, whose law of the wall has another distance."""
-        return setup.faster(speed) if setup.scene.is_averaged and speed != 1.0 else setup
-
-    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
-        """A slow laminar flow; in 3-D, where flows take minutes, a search begins at a low Shields number."""
-        if not setup.is_averaged:
-            return None
-        walls = setup.walls
-        slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
-        start, expected = 0.0, ""
-        if setup.geometry.gdim == 3:
-            start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
-        return SlowestFlow(slowest, "looked at", BY_SWEEP, start, expected)
-
-    def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """No accuracy: the mesh is made for the flow's speed."""
-        if setup.is_averaged and setup.scene.numerics.accuracy is not None:
-            yield "numerics.accuracy left out with turbulence; see its error bars"
-
-    def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
-        """What flow the threshold is for, and whether that can be laminar."""
-        plane = " in 2-D" if setup.geometry.gdim == 2 else ""
-        about = TURBULENT if setup.is_averaged else LAMINAR
-        yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
-        if found := transition(setup, setup.numbers, factor):
-            yield found.text(" at the threshold")
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
         """Both quantities of the model."""
@@ -173,23 +137,6 @@ class TurbulenceEffect(Effect):
         in_space = setup.scene.gdim == 3 and setup.scene.is_averaged
         return BYTES * unknowns / 2**20 if in_space else 0.0
 
-    def findings(self, stored: dict[str, Any]) -> Findings | None:
-        """Whether the flow has converged, and where it is reversed next to the bed."""
-        if (found := stored.get("turbulence")) is None:
-            return None
-        from ..results.wall_report import longest
-
-        told, others = longest(found["backward"])
-        upstream = "reverse flow next to the bed from x, to x"
-        rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
-        rows += [("further, shorter intervals", others)] if others else []
-        sentence = f"y+ of the walls is {found['least']:.3g} to {found['largest']:.3g}."
-        if not found.get("converged", True):
-            sentence += (
-                f" Warning: not converged; loads are means, within {100 * found['spread']:.2g}%."
-            )
-        return Findings("Turbulence", sentence, "at the walls", tuple(rows))
-
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Report absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
         numbers, scene = solved.run.plan.numbers, solved.run.scene
@@ -202,6 +149,55 @@ class TurbulenceEffect(Effect):
             yield Omission(
                 self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
             )
+
+
+def slowest_flow(setup: Setup) -> SlowestFlow | None:
+    """The slowest flow of a search, a laminar one; None without a model. Not collective.
+
+    In 3-D, where flows take minutes, a search begins at a low Shields number.
+    """
+    if not setup.is_averaged:
+        return None
+    walls = setup.walls
+    slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
+    start, expected = 0.0, ""
+    if setup.geometry.gdim == 3:
+        start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
+    return SlowestFlow(slowest, "looked at", BY_SWEEP, start, expected)
+
+
+def threshold_needs(setup: Setup) -> Iterator[str]:
+    """What the scene lacks for a search, whose meshes follow the speed of the flow. Not collective."""
+    if setup.is_averaged and setup.scene.numerics.accuracy is not None:
+        yield "numerics.accuracy left out with turbulence; see its error bars"
+
+
+def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
+    """What flow a threshold, so many times the scene's, is for, and whether that can be laminar. Not collective."""
+    plane = " in 2-D" if setup.geometry.gdim == 2 else ""
+    about = TURBULENT if setup.is_averaged else LAMINAR
+    yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
+    if found := transition(setup, setup.numbers, factor):
+        yield found.text(" at the threshold")
+
+
+def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
+    """What a run says of its turbulence, apart from its quantities: a sentence, and rows of words and value."""
+    if (walls := stored.get("turbulence")) is None:
+        return None
+    from ..results.wall_report import longest
+
+    spans, others = longest(walls["backward"])
+    rows: list[tuple[str, Any]] = [
+        ("reverse flow next to the bed from x, to x", tuple(span)) for span in spans
+    ]
+    rows += [("further, shorter intervals", others)] if others else []
+    sentence = f"y+ of the walls is {walls['least']:.3g} to {walls['largest']:.3g}."
+    if not walls.get("converged", True):
+        sentence += (
+            f" Warning: not converged; loads are means, within {100 * walls['spread']:.2g}%."
+        )
+    return sentence, rows
 
 
 def _doubts(setup: Setup) -> Iterator[str]:

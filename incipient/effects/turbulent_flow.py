@@ -25,7 +25,6 @@ from ..mesh.wall_distance import distances
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
-from ..planning.linear import FEW_CELLS
 from ..planning.tolerance import of_turbulent
 from ..restart.redistribution import spread_values, stored_values
 from ..results.wall_report import WallReport
@@ -78,14 +77,10 @@ class TurbulentFlow(RunPart):
     # -- in the flow --------------------------------------------------------------------------------
 
     def within(self, model: FlowModel) -> FlowModel:
-        """The model of the flow with the eddy viscosity; on few cells with the direct solver instead of blocks."""
-        fields, cells = (
-            self.fields,
-            self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global,
-        )
-        solver = "direct" if model.solver == "block" and cells <= FEW_CELLS else model.solver
+        """The model of the flow with the eddy viscosity."""
+        fields = self.fields
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
-        return replace(model, solver=solver, **eddies)
+        return replace(model, solver="direct", **eddies)
 
     def joined(self, fluid: Fluid, before: TurbulentFlow | None = None) -> None:
         """Let the velocity of the fluid that this turbulence is in carry it; both are freed together."""
@@ -140,7 +135,7 @@ class TurbulentFlow(RunPart):
 
         def found() -> Floats:
             resultant = probe.resultant()
-            return np.concatenate([resultant.force, resultant.couple / grain.size])
+            return np.concatenate([resultant.force, resultant.torque / grain.size])
 
         return found
 
@@ -150,10 +145,6 @@ class TurbulentFlow(RunPart):
         if found is None or found.converged or found.loads is None or grain is None:
             return None
         return found.loads[:3], grain.size * found.loads[3:]
-
-    def start(self, steady: TurbulentFlow) -> None:
-        """Take both quantities of a steady flow on the mesh."""
-        self.fields.state.x.array[:] = steady.fields.state.x.array
 
     def enter(self, fluid: Fluid) -> None:
         """Set velocity and turbulence everywhere to the inflow's at the distance from the next wall."""

@@ -1,1 +1,1 @@
-"""Verdicts and numbers in SI units from loads and contacts, which `results` holds as data."""
+"""Verdicts from loads and contacts."""

@@ -1,4 +1,4 @@
-"""The verdict of both judges on the grain's load and contacts, in plain data and in a sentence."""
+"""The verdict of both criteria on the grain's load and contacts, as plain data and as a sentence."""
 
 import math
 from dataclasses import replace
@@ -9,13 +9,13 @@ from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
 from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..results.safetybar import SafetyBar
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.solids import orientation_of
 
-ROCKS = "rocks to another rest"  # the mode of a grain that does
+ROCKS = "rocks to another rest"  # mode of motion
 RENEWED = (
     "that is by the load of the flow past the first pose; past the other it may differ by about {drift:.0%}{more}, "
     "which a scene with {keys} and settle = false tells: there see whether the flow's load holds the grain, since "
@@ -26,34 +26,36 @@ OTHER_CONTACTS = ", or more, since a contact has opened or closed"
 
 
 def find_contacts(scene: Scene) -> Contacts:
-    """Contacts of the resting grain with the bed, for a scene that has both."""
+    """Contacts of the resting grain with the bed."""
     return Setup(scene).geometry.contacts
 
 
-def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load:
+def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load:
     """The load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
 
-    The placement is that of the grain where it touches the bed, not where the gap has lifted it.
+    placement: of the grain in contact with the bed, without the gap
     """
     assert placement is not None
-    return Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(placement.centre))
+    return Load(force.flow, torque.flow, force.weight + force.buoyancy, spatial(placement.centre))
 
 
 def followed(scene: Scene, load: Load) -> Rocking | None:
-    """The rests of a scene's grain as the load of the flow grows to this and beyond; None if it has none.
+    """Equilibria of a scene's grain as the load of the flow grows up to `load` and beyond; None without equilibrium.
 
-    The first is where the scene has the grain, or close by.
+    The first is close to the scene's placement. A disc or sphere on a plane rolls under any load.
     """
-    body, contact = scene.body, scene.contact
+    body, contact, bed = scene.body, scene.contact, scene.bed
     assert body is not None and contact is not None and scene.placement is not None
+    if body.shape in ("disc", "sphere") and bed is not None and bed.kind in ("flat", "inclined"):
+        return None
     inert = mass_and_inertia(body, scene.placement)
-    return follow(scene.grain, scene.bed_shape, scene.placement, load, contact.friction, inert)
+    return follow(scene.grain, scene.bed_shape, scene.placement, load, contact.law, inert)
 
 
 def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
-    """A verdict on a grain that the load moves, which rocks before it leaves its pocket, or instead of that.
+    """The verdict on a grain that rocks before it leaves its pocket, or without leaving it.
 
-    What the judges say of the first pose is kept.
+    The verdict of both criteria on the first pose is kept.
     """
     factor = rocking.critical
     paper = verdict["sentence"].partition("; ")[2]
@@ -77,12 +79,12 @@ def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
 def bar_with_rocking(
     bar: SafetyBar, factor: float | None, mode: str, share: float, drift: float
 ) -> SafetyBar:
-    """The bar of a grain that rocks: nothing is proved of the last of its rests, under a load that is frozen.
+    """The bar of a rocking grain, computed with a frozen load: nothing is certain.
 
     Args:
         factor: the safety factor, None for an infinite one.
-        share: errors of the load, relative.
-        drift: by how much the load may differ where the grain has rocked to, relative.
+        share: relative error of the load.
+        drift: relative change of the load between the first and the last pose.
     """
     value, error = math.inf if factor is None else factor, share + drift
     low, high = value / (1.0 + error), value / (1.0 - error) if error < 1.0 else math.inf
@@ -99,7 +101,7 @@ def bar_with_rocking(
 
 
 def standing(placement: Placement) -> str:
-    """The keys of a grain that stands where it is placed, as it is turned there."""
+    """The scene's keys for a placement."""
     if placement.gdim == 2:
         angle = math.degrees(placement.angle) % 360.0
         return f"body.x = {placement.centre[0]:.10g} and body.angle = {angle:.6g}"
@@ -109,8 +111,8 @@ def standing(placement: Placement) -> str:
 
 
 def may_rock(verdict: dict[str, Any]) -> bool:
-    """Whether contacts hold the grain against its weight, but against no load of the flow: it may find another rest.
+    """Whether the contacts balance the weight but no load of the flow, so that another equilibrium may exist.
 
-    Contacts that hold it up to some part of the load open where it moves, and then the load is another one.
+    Contacts that balance a fraction of the load open as the grain moves, and the load changes.
     """
     return verdict["moves"] and verdict["safety_status"] == "NO_RESERVE"

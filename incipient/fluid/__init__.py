@@ -1,4 +1,4 @@
-"""The fluid sub-problem: spaces, boundary conditions, steady solution; `transient` is for flow in time alone."""
+"""The fluid sub-problem: spaces, boundary conditions, steady solution; `transient` is for unsteady flow alone."""
 
 from __future__ import annotations
 

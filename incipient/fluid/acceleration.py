@@ -1,4 +1,4 @@
-"""The force of a flow that changes faster than viscosity acts: of the disturbance's potential, added mass among it.
+"""The force of a flow that changes faster than viscosity acts: that of the disturbance's potential with added mass.
 
 Where the base flow w changes at the rate of w in unit time, the fluid around bodies at rest gains w + grad(phi), with
 no flux through walls: n . grad(phi) = -n . w there. The pressure of the disturbance is -phi (fluid density one).
@@ -18,8 +18,8 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats
 from ..compat import petsc
-from ..errors import ConvergenceError
 from ..mesh.domain import Domain
+from ..symmetric import solve_symmetric
 
 ORDER = 2
 
@@ -31,12 +31,12 @@ def load_of_disturbance(
     outlet: str,
     centre: Sequence[float],
 ) -> Floats:
-    """Force and torque (2, 3) on the boundary "body" by the disturbance of a base flow that grows. Collective.
+    """Force and torque (2, 3) on the boundary "body" by the disturbance of an accelerating base flow. Collective.
 
     Args:
-        velocity: of the base flow, (gdim, n) at places (3, n), that it gains in unit time.
-        walls: boundaries that nothing crosses, "body" among them. Others are taken as far from the disturbance.
-        outlet: the one of the others where its potential is zero.
+        velocity: of the base flow, (gdim, n) at positions (3, n), that it gains in unit time.
+        walls: boundaries that nothing crosses, "body" among them. Other boundaries count as far from the disturbance.
+        outlet: the other boundary where the potential is zero.
         centre: (gdim,) of the torque.
     """
     mesh, gdim = domain.mesh, domain.gdim
@@ -56,18 +56,18 @@ def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats
     x = ufl.SpatialCoordinate(domain.mesh)
     ds, arms = domain.measure("body"), x - ufl.as_vector([float(one) for one in centre])
     if domain.gdim == 2:
-        couple = [0, 0, arms[0] * n[1] - arms[1] * n[0]]
-        pushes = [n[0], n[1], 0, *couple]
+        torque = [0, 0, arms[0] * n[1] - arms[1] * n[0]]
+        pushes = [n[0], n[1], 0, *torque]
     else:
         pushes = [*n, *ufl.cross(arms, n)]
-    found = np.zeros(6)
+    load = np.zeros(6)
     for place, push in enumerate(pushes):
         if not isinstance(push, int):
-            found[place] = dolfinx.fem.assemble_scalar(compat.form(-phi * push * ds))
-    domain.comm.Allreduce(MPI.IN_PLACE, found)
+            load[place] = dolfinx.fem.assemble_scalar(compat.form(-phi * push * ds))
+    domain.comm.Allreduce(MPI.IN_PLACE, load)
     if domain.halved:
-        found = 2.0 * found * np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
-    return found.reshape(2, 3)
+        load = 2.0 * load * np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+    return load.reshape(2, 3)
 
 
 def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
@@ -78,17 +78,4 @@ def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
     right = petsc.assemble_vector(flux)
     right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     petsc.set_bc(right, conditions)
-    solver, solution = PETSc.KSP().create(phi.function_space.mesh.comm), matrix.createVecRight()
-    solver.setOperators(matrix)
-    solver.setType("cg")
-    solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
-    solver.setTolerances(rtol=1e-10, max_it=10_000)
-    solver.solve(right, solution)
-    if solver.getConvergedReason() <= 0:
-        raise ConvergenceError(
-            "the potential of a growing flow did not converge: use a smaller numerics.mesh_size"
-        )
-    phi.x.array[: solution.getLocalSize()] = solution.array_r
-    phi.x.scatter_forward()
-    for one in (matrix, right, solution, solver):
-        one.destroy()
+    solve_symmetric(matrix, right, phi, 1e-10, multigrid=True)

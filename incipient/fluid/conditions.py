@@ -13,7 +13,7 @@ Velocity = Callable[[np.ndarray, float], np.ndarray]
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Velocity given on a boundary: a function of x (3, n) and t that returns (gdim, n)."""
+    """Prescribed velocity on a boundary: a function of x (3, n) and t that returns (gdim, n)."""
 
     boundary: str
     velocity: Velocity
@@ -29,13 +29,13 @@ class Slip:
 
 @dataclass(frozen=True)
 class Friction:
-    """A boundary along which a flow is resisted by a wall a distance beyond it, by a law; nothing crosses it.
+    """An impermeable boundary with the friction of a wall at a distance beyond it, from a law of the wall.
 
     distance: of the wall
-    drag:     friction over the velocity: a function of the speed, of the shear velocity that k there
-              stands for, of 1/Re and of the distance (UFL)
-    axis:     that of the normal of a plane boundary, which the mesh really has at that distance from the wall; None: a
-              boundary of any shape, at the wall itself, where the distance is one of the law's alone
+    drag:     friction over the velocity: a function of the speed, of the shear velocity from k there,
+              of 1/Re and of the distance (UFL)
+    axis:     that of the normal of a plane boundary, which lies at that distance from the wall; None: a boundary
+              of any shape at the wall itself, where only the law has the distance
     moves:    whether the wall, of any shape, moves as a rigid body: `friction.WallLoad.carry` sets its velocity
     """
 
@@ -48,9 +48,9 @@ class Friction:
 
 @dataclass(frozen=True)
 class Open:
-    """A boundary through which fluid leaves freely: -p n + nu dv/dn = 0.
+    """An outflow boundary: -p n + nu dv/dn = 0.
 
-    velocity: of the flow whose momentum returning fluid brings, as that of `Prescribed`; None: its own
+    velocity: of backflow, as that of `Prescribed`; None: that of the flow
     """
 
     boundary: str
@@ -59,10 +59,10 @@ class Open:
 
 @dataclass(frozen=True)
 class IncomingWave:
-    """A wave that comes in at an end with the base flow.
+    """An incoming wave at an end with the base flow.
 
-    velocity:  of both, a function of x (3, n), places as they are, and t that returns (gdim, n)
-    elevation: a function of x (3, n), of which only places along the level matter, and t that returns (n,)
+    velocity:  of both, a function of present positions x (3, n) and t that returns (gdim, n)
+    elevation: a function of x (3, n), of which only horizontal coordinates matter, and t that returns (n,)
     """
 
     velocity: Velocity
@@ -71,13 +71,13 @@ class IncomingWave:
 
 @dataclass(frozen=True)
 class Entering:
-    """An end below a free surface through which fluid enters, or leaves, at a given rate (see `entry.Entry`).
+    """An end below a free surface with a prescribed discharge, in or out (see `constraints.Entry`).
 
     axis:     that of its normal
-    velocity: along the axis; a function of x (3, n), places as the mesh was made, and t that returns (n,)
+    velocity: along the axis; a function of positions x (3, n) when the mesh was made, and t, that returns (n,)
     level:    length of the zone next to the end in which the surface is made level
-    given:    whether the level there is the still one: for flows faster than long waves
-    wave:     what of `velocity` is a wave, which also has a velocity across and an elevation; None: there is none
+    given:    whether the level there is the still level: for supercritical flow
+    wave:     the wave in `velocity`, with its velocity across and elevation; None: no wave
     """
 
     boundary: str
@@ -97,18 +97,18 @@ class Carried:
 
 @dataclass(frozen=True)
 class Sponge:
-    """A zone before the end of a channel in which the flow is relaxed to the base flow, so that waves die out there.
+    """A zone before the end of a channel in which the flow is relaxed to the base flow, so that waves decay there.
 
-    start:  x at which it begins
-    end:    x of the end of the channel
-    rate:   at the end; it rises with the square of the distance from the start
-    stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n)
+    start: x at which it begins
+    end: x of the end of the channel
+    rate: at the end; it grows as the square of the distance from the start
+    base_flow: velocity (gdim, n) at positions x (3, n) and time t, here zero
     """
 
     start: float
     end: float
     rate: float
-    stream: Velocity
+    base_flow: Velocity
 
 
 @dataclass(frozen=True)
@@ -116,10 +116,10 @@ class FreeSurface:
     """A boundary on top that moves with the fluid and is a graph over the plane; velocities there are free.
 
     gravity:  acceleration (gdim,); its hydrostatic pressure acts on the surface where this is above the still level
-    origin:   a place (gdim,) of the still level, at which the flow's pressure is that above the surface
-    pressure: of what is above, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
+    origin:   a position (gdim,) of the still level, at which the flow's pressure is that above the surface
+    pressure: above the surface, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
     pinned:   names of the boundaries at which its elevation stays; the fluid sticks to them
-    sponge:   zone at the end of a channel in which waves die out; None: there is none
+    sponge:   zone at the end of a channel in which waves decay; None: there is none
     """
 
     boundary: str

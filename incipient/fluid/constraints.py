@@ -7,9 +7,11 @@ from typing import Any
 
 import dolfinx
 import numpy as np
+import ufl
 from mpi4py import MPI
 
 from .. import compat
+from ..compat import PETSc, petsc
 from ..mesh.domain import Domain
 from .conditions import (
     Carried,
@@ -21,14 +23,13 @@ from .conditions import (
     Prescribed,
     Slip,
 )
-from .entry import Entry
 from .space import TaylorHood, boundary_blocks
 
 
 class Constraints:
     """The Dirichlet conditions of a flow, kept up to date with time.
 
-    Where two boundaries meet, the condition named later holds: name walls after moving lids and the
+    Where two boundaries meet, the condition named later applies: with walls after moving lids the
     corners are watertight. With `level` the pressure is zero at one node where no boundary gives it a level.
     """
 
@@ -51,11 +52,13 @@ class Constraints:
         self._carried = {
             name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried
         }
-        given = [c.boundary for c in prescribed]
+        prescribed_names = [c.boundary for c in prescribed]
         self.entries = tuple(
-            Entry(domain, space, c, tuple(given)) for c in conditions if isinstance(c, Entering)
+            Entry(domain, space, c, tuple(prescribed_names))
+            for c in conditions
+            if isinstance(c, Entering)
         )
-        self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
+        self.dirichlet = self._velocity_conditions(domain, [*prescribed_names, *carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
 
@@ -65,23 +68,18 @@ class Constraints:
         return not self.open and self.surface is None
 
     @property
-    def stream(self) -> Any:
-        """The velocity whose momentum fluid brings that returns through an open end; None: its own."""
+    def backflow(self) -> Any:
+        """The velocity prescribed for backflow through open ends; None: backflow keeps its own velocity."""
         return self._values if self._returns else None
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Names of the boundaries along which the flow is resisted by a law of the wall."""
+        """Names of the boundaries with a law of the wall."""
         return tuple(one.boundary for one in self.friction)
 
     @property
-    def walls_are_level(self) -> bool:
-        """Whether all boundaries along which the flow is resisted are planes across an axis, at a distance of walls."""
-        return all(one.axis is not None for one in self.friction)
-
-    @property
     def crossings(self) -> tuple[str, ...]:
-        """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
+        """Names of open ends, and of those at which only the velocity along the axis is prescribed."""
         return (*self.open, *(entry.boundary for entry in self.entries))
 
     @property
@@ -89,15 +87,8 @@ class Constraints:
         """Volume flux through all entries, at the last `update`."""
         return sum(entry.influx for entry in self.entries)
 
-    def crossed(self) -> Any:
-        """The measure of the boundary that fluid may cross: nothing crosses a free surface."""
-        whole, names = self.space.boundary_quadrature(self._domain.facets), self._domain.names
-        if self.surface is None:
-            return whole
-        return whole(tuple(tag for name, tag in names.items() if name != self.surface.boundary))
-
     def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
-        """Local pressure nodes on the boundaries through which fluid leaves freely, and on a surface. Collective."""
+        """Local pressure nodes on outflow boundaries and on a surface. Collective."""
         names = self.open if surface is None else (*self.open, surface.boundary)
         nodes = [
             boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names
@@ -123,7 +114,7 @@ class Constraints:
         ]
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Give a carried boundary its velocity, a function of its nodes' places (n, gdim)."""
+        """Give a carried boundary its velocity, a function of its nodes' positions (n, gdim)."""
         gdim, blocks = self.space.gdim, self._carried[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
@@ -155,7 +146,6 @@ class Constraints:
         return conditions
 
     def _pressure_pin(self) -> Any:
-        """One pressure unknown set to zero."""
         index_map = self.space.pressure.dofmap.index_map
         numbers = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
         own = np.flatnonzero(numbers == _first_node(self.space.pressure)).astype(np.int32)
@@ -165,7 +155,7 @@ class Constraints:
 
 
 def _first_node(space: Any) -> int:
-    """Global number of the node that comes first by its coordinates, the same place on any number of ranks."""
+    """Global number of the node with the first coordinates, the same point on any number of ranks."""
     index_map = space.dofmap.index_map
     points = space.tabulate_dof_coordinates()
     comm = space.mesh.comm
@@ -179,3 +169,74 @@ def _first_node(space: Any) -> int:
 
 def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
     return dolfinx.fem.dirichletbc(values, compat.nodes_on(spaces, facets), spaces[0])
+
+
+class Entry:
+    """The velocity along the normal of an end, whose profile is stretched with the depth. Every method is collective.
+
+    A node has the velocity of its position when the mesh was made, times one factor for all nodes. With this factor the
+    discharge is that through the end as made, for any present depth.
+
+    Args:
+        domain: whose mesh is as it was made.
+        condition: of the end.
+        walls: names of boundaries at which the fluid sticks, also in the corners.
+
+    Attributes:
+        boundary, axis, given, wave: those of the condition.
+        space: of a component of the velocity.
+        values: of it, with the velocity on the boundary.
+        influx: volume flux through the mesh as it was at the last `update`.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: TaylorHood,
+        condition: Entering,
+        walls: tuple[str, ...],
+    ):
+        boundary, axis, mesh = condition.boundary, condition.axis, domain.mesh
+        self.boundary, self.axis, self._velocity = boundary, axis, condition.velocity
+        self.given, self.wave, self._level = condition.given, condition.wave, condition.level
+        self.space = compat.space(mesh, ("Lagrange", space.order))
+        self.values, self.influx = dolfinx.fem.Function(self.space), 0.0
+        still = [compat.nodes_on(self.space, domain.facets_of(name)) for name in walls]
+        on = compat.nodes_on(self.space, domain.facets_of(boundary))
+        self._nodes = np.setdiff1d(on, np.concatenate([np.empty(0, dtype=np.int32), *still]))
+        self._places = self.space.tabulate_dof_coordinates()[self._nodes].T.copy()
+        self._own = self._nodes[self._nodes < self.space.dofmap.index_map.size_local]
+        self._count, self._comm = len(self._own), domain.comm
+        inwards = -ufl.FacetNormal(mesh)[axis]
+        measure = space.boundary_quadrature(domain.facets)(domain.names[boundary])
+        ends = domain.comm.allgather(self._places[axis, :1].tolist())
+        self._end = next(one for some in ends for one in some)
+        self._form = compat.form(ufl.inner(inwards, ufl.TestFunction(self.space)) * measure)
+        self._made = self._areas()
+
+    def update(self, t: float) -> None:
+        """Evaluate the velocity at a time, where the mesh is now."""
+        velocities, now = np.asarray(self._velocity(self._places, t)), self._areas()
+        mine = velocities[: self._count]
+        sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
+        as_made, stretched, through = self._comm.allreduce(sums)
+        factor = float(as_made / stretched) if stretched else 1.0
+        self.values.x.array[self._nodes] = factor * velocities
+        self.influx = factor * float(through)
+
+    def zone(self, place: Any) -> Any:
+        """The length of the level zone at the end, which falls to zero along it, in UFL. Not collective."""
+        rest = 1 - abs(place[self.axis] - self._end) / self._level
+        return self._level * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
+
+    def rate(self, place: Any) -> Any:
+        """The zone's length over its square at the end, the weight of the prescribed level, in UFL. Not collective."""
+        return self.zone(place) / self._level**2
+
+    def _areas(self) -> np.ndarray:
+        """(own nodes of the boundary,) the integral of each one's function over it, counted inwards."""
+        vector = petsc.assemble_vector(self._form)
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        areas = np.array(vector.array_r[self._own])
+        vector.destroy()
+        return areas

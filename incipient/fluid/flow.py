@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import dolfinx
@@ -18,14 +18,17 @@ from ..compat import petsc
 from ..mesh.domain import Domain
 from ..parallel import Holder
 from . import newton
-from .action import Action, PressureForce
 from .conditions import Condition
 from .flow_equations import FlowEquations
 from .model import FlowModel
-from .solvers import SOLVERS, Equations, LinearSolver, Triangle, TwoLevel
+from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
+from .solvers.two_level import Action, PressureForce
 
+LOWEST_ORDER = 2  # of the velocity
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
+# Residual, relative to the right-hand side, of corrections of a steady flow by factors, which cost little to be better.
+INNER = 1e-6
 # Residual, relative to the right-hand side, of what stands for an exact solution: derivatives and dual solutions.
 EXACT = 1e-9
 
@@ -40,8 +43,8 @@ class Fluid(Holder, FlowEquations):
         model: the terms present.
         conditions: boundary conditions; where boundaries meet the later one holds.
         reynolds: one over the viscosity of the molecules, in scene units.
-        coarse: the same flow solved in elements of lower order: linear systems are then solved without a matrix, with
-            its solver's help (`solvers.TwoLevel`).
+        coarse: the same flow solved in elements of lower order: linear systems are then solved matrix-free, with
+            the help of its solver (`solvers.TwoLevel`).
     """
 
     def __init__(
@@ -71,8 +74,7 @@ class Fluid(Holder, FlowEquations):
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
-        self.negligible = 0.0  # speed in the mean of a correction that counts as none
-        self._direction: Any = None  # made when a response is first asked for
+        self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
 
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
@@ -104,22 +106,13 @@ class Fluid(Holder, FlowEquations):
         return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
 
     def _equations(self) -> Equations:
-        """What the Jacobian is made of."""
-        model, held = self.model, self.constraints
-        rate = self.rate[0] if model.unsteady else None
+        """The data from which solvers assemble the Jacobian."""
+        held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
             *(self.reference_map, rate, carrier, self._upwind_size(), self.surface),
-            varying=model.viscosity is not None,
-            level=bool(held.friction) and held.walls_are_level,
-            thin=model.viscosity is not None and not held.friction,
-            convected=model.convected,
         )
-
-    def triangle(self, matrix: Any) -> Any:
-        """The preconditioner by blocks for a matrix of the unknowns of this flow, to be freed by the caller."""
-        return Triangle(matrix, self._equations())
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
@@ -143,42 +136,35 @@ class Fluid(Holder, FlowEquations):
         """Solve for the state with the parameters as they are, starting from the present state.
 
         `watch`, or else what `Fluid.watch` has been set to, is called with the number, from zero, and the size of each
-        correction. Factors of earlier solves serve as long as they will in a time step, or with `keep_factors`; with
-        `remember` so does the contraction seen in them, see `newton.solve_by_chords`.
+        Newton update. Earlier factorisations are reused as long as possible in a time step, or with `keep_factors`;
+        with `remember` so is their contraction, see `newton.solve`.
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
-        self._lift = True
-        if self.model.unsteady or keep_factors:
-            return self._solve_step(tolerance, max_iterations, watch, remember)
-        if not self.model.linear or self.coarse is not None:
-            iterative = not self.solver.regular and self.coarse is None
-            return newton.solve(self, tolerance, max_iterations, watch, iterative)
-        size = self.correction(rtol=float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
-        watch(0, size)
-        return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
-
-    def _solve_step(
-        self,
-        tolerance: float,
-        max_iterations: int,
-        watch: Callable[[int, float], Any],
-        remember: bool,
-    ) -> newton.NewtonReport:
-        """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`)."""
-        known = self._contraction if remember else None
+        self._lift, kept = True, self.model.unsteady or keep_factors
+        if self.model.linear and not kept and self.coarse is None:
+            size = self.correction(False, float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
+            watch(0, size)
+            return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
         before = self.solver.statistics.factorisations
-        report = newton.solve_by_chords(self, tolerance, max_iterations, watch, self._aged, known)
+        inexact = not kept and self.coarse is None
+        known = self._contraction if remember else None
+        fresh = self._aged and not inexact
+        report = newton.solve(self, tolerance, max_iterations, watch, fresh, known, inexact)
         if remember or self.solver.statistics.factorisations != before:
             self._contraction = report.contraction
-        self._aged = not report.converged or report.iterations > PATIENCE
+        self._aged = not kept or not report.converged or report.iterations > PATIENCE
         return report
 
     def correct(self) -> float:
-        """One Newton correction from the present state with fresh factors; its size relative to the state."""
+        """One Newton update from the present state with a fresh factorisation; its size relative to the state."""
         self.constraints.update(self.time)
         self._lift = True
-        return self.chord_correction(fresh=True)
+        return self.correction(fresh=True)
+
+    @cached_property
+    def _direction(self) -> Any:
+        return dolfinx.fem.Function(self.space.mixed)
 
     def dual(self, boundary: np.ndarray, rtol: float = EXACT) -> np.ndarray:
         """The dual solution with boundary values, of the Jacobian last assembled: (local unknowns,). Collective.
@@ -187,15 +173,20 @@ class Fluid(Holder, FlowEquations):
         z . A change = 0 for every change of the state that leaves the boundary as it is, A the Jacobian, to a residual
         of `rtol` times that of the boundary values alone.
         """
-        if self._direction is None:
-            self._direction = dolfinx.fem.Function(self.space.mixed)
+        self._completed(boundary, self.kept("transposed", self._transposed), 0.0, rtol, True)
+        return np.asarray(self._direction.x.array.copy())
+
+    def _completed(
+        self, boundary: np.ndarray, action: Any, forcing: Any, rtol: float, transposed: bool = False
+    ) -> None:
+        """Complete boundary values in the direction so that its action and the forcing vanish off the boundary."""
         self._direction.x.array[:] = boundary
-        self._assemble_into(self._vector, self.kept("transposed", self._transposed))
+        self._vector.setArray(self.assembled(action) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.solve_transposed(self._vector, self._correction, rtol)
+        solve = self.solver.solve_transposed if transposed else self.solver.solve
+        solve(self._vector, self._correction, rtol)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
-        return np.asarray(self._direction.x.array.copy())
 
     def _transposed(self) -> Any:
         """The transposed Jacobian times the direction: how the residual tested with it changes with the state."""
@@ -203,54 +194,45 @@ class Fluid(Holder, FlowEquations):
         return compat.form(ufl.derivative(tested, self.state, ufl.TestFunction(self.space.mixed)))
 
     def renew_factors(self) -> None:
-        """Request new factors at the next step. Not collective, but to be called on every rank."""
+        """Request a new factorisation at the next step. Not collective, but to be called on every rank."""
         self._aged = True
 
-    def chord_correction(self, fresh: bool) -> float:
-        """One correction with the Jacobian last prepared; `fresh` prepares a new one first (see `newton.System`).
+    def correction(self, fresh: bool, rtol: float | None = None) -> float:
+        """Subtract a correction, by a new Jacobian if `fresh` or to a residual of `rtol` (see `newton.System`).
 
-        Without a new one the state takes its boundary values before the residual is assembled: the Jacobian's
-        columns for them would cost more than that residual, and change nothing where the state has them already.
+        Its size is relative to the flow: in steady flow the larger of velocity's and pressure's, of the latter's
+        relative to itself and the square of the speed. Without a new Jacobian the state takes its boundary values
+        before the residual is assembled: the columns for them would cost more than that residual, and change nothing
+        where the state already has them.
         """
-        if not fresh or self._jacobian is None:
+        renewed = self._jacobian is not None and (fresh or rtol is not None)
+        if not renewed:
             compat.impose(self.state.x.array, self.constraints.dirichlet)
             self._lift = False
         self._assemble_constrained_residual()
-        if fresh:
-            if self._jacobian is not None:
-                self._assemble_jacobian()
-            self.solver.prepare()
-        self.solver.approximate(self._vector, self._correction)
-        return self._corrected()
-
-    def correction(self, rtol: float, fresh: bool = False) -> float:
-        """One Newton correction, by two levels a rough one; its size relative to the flow (see `newton.System`).
-
-        That is the larger of velocity's and pressure's: of the latter's relative to itself and the square of the speed.
-        """
-        if self._jacobian is None:
-            return self.chord_correction(fresh or not self.model.linear)
-        self._assemble_constrained_residual()
-        self._assemble_jacobian()
-        self.solver.solve(self._vector, self._correction, rtol, fresh)
-        return max(self._corrected(), self._relative_pressure())
+        if renewed:
+            self._assemble_jacobian()
+        if rtol is not None:
+            rtol = min(rtol, INNER) if self.solver.regular else rtol
+            self.solver.solve(self._vector, self._correction, rtol, fresh)
+        else:
+            if fresh:
+                self.solver.prepare()
+            self.solver.approximate(self._vector, self._correction)
+        owned = self._state_view.getLocalSize()
+        self.state.x.array[:owned] -= self._correction.array_r
+        self.state.x.scatter_forward()
+        self._lift, size = False, self._relative_size()
+        return size if self.model.unsteady else max(size, self._relative_pressure())
 
     def _assemble_jacobian(self) -> None:
         self._matrix.zeroEntries()
         petsc.assemble_matrix(self._matrix, self._jacobian, self.constraints.dirichlet)
         self._matrix.assemble()
 
-    def _corrected(self) -> float:
-        """Subtract the correction; its size relative to the state."""
-        owned = self._state_view.getLocalSize()
-        self.state.x.array[:owned] -= self._correction.array_r
-        self.state.x.scatter_forward()
-        self._lift = False
-        return self._relative_size()
-
     def _assemble_constrained_residual(self) -> None:
         conditions = self.constraints.dirichlet
-        self._assemble_local(self._vector, self._residual)
+        self._assemble_local(self._residual)
         if self._lift:
             # Only the first correction changes boundary values; later ones vanish there.
             petsc.apply_lifting(
@@ -259,37 +241,20 @@ class Fluid(Holder, FlowEquations):
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(self._vector, conditions, self._state_view, -1.0)
 
-    def _assemble_local(self, vector: Any, form: Any) -> None:
-        """A linear form; what ranks owe each other is not added yet."""
-        with vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(vector, form)
-
-    def _assemble_into(self, vector: Any, form: Any) -> None:
-        self._assemble_local(vector, form)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
     ) -> tuple[np.ndarray, np.ndarray]:
-        """How the flow answers to a change of boundary velocities, to a residual of `rtol`. Collective.
+        """The flow's response to a change of boundary velocities, to a residual of `rtol`. Collective.
 
         `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
-        change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
+        change of the residual (owned unknowns,) that has other causes. Returns the change of the
         state completed so that the residual within the flow stays as it is, and the change of the residual on
         carried boundaries (owned unknowns,), of the tractions: exact to `rtol` where the Jacobian was assembled at
         the present state. Off these boundaries the latter has no meaning.
         """
-        self._direction = self._direction or dolfinx.fem.Function(self.space.mixed)
         whole, near = self.kept("actions", self._actions)
-        self._direction.x.array[:] = boundary
-        self._assemble_action(whole, forcing)
-        compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.solve(self._vector, self._correction, rtol)
-        self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
-        self._direction.x.scatter_forward()
-        self._assemble_action(near, forcing)
-        return self._direction.x.array.copy(), self._vector.array_r.copy()
+        self._completed(boundary, whole, forcing, rtol)
+        return self._direction.x.array.copy(), self.assembled(near) + forcing
 
     def _actions(self) -> tuple[Any, Any]:
         """The Jacobian times the direction: whole, and from the cells at carried boundaries only."""
@@ -300,11 +265,6 @@ class Fluid(Holder, FlowEquations):
             compat.form(ufl.derivative(form, self.state, self._direction)) for form in forms
         )
 
-    def _assemble_action(self, action: Any, forcing: np.ndarray) -> None:
-        """A Jacobian, conditions not applied, times the direction, and the forcing."""
-        self._assemble_into(self._vector, action)
-        self._vector.setArray(self._vector.array_r + forcing)
-
     def residual(self) -> np.ndarray:
         """Residual of the present state against every test function, conditions not applied: (owned unknowns,).
 
@@ -314,8 +274,15 @@ class Fluid(Holder, FlowEquations):
 
     def assembled(self, form: Any) -> np.ndarray:
         """A compiled linear form against every test function of the mixed space: (owned unknowns,)."""
-        self._assemble_into(self._vector, form)
+        self._assemble_local(form)
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return self._vector.array_r.copy()
+
+    def _assemble_local(self, form: Any) -> None:
+        """Assemble a linear form into the vector, without contributions of other ranks."""
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, form)
 
     def _relative_pressure(self) -> float:
         """The change of the pressure over itself and the square of the speed, by root mean squares. Collective."""
@@ -336,3 +303,48 @@ class Fluid(Holder, FlowEquations):
         if change <= self.negligible**2 * self.space.velocity_nodes():
             return 0.0
         return float(np.sqrt(change / whole)) if whole else np.inf
+
+
+def build_fluid(
+    domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
+) -> Fluid:
+    """The fluid of a model, and the second-order one where its systems are solved by two levels. Collective.
+
+    The latter is `Fluid.coarse`, is freed with it, and counts for the same statistics.
+    """
+    if model.solver != "two-level":
+        return Fluid(domain, model, conditions, reynolds)
+    coarse = Fluid(domain, replace(model, order=LOWEST_ORDER, solver="block"), conditions, reynolds)
+    with ExitStack() as on_failure:
+        on_failure.push(coarse)
+        fluid = Fluid(domain, model, conditions, reynolds, coarse)
+        on_failure.pop_all()
+    fluid.solver.statistics = coarse.solver.statistics
+    fluid.holding(coarse)
+    return fluid
+
+
+@contextmanager
+def lowered(fluid: Fluid) -> Iterator[Fluid]:
+    """The second-order flow of a fluid, or a temporary one, with the fluid's state. Collective."""
+    if fluid.coarse is not None:
+        fluid.coarse.interpolate(fluid)
+        yield fluid.coarse
+        return
+    with fluid.at_order(LOWEST_ORDER) as coarse:
+        coarse.interpolate(fluid)
+        yield coarse
+        fluid.solver.statistics.add(coarse.solver.statistics)
+
+
+def enriched(fluid: Fluid) -> Fluid:
+    """A copy of a solved flow in next-higher-order elements; the caller destroys the copy first. Collective.
+
+    An iterative solver of the flow serves the solver of the copy. The copy's Jacobian is then upwinded as the flow is,
+    its residual is not: it consists of the discretisation error of the flow's elements and the effect of upwinding.
+    """
+    order, model = fluid.model.order, fluid.model
+    if isinstance(fluid.solver, Direct):
+        return fluid.at_order(order + 1)
+    model = replace(model, order=order + 1, upwind_order=model.upwind_order or order, exact=True)
+    return Fluid(fluid.domain, model, fluid.conditions, fluid.reynolds, fluid.coarse or fluid)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import dolfinx
@@ -12,7 +11,7 @@ import ufl
 
 from .. import forms
 from ..arrays import Floats
-from ..forms import energy_stable_rate, swept
+from ..forms import terms
 from ..geometry.placement import Placement
 from ..mesh.domain import Domain
 from .conditions import Condition
@@ -34,7 +33,7 @@ class FlowEquations:
     Args:
         domain: mesh and named boundaries.
         model: the terms present.
-        conditions: boundary conditions; where boundaries meet the later one holds.
+        conditions: boundary conditions; where boundaries meet the later one applies.
         reynolds: one over the viscosity of the molecules, in scene units.
         level: whether one pressure is held where no boundary gives it a level.
         coarse: the same flow in elements of lower order, whose parameters are kept the same.
@@ -79,14 +78,13 @@ class FlowEquations:
         self._kept: dict[str, Any] = {}
 
     def let_in(self, conditions: Sequence[Condition]) -> None:
-        """Prescribe other velocities from now on, by conditions of the same kinds on the same boundaries."""
+        """Prescribe other velocities, by conditions of the same kinds on the same boundaries."""
         self.conditions = tuple(conditions)
         self.constraints.prescribe(conditions)
         if self._below is not None:
             self._below.let_in(conditions)
 
     def _surface_load(self) -> Any:
-        """The load of the free surface; None without one."""
         if self.constraints.surface is None:
             return None
         from .surface import SurfaceLoad
@@ -94,7 +92,6 @@ class FlowEquations:
         return SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
 
     def _wall_load(self) -> Any:
-        """The load of walls with a law of friction; None without."""
         if not (walls := self.constraints.friction):
             return None
         from .friction import WallLoad
@@ -116,65 +113,73 @@ class FlowEquations:
 
         Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
         """
-        v, p = ufl.split(self.state)
-        unknowns = forms.Unknowns(v, p, w, q, self.reference_map)
-        return forms.residual(unknowns, self._terms(v, upwind), measure or self.quadrature(cells))
+        flow = (*ufl.split(self.state), w, q)
+        return self._integrated(flow, measure or self.quadrature(cells), upwind)
 
     def pressure_force(self, measure: Any, upwind: bool = True) -> Any:
-        """What a pressure does to the residual of momentum, as a bilinear form of both spaces; `upwind` or not."""
+        """The pressure term of the momentum residual, a bilinear form of both spaces; `upwind` or not."""
         w, p = ufl.TestFunction(self.space.velocity), ufl.TrialFunction(self.space.pressure)
-        v, _ = ufl.split(self.state)
-        unknowns = forms.Unknowns(v, p, w, ufl.as_ufl(0), self.reference_map)
-        return ufl.lhs(forms.residual(unknowns, self._terms(v, upwind), measure))
+        flow = (ufl.split(self.state)[0], p, w, ufl.as_ufl(0))
+        return ufl.lhs(self._integrated(flow, measure, upwind))
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
         return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
     def kept(self, name: str, make: Callable[[], Any]) -> Any:
-        """What has been made under a name for this fluid: forms, whose analysis by UFL takes time. Collective."""
+        """The object cached under a name, such as a form, whose analysis by UFL takes time. Collective."""
         if name not in self._kept:
             self._kept[name] = make()
         return self._kept[name]
 
-    def _terms(self, v: Any, upwind: bool = True) -> Iterator[forms.FlowTerm]:
-        """The terms that the model calls for."""
-        model, viscosity = self.model, self.viscosity
-        force = self._body_force()
+    def _integrated(self, flow: Sequence[Any], dx: Any, upwind: bool) -> Any:
+        """Weak residual of momentum and continuity, (338) and (339), of v, p tested with w, q: the model's terms."""
+        (v, p, w, q), model, at = flow, self.model, self.reference_map
+        viscosity, force = self.viscosity, self._body_force()
         rate, carrier = self._rate_of_change(v), self.carrier(v)
-        yield forms.Stress(viscosity)
+        residual = terms.internal_force(v, p, w, viscosity, at) + terms.continuity(v, q, at)
         if rate is not None:
-            yield forms.RateOfChange(rate)
+            residual += terms.inertia(rate, w, at)
         if carrier is not None:
-            yield forms.Convection(
-                carrier, self.constraints.crossed() if model.energy_stable else None
-            )
+            residual += self._convection(v, carrier, w)
         if model.inertia and model.stabilisation:
-            yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
-        upwind = model.inertia and model.upwind and upwind
-        if upwind:
-            # A Jacobian of corrections alone is cheaper by half without what is small where the residual is.
+            size = cell_size(self.domain.mesh) / model.order
+            residual += terms.grad_div(v, carrier, w, viscosity, size, at)
+        if model.inertia and model.upwind and upwind:
+            # A Jacobian used for Newton updates only costs half without the terms that vanish with the residual.
             along = self._frozen_velocity() if model.exact else carrier
-            viscous = model.viscosity is None and not model.exact
-            yield forms.StreamlineUpwind(
-                carrier, along, viscosity, self._upwind_size(), viscous, rate, force
-            )
+            known = None if model.exact or model.viscosity is not None else viscosity
+            strong = terms.momentum(v, p, carrier, known, rate, force, at)
+            size = self._upwind_size()
+            residual += terms.streamline_upwind(strong, along, w, viscosity, size, at)
         if force is not None:
-            yield forms.BodyForce(force)
+            residual += terms.body_force(force, w, at)
+        residual = residual * dx
         if self.constraints.crossings:
-            # 2-D flow past a grain on a rough bed does not converge with it (tests/end_to_end/test_rough_beds.py).
-            in_space = self.domain.gdim == 3 and model.viscosity is not None
-            stream = self.constraints.stream
-            returning = carrier if in_space or stream is not None else None
-            measure = self.domain.measure(*self.constraints.crossings)
-            yield forms.OpenBoundary(viscosity, measure, returning, stream)
+            residual += self._at_crossings(v, carrier, w)
         if self.walls is not None:
-            yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
-        if (surface := self.surface) is not None:
-            yield forms.BoundaryLoad(lambda w, _: surface.integral(v, carrier, w))
+            residual += self.walls.integral(v, p, rate, w, q)
+        return residual if self.surface is None else residual + self.surface.integral(v, carrier, w)
+
+    def _convection(self, v: Any, carrier: Any, w: Any) -> Any:
+        return terms.convection(v, carrier, w, self.reference_map)
+
+    def _at_crossings(self, v: Any, carrier: Any, w: Any) -> Any:
+        """The terms of outflow boundaries, and of inflow boundaries with a prescribed discharge."""
+        n, at, backflow = (
+            ufl.FacetNormal(self.domain.mesh),
+            self.reference_map,
+            self.constraints.backflow,
+        )
+        residual = terms.open_boundary(v, w, n, self.viscosity, at)
+        # With this term 2-D flow past a grain on a rough bed does not converge (tests/end_to_end/test_rough_beds.py).
+        turbulent_3d = self.domain.gdim == 3 and self.model.viscosity is not None
+        if carrier is not None and (turbulent_3d or backflow is not None):
+            brought = v if backflow is None else v - backflow
+            residual += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
+        return residual * self.domain.measure(*self.constraints.crossings)
 
     def _body_force(self) -> Any:
-        """The force per unit mass; None without one."""
         model = self.model
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
         if model.driven is None or not model.unsteady:
@@ -190,19 +195,16 @@ class FlowEquations:
         return cell_size(self.domain.mesh) / (self.model.upwind_order or self.model.order)
 
     def _past(self) -> list[Any]:
-        """Velocities of the past states."""
         return [ufl.split(h)[0] for h in self.history]
 
     def _rate_of_change(self, v: Any) -> Any:
         if not self.model.unsteady:
             return None
         velocities = [v, *self._past()]
-        if self.model.energy_stable:
-            return energy_stable_rate(self.rate, velocities, self._shifts)
         return sum(a * u for a, u in zip(self.rate, velocities, strict=True))
 
     def carrier(self, v: Any) -> Any:
-        """The velocity that convects, less the mesh's."""
+        """The convecting velocity relative to the mesh."""
         model = self.model
         carrier = None
         if model.inertia and model.unsteady and model.convection == "extrapolated":
@@ -211,10 +213,8 @@ class FlowEquations:
             carrier = v
         if not model.moving_mesh:
             return carrier
-        # The rate of the mesh's places by the same backward difference, places past being x - shift; in the
-        # energy-stable form the volume swept at that rate.
-        moved = [swept(shift) if model.energy_stable else shift for shift in self._shifts]
-        of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], moved, strict=True))
+        # The mesh velocity by the same backward difference, past positions being x - shift.
+        of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], self._shifts, strict=True))
         return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:
@@ -269,18 +269,18 @@ class FlowEquations:
         return self.acceleration * driven.displaced(placement)
 
     def drive(self, *times: float) -> None:
-        """Let the base flow change as its factor does between the time at hand and those of past states.
+        """Set the rate of change of the base flow's factor from the present time and those of past states.
 
-        By the backward difference of the flow, so that its own rate of change is the same.
+        The backward difference is that of the flow, so that both rates of change agree.
         """
         if (driven := self.model.driven) is not None:
             pairs = zip(self.rate, times, strict=True)
             self._acceleration.value = sum(float(a.value) * driven.factor(t) for a, t in pairs)
 
     def mesh_moved(self, *past: np.ndarray) -> None:
-        """Tell that the mesh has been moved: `past` are its places (n, 3) at the last state and the one before.
+        """Update for a moved mesh: `past` are its positions (n, 3) at the last state and the one before.
 
-        Not collective; `compat.geometry_dofs` numbers the places. With one past state give it twice.
+        Not collective; `compat.geometry_dofs` numbers the positions. Give a single past state twice.
         """
         places = self.domain.mesh.geometry.x
         for function, before in zip(self._shifts, past, strict=True):

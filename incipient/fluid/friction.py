@@ -1,4 +1,4 @@
-"""What walls exert on a flow that feels them by a law of the wall; imported only where there are any."""
+"""Friction of walls with a law of the wall; imported only where there are any."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ..mesh.domain import Domain
 from .conditions import Friction
 from .space import TaylorHood, cell_size
 
-HELD = 10.0  # times k^2 nu/h: what resists a flow through a wall, k being the order of the elements
+HELD = 10.0  # times k^2 nu/h: penalty of flow through a wall, k being the order of the elements
 
 
 class WallMotion:
-    """The rigid motion of a wall, as a velocity in UFL whose values change without a new compilation.
+    """The rigid motion of a wall, as a velocity in UFL whose values change without recompilation.
 
     Attributes:
-        velocity: at the places of the mesh.
+        velocity: at points of the mesh.
     """
 
     def __init__(self, mesh: Any):
@@ -38,12 +38,12 @@ class WallMotion:
         self.velocity = rigid_velocity(velocity, spin, x - place)
 
     def give(self, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray) -> None:
-        """Take a velocity (gdim,), spin (1,) or (3,), and the place (gdim,) that goes at that velocity."""
+        """Take a velocity (gdim,), spin (1,) or (3,), and the point (gdim,) with that velocity."""
         for constant, values in zip(self._parts, (velocity, spin, place), strict=True):
             constant.value[:] = values
 
     def at(self, places: np.ndarray) -> np.ndarray:
-        """(n, gdim) velocities at places (n, gdim)."""
+        """(n, gdim) velocities at positions (n, gdim)."""
         velocity, spin, centre = (part.value for part in self._parts)
         arms = places - centre
         return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
@@ -53,8 +53,8 @@ class WallLoad:
     """The load of walls on the flow. Making it is collective.
 
     Args:
-        viscosity: of the molecules, and the whole, which may vary, UFL.
-        shear_velocity: by which the walls resist besides the speed along them (`FlowModel.shear_velocity`), UFL.
+        viscosity: molecular, and total, which may vary, UFL.
+        shear_velocity: in the law of the wall, next to the tangential speed (`FlowModel.shear_velocity`), UFL.
     """
 
     def __init__(
@@ -74,12 +74,11 @@ class WallLoad:
         self._walls = [(one, flow.constant(one.distance)) for one in walls]
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
 
-    def integral(self, state: Any, rate: Any, w: Any, q: Any) -> Any:
-        """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.
+    def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:
+        """The walls' terms in the residual of velocity and pressure, tested with w and q, in UFL. Not collective.
 
-        `rate` is that at which the velocity changes; None in a steady flow.
+        `rate` is the rate of change of the velocity; None in steady flow.
         """
-        v, p = ufl.split(state)
         return sum(
             self._of(wall, distance, (v, p, rate), (w, q))
             * self._measure(self._names[wall.boundary])
@@ -95,11 +94,11 @@ class WallLoad:
     def carry(
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
     ) -> None:
-        """Let a wall that moves have a velocity, spin and centre, see `Motion.give`. Not collective."""
+        """Set the velocity, spin and centre of a moving wall, see `Motion.give`. Not collective."""
         self._motions[boundary].give(velocity, spin, place)
 
     def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
-        """(n, gdim) of the wall at a boundary, at places (n, gdim) of it. Not collective."""
+        """(n, gdim) of the wall at a boundary, at positions (n, gdim) of it. Not collective."""
         motion = self._motions.get(boundary)
         return np.zeros_like(places) if motion is None else motion.at(places)
 
@@ -109,9 +108,9 @@ class WallLoad:
         return v if motion is None else v - motion.velocity
 
     def through(self, v: Any, q: Any, own: bool = True) -> Any:
-        """(v . n) q, integrated over walls of any shape, which nothing crosses, in UFL. Not collective.
+        """(v . n) q, integrated over impermeable walls of any shape, in UFL. Not collective.
 
-        v is relative to the walls, or with `own` false as it is. This and `terms.continuity` are the flow's continuity.
+        v is relative to the walls, or absolute with `own` false. This and `terms.continuity` are the flow's continuity.
         """
         n = self._normal
         return sum(
@@ -123,15 +122,15 @@ class WallLoad:
         )
 
     def work(self, state: Any) -> Any:
-        """What walls that move do on the flow in unit time, in UFL; None where none moves. Not collective."""
+        """The power of moving walls on the flow, in UFL; None where none moves. Not collective."""
         terms = [-self.power(state, one.velocity, name) for name, one in self._motions.items()]
         return sum(terms[1:], terms[0]) if terms else None
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
         """Power of the traction on a wall of any shape for the boundary velocity w, as a UFL form. Not collective.
 
-        In rigid motions it is minus that of the flow's residual without its walls, as no shape of w enters. Without
-        what holds the flow from crossing the wall it is that of pressure, viscous normal stress and the law's friction.
+        For rigid motions w it is minus the power of the flow's residual without its walls. Without
+        the impermeability term it is that of pressure, viscous normal stress and the law's friction.
         """
         v, p = ufl.split(state)
         v = self.relative(v, boundary)

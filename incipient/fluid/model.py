@@ -1,4 +1,4 @@
-"""Which terms the flow has, and how they are discretised."""
+"""The terms of the flow and their discretisation."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..geometry.placement import Placement
 
 @dataclass(frozen=True)
 class Driven:
-    """A base flow that a factor of the time multiplies, by a force per unit mass: its rate of change.
+    """A base flow times a factor of time, driven by a force per unit mass: its rate of change.
 
-    velocity:  function of the place (UFL) giving the base flow at factor one
-    factor:    function of the time
+    velocity:  function of position (UFL) giving the base flow at factor one
+    factor:    function of time
     displaced: function of a grain's placement giving the load (2, 3), force and torque about its centroid, on the
-               fluid that it displaces while the factor rises by one in unit time; None without a grain
+               fluid that it displaces at unit rate of the factor; None without a grain
     """
 
     velocity: Callable[[Any], Any]
@@ -28,25 +28,23 @@ class Driven:
 
 @dataclass(frozen=True)
 class FlowModel:
-    """Which terms the flow has, and how they are discretised.
+    """The terms of the flow and their discretisation.
 
     order:         order of the velocity; the pressure has one less
-    inertia:       False leaves convection out (Stokes)
+    inertia:       False omits convection (Stokes)
     unsteady:      whether there is a time derivative
     convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
-    body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
-                   is not among them, since a potential force only shifts the pressure
-    driven:        a base flow that changes in time, and the force by which it does; None: there is none
+    body_force:    function of position and time (UFL) giving a force per unit mass, or None; without gravity,
+                   since a potential force only shifts the pressure
+    driven:        an unsteady base flow, and its driving force; None: there is none
     reference_map: map of a reference domain that stays; None: the reference is renewed at each step
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
                    straight; its reference is renewed
-    energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    upwind:        whether it is by upwinding along streamlines (`forms.terms.streamline_upwind`), as `Block` needs
-    exact:         whether the residual is that without upwinding, which then is in the Jacobian alone
-    upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
-    convected:     whether blocks of preconditioners hold convection in time, too
-    solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`raised.made`)
+    upwind:        whether the stabilisation is streamline upwinding (`forms.terms.streamline_upwind`), as `Block` needs
+    exact:         whether upwinding is in the Jacobian alone, not in the residual
+    upwind_order:  order of the elements in the upwinding; 0: that of the flow
+    solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`flow.build_fluid`)
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     shear_velocity: friction velocity by k (UFL), for walls with a law of friction; None without a model of k
     """
@@ -59,19 +57,13 @@ class FlowModel:
     driven: Driven | None = None
     reference_map: ReferenceMap | None = None
     moving_mesh: bool = False
-    energy_stable: bool = False
     stabilisation: bool = False
     upwind: bool = False
     exact: bool = False
     upwind_order: int = 0
-    convected: bool = False
     solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None
     shear_velocity: Any = None
-
-    def __post_init__(self) -> None:
-        if self.energy_stable and self.reference_map is not None:
-            raise ValueError("the energy-stable form is for a mesh that is itself moved")
 
     @property
     def linear(self) -> bool:
@@ -81,6 +73,6 @@ class FlowModel:
     @property
     def polynomial(self) -> bool:
         """Whether what is integrated is a polynomial on cells that are straight, and stay so where the mesh moves."""
-        stay = self.reference_map is None and not (self.moving_mesh and self.energy_stable)
+        stay = self.reference_map is None
         forced = self.body_force is not None or self.driven is not None
         return stay and not self.stabilisation and not forced and self.viscosity is None

@@ -1,4 +1,4 @@
-"""Newton's method on an assembled system, with the error left estimated from the contraction of the updates."""
+"""Newton's method on an assembled system, with the remaining error estimated from the contraction of the updates."""
 
 from __future__ import annotations
 
@@ -16,34 +16,28 @@ WORST_CONTRACTION = 0.3
 ROUGHEST = 1e-3
 # Solves by one correction with the same factors, after which a second one measures the contraction again.
 MEASURED_EVERY = 8
+MUCH = 0.05  # of the state: a change after which an older preconditioner would not help
 
 
-class ChordSystem(Protocol):
-    """What Newton's method with factors that are kept needs of a discretised problem."""
+class System(Protocol):
+    """Interface of a discretised problem for Newton's method; all methods are collective."""
 
-    def chord_correction(self, fresh: bool) -> float:
-        """Subtract a correction by the Jacobian last prepared; return its relative size. `fresh` prepares a new one.
+    def correction(self, fresh: bool, rtol: float | None) -> float:
+        """Subtract a Newton update, `fresh` with a new factorisation or preconditioner; its size relative to the state.
 
-        Collective.
+        Its linear system, by a new Jacobian, is solved to a residual of `rtol`; None: the Jacobian is that of the
+        factorisation, and the solution is as accurate as that.
         """
-        ...
-
-
-class System(ChordSystem, Protocol):
-    """What Newton's method needs of a discretised problem; all methods are collective."""
-
-    def correction(self, rtol: float, fresh: bool) -> float:
-        """Subtract one Newton correction from the state; return its size relative to the state."""
         ...
 
 
 @dataclass(frozen=True)
 class Contraction:
-    """The factor by which factors at hand shrink corrections, as far as it is known.
+    """The contraction of Newton updates with the present LU factorisation, as far as it is known.
 
-    ratio:    second correction of a solve over its first, when it was last measured
-    measured: number of the solve, counted since the factors were made, in which that was
-    solves:   number of solves so far with these factors, without that for which they were made
+    ratio:    second update of a solve over its first, as last measured
+    measured: number of the solve, since the factorisation, in which the ratio was measured
+    solves:   number of solves with this factorisation after that for which it was made
     """
 
     ratio: float = np.inf
@@ -51,9 +45,9 @@ class Contraction:
     solves: int = 0
 
     def error_left(self, size: float) -> float:
-        """Error left after a first correction of this size; infinite where the ratio is not known well enough.
+        """Remaining error after a first update of this size; infinite where the ratio is uncertain.
 
-        Factors age with each solve: the ratio is taken to grow as their age does.
+        The factorisation ages with each solve: the ratio is assumed to grow in proportion to its age.
         """
         if not self.measured or self.solves - self.measured >= MEASURED_EVERY:
             return np.inf
@@ -61,7 +55,7 @@ class Contraction:
         return size * ratio / (1 - ratio) if ratio < 0.5 else np.inf
 
     def after(self, sizes: list[float]) -> Contraction:
-        """What is known after another solve, whose corrections had these sizes."""
+        """The contraction after another solve with Newton updates of these sizes."""
         number = self.solves + 1
         if len(sizes) < 2 or sizes[0] == 0.0:
             return replace(self, solves=number)
@@ -71,10 +65,10 @@ class Contraction:
 
 @dataclass(frozen=True)
 class NewtonReport:
-    """How an iteration went: sizes of the corrections relative to the state, and the error estimated to be left.
+    """Report of an iteration: sizes of the Newton updates relative to the state, and the estimated remaining error.
 
-    `contraction` is that of the factors at hand, for the next solve with them. `failure` says why the linear system of
-    the correction after those was not solved; empty where it was.
+    `contraction` is that of the present factorisation, for its next solve. `failure` says why the linear system of
+    the next update was not solved; empty: it was.
     """
 
     converged: bool
@@ -94,75 +88,48 @@ def solve(
     tolerance: float,
     max_iterations: int,
     watch: Callable[[int, float], Any] = lambda iteration, size: None,
-    iterative: bool = False,
+    fresh: bool = True,
+    contraction: Contraction | None = None,
+    inexact: bool = False,
 ) -> NewtonReport:
-    """Iterate until the error left, estimated as d r/(1 - r) with r = d/d_previous, is below `tolerance`.
+    """Iterate until the remaining error, about d r/(1 - r) with r = d/d_previous, is below `tolerance`. Collective.
 
-    With `iterative`, linear systems are solved no better than that pays, and what they leave counts as well. Gives up
-    when corrections have grown three times in a row by half or more, are not finite, or when a linear system is not
-    solved, and reports `converged=False`: the caller decides what to do. Collective.
+    A Jacobian and its factorisation are kept while they contract well: an update then costs one residual and one
+    back-substitution. New ones are made at the start if `fresh`, and whenever an update is more than
+    `WORST_CONTRACTION` of the one before. With the `contraction` of earlier solves one update is enough
+    where it leaves at most the tolerance; every `MEASURED_EVERY` solves a second one checks that. With `inexact`
+    every update has a new Jacobian, its system is solved only to the accuracy of the update, and the linear residual
+    counts; the preconditioner is renewed after an update of more than `MUCH` of the state.
+
+    Stops when updates have grown three times in a row by half or more, are not finite, or when a linear system
+    is not solved, and reports `converged=False`: the caller decides what to do.
     """
+    known = None if inexact else contraction or Contraction()
     sizes: list[float] = []
+    kept: list[float] = []  # sizes since the Jacobian was made
     error = np.inf
     for iteration in range(max_iterations):
-        rtol = (_rough_inner_tolerance if iterative else _inner_tolerance)(sizes, tolerance)
-        slow = (
-            bool(sizes) and sizes[-1] > 0.05
-        )  # the state changes so much that old factors would not help
-        try:
-            sizes.append(system.correction(rtol=rtol, fresh=slow))
-        except UnsolvedError as unsolved:
-            return NewtonReport(False, tuple(sizes), np.inf, failure=str(unsolved))
-        watch(iteration, sizes[-1])
-        if not np.isfinite(sizes[-1]) or _growing(sizes):
-            return NewtonReport(False, tuple(sizes), np.inf)
-        error = max(_error_left(sizes), rtol * sizes[-1] if iterative else 0.0)
-        if error <= tolerance:
-            return NewtonReport(True, tuple(sizes), error)
-    return NewtonReport(False, tuple(sizes), error)
-
-
-def solve_by_chords(
-    system: ChordSystem,
-    tolerance: float,
-    max_iterations: int,
-    watch: Callable[[int, float], Any] = lambda iteration, size: None,
-    fresh: bool = False,
-    contraction: Contraction | None = None,
-) -> NewtonReport:
-    """Iterate as `solve` does, but with factors kept from earlier steps while they contract well enough.
-
-    A correction then costs one residual and one back-substitution: for the small changes of a time step
-    far less than a Jacobian. New factors are made at the start if `fresh`, and whenever a correction is more
-    than `WORST_CONTRACTION` of the one before. With the `contraction` that earlier solves have seen one correction
-    is enough where it leaves no more than the tolerance; every `MEASURED_EVERY` solves a second one checks that.
-    Collective.
-    """
-    known: Contraction | None = contraction or Contraction()
-    sizes: list[float] = []
-    kept: list[float] = []  # sizes since the factors were made
-    for iteration in range(max_iterations):
-        if fresh:
+        if fresh and not inexact:
             kept, known = [], None
+        rtol = _inner_tolerance(sizes, tolerance) if inexact else None
         try:
-            kept.append(system.chord_correction(fresh))
+            kept.append(system.correction(fresh, rtol))
         except UnsolvedError as unsolved:
             return NewtonReport(False, tuple(sizes), np.inf, failure=str(unsolved))
         sizes.append(kept[-1])
         watch(iteration, sizes[-1])
         if not np.isfinite(sizes[-1]) or _growing(sizes):
-            break
-        error = (
-            known.error_left(sizes[0])
-            if known and len(kept) == 1 and kept[0] > 0.0
-            else _error_left(kept)
-        )
+            return NewtonReport(False, tuple(sizes), np.inf)
+        first = len(kept) == 1 and kept[0] > 0.0
+        error = known.error_left(kept[0]) if known and first else _error_left(kept)
+        error = max(error, (rtol or 0.0) * sizes[-1])
         if error <= tolerance:
-            return NewtonReport(
-                True, tuple(sizes), error, known.after(kept) if known else Contraction()
-            )
+            known = known.after(kept) if known else Contraction()
+            return NewtonReport(True, tuple(sizes), error, known)
         fresh = len(kept) > 1 and kept[-1] > WORST_CONTRACTION * kept[-2]
-    return NewtonReport(False, tuple(sizes), np.inf)
+        if inexact:
+            fresh = sizes[-1] > MUCH
+    return NewtonReport(False, tuple(sizes), error)
 
 
 def _error_left(sizes: list[float]) -> float:
@@ -178,17 +145,10 @@ def _error_left(sizes: list[float]) -> float:
 
 
 def _inner_tolerance(sizes: list[float], tolerance: float) -> float:
-    """Linear systems are solved as well as the next correction can use: quadratic convergence squares it."""
-    if not sizes:
-        return 1e-3
-    return float(np.clip(0.1 * sizes[-1], max(1e-12, 0.01 * tolerance), 1e-3))
-
-
-def _rough_inner_tolerance(sizes: list[float], tolerance: float) -> float:
-    """The tolerance of the linear iterations: no finer than Newton's method gains in the correction, or is needed.
+    """The tolerance of the linear iterations: no finer than the gain of the Newton update, or than needed.
 
     The gain is 0.9 times the square of the last, after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16 (choice
-    2), the sizes of Newton updates instead of residuals. It is also how much smaller the update is expected to be.
+    2), the sizes of Newton updates instead of residuals. It is also the expected ratio of the update to the last.
     """
     if len(sizes) < 2 or 0.0 in sizes[-2:]:
         return ROUGHEST

@@ -19,13 +19,14 @@ from .flow import Fluid
 class Projection(Holder):
     """Replaces velocities by the nearest discretely free of divergence, wherever the mesh of a fluid is moved.
 
-    Nearest in L2, on the mesh as it then is, among the velocities v with v* 's values where the velocity is
+    Nearest in L2, on the mesh at that time, among the velocities v with v* 's values where the velocity is
     prescribed (one component on slip boundaries): with a multiplier p in the pressure's space
 
         (v - v*, w) - (p, div w) = 0,    (q, div v) = 0    for all w, q.
 
     Walls with friction of any shape, which nothing crosses, are in both products as in the flow's continuity.
-    Factors or preconditioner made where the mesh first is serve at its other places: GMRES makes up for the difference.
+    The factorisation or preconditioner of the first mesh position is reused at the others: GMRES corrects the
+    difference.
     Holds PETSc objects: use it as a context manager. Every method is collective.
     """
 
@@ -44,10 +45,10 @@ class Projection(Holder):
     def apply(self) -> float:
         """Project the velocity of the fluid's state; returns the relative change ||v - v*|| / ||v*|| in L2.
 
-        Values on boundaries where the velocity is prescribed stay to the last digit: set them first if the transfer
-        has not. The pressure is left alone. On open boundaries p vanishes weakly. In a closed domain the prescribed
-        velocities must let as much in as out; continuity at the pressure's pinned node then follows from that
-        elsewhere, else the node takes up what is left. The change of a fluid at rest is zero.
+        Values on boundaries where the velocity is prescribed stay exactly: set them first if the transfer
+        has not. The pressure is unchanged. On open boundaries p vanishes weakly. In a closed domain the prescribed
+        velocities must have zero net flux; continuity at the pressure's pinned node then follows from that
+        elsewhere, otherwise the node takes the remainder. The change of a fluid at rest is zero.
 
         Raises:
             ConvergenceError: the system could not be factorised.
@@ -59,7 +60,6 @@ class Projection(Holder):
         return float(np.sqrt(change / whole)) if whole else 0.0
 
     def _solve(self) -> None:
-        """Find the change of the velocity, and the multiplier."""
         conditions, vector = self.fluid.constraints.dirichlet, self._vector
         self._matrix.zeroEntries()
         petsc.assemble_matrix(self._matrix, self._left, conditions)

@@ -41,7 +41,7 @@ class TaylorHood:
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
     def constant(self, value: float) -> Any:
-        """A number in forms that may change without a new compilation. Not collective."""
+        """A number in forms that may change without recompilation. Not collective."""
         return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
 
     def velocity_nodes(self) -> int:
@@ -51,7 +51,7 @@ class TaylorHood:
     def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
         """Measure of the cells, exact for convection on straight ones.
 
-        With every order of curvature it has two orders more: on curved cells alone where the integrand is said to be
+        Its degree grows by two with every order of curvature, only on curved cells if the integrand is
         `polynomial` on straight ones. On request of some local cells only, in ascending order. Collective.
         """
         mesh = self.mixed.mesh
@@ -89,7 +89,7 @@ class TaylorHood:
         )
 
     def velocity_points(self) -> np.ndarray:
-        """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
+        """(n, 3) position of each local velocity node, in the present geometry of the mesh."""
         return self.velocity.tabulate_dof_coordinates()
 
 
@@ -123,7 +123,7 @@ def cell_size(mesh: Any) -> Any:
 
 
 def size_along(mesh: Any, direction: Any) -> Any:
-    """UFL expression of a cell's size along a vector, that of an edge of the reference cell along an edge."""
+    """UFL expression of a cell's size along a vector, along an edge its length over that of the reference cell."""
     back = ufl.dot(ufl.inv(ufl.Jacobian(mesh)), direction)
     return ufl.sqrt((ufl.inner(direction, direction) + 1e-30) / (ufl.inner(back, back) + 1e-30))
 

@@ -1,4 +1,4 @@
-"""Steady flow at a Reynolds number reached by steps that steer themselves."""
+"""Steady flow: higher-order elements from second-order ones, large Reynolds numbers from smaller ones."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConvergenceError
-from .flow import Fluid
+from .flow import LOWEST_ORDER, Fluid, lowered
 from .newton import NewtonReport
-from .raised import LOWEST_ORDER, lowered
 
 # A step on the way is only a better start for the next one.
 TOLERANCE_ON_THE_WAY = 1e-2
@@ -20,10 +19,10 @@ ITERATIONS_ON_THE_WAY = 8
 SMALLEST_STEP = 1e-3
 # Reynolds number below which a flow is as good as Stokes flow, whose pressure goes as 1/Re.
 STOKES = 1e-3
-# Share of the Reynolds number from which on a solution at hand is a better start than one of order two: in the demo
+# Fraction of the Reynolds number from which on a known solution is a better start than a second-order one: in the demo
 # reynolds_sweep at Re 200 two iterations lead from 0.97, none from order two (tests/end_to_end/test_critical_flow.py).
 NEAR = 0.9
-# Likewise for the flow of order two that a flow of two levels stands on, whose loads tell of the error.
+# The same for the second-order flow below a flow of two levels, whose loads estimate the error.
 TOLERANCE_BELOW = 1e-7
 
 Watch = Callable[[float, int, float], Any]
@@ -31,7 +30,7 @@ Watch = Callable[[float, int, float], Any]
 
 @dataclass(frozen=True)
 class Step:
-    """One solve on the way: order of the velocity, share of the Reynolds number, how Newton's method went."""
+    """One solve: order of the velocity, fraction of the Reynolds number, report of Newton's method."""
 
     order: int
     share: float
@@ -49,15 +48,15 @@ def solve_steady(
 ) -> tuple[Step, ...]:
     """Solve steadily at the fluid's Reynolds number from its present state. Collective.
 
-    Elements of order above two start from the solution in elements of order two on the same mesh, which
-    costs a fraction; where that is not to be had, and for order two, the Reynolds number is approached
-    from `first_share` of it. From a solution that is `NEAR` they start at once: order two, whose flow at large
-    Reynolds numbers may be farther away, then comes second. By two levels there is no other way. `watch` is called
-    with (share, iteration, size of the correction).
+    Higher-order elements start from the solution in second-order elements on the same mesh, which costs less. Without
+    such a solution, and for second order, the Reynolds number is approached from `first_share` of it. From a solution
+    that is `NEAR` higher-order elements start directly: at large Reynolds numbers the second-order flow may be farther
+    away, and is then the fallback. Flows of two levels always start from second order. `watch` is called with
+    (fraction, iteration, size of the Newton update).
 
     Args:
-        reached: share of the Reynolds number that the present state is the solution of; 0: of none.
-        smallest_step: share of the Reynolds number below which a step is not halved any more.
+        reached: fraction of the Reynolds number that the present state is the solution of; 0: of none.
+        smallest_step: fraction of the Reynolds number below which a step is no longer halved.
 
     Raises:
         ConvergenceError: the fluid then holds the last converged state, at the Reynolds number it belongs to.
@@ -85,7 +84,7 @@ def solve_steady(
 def _from_order_two(
     fluid: Fluid, tolerance: float, climb: Callable[..., tuple[Step, ...]]
 ) -> tuple[Step, ...]:
-    """Elements of higher order from the solution in those of order two; `climb` is `approach`. Collective."""
+    """Solve in higher-order elements from the second-order solution; `climb` is `approach`. Collective."""
     before = fluid.state.x.array.copy()
     on_the_way = TOLERANCE_ON_THE_WAY if fluid.coarse is None else TOLERANCE_BELOW
     with lowered(fluid) as coarse:
@@ -96,7 +95,7 @@ def _from_order_two(
                 fluid.interpolate(coarse)
                 fluid.reynolds = coarse.reynolds
                 raise
-            # Too coarse a mesh for low order may still do for the order asked for.
+            # A mesh too coarse for second order may suffice for the requested order.
             fluid.state.x.array[:] = before
             return climb(fluid, tolerance)
         fluid.interpolate(coarse)
@@ -115,10 +114,10 @@ def approach(
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
-    """Approach the fluid's Reynolds number by steps that steer themselves. Collective.
+    """Approach the fluid's Reynolds number in adaptive steps. Collective.
 
-    The step grows while Newton's method converges and halves when it does not; each start is
-    extrapolated from the two solutions before. From the solution at a share `reached` all the rest is tried first.
+    The step grows while Newton's method converges and halves when it does not; each start is extrapolated from the two
+    solutions before. From the solution at a fraction `reached` the full Reynolds number is tried first.
 
     Raises:
         ConvergenceError: the step became smaller than `smallest_step`, the first linear system was not solved, or the
@@ -163,7 +162,7 @@ def approach(
 
 
 def _how(report: NewtonReport, share: float) -> str:
-    """How Newton's method failed at a share of the Reynolds number."""
+    """The failure of Newton's method at a fraction of the Reynolds number."""
     number, at = report.iterations, f"at {100 * share:.3g}%"
     if report.failure:
         return f"{at} the linear system of correction {number + 1} is not solved"
@@ -178,7 +177,7 @@ class _Path:
         self.states: list[tuple[float, np.ndarray]] = [(reached, fluid.state.x.array.copy())]
 
     def accept(self, share: float) -> None:
-        """Keep the state as that of this share of the Reynolds number, and the one before it."""
+        """Keep the state at this fraction of the Reynolds number, and the one before it."""
         self.states = [*self.states[-1:], (share, self.fluid.state.x.array.copy())]
 
     def restore(self) -> None:
@@ -200,7 +199,7 @@ class _Path:
         self.fluid.state.x.array[:] = new + min(slope, 1.0) * (new - old)
 
     def _scale_pressure(self, share: float) -> None:
-        """Start from Stokes flow with the pressure that it has at a share of the Reynolds number."""
+        """Start from Stokes flow with its pressure at a fraction of the Reynolds number."""
         ((reached, start),) = self.states
         if 0.0 < self.target * reached < STOKES:
             pressures = self.fluid.space.pressure_map

@@ -1,4 +1,4 @@
-"""What acts on the flow below a free surface within a time step; imported only where there is one."""
+"""Load of a free surface on the flow within a time step; imported only where there is one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..forms import terms
-from ..forms.surface import SurfaceTerms, component, load, pressure
+from ..forms.surface import SurfaceTerms, load, pressure
 from ..mesh.domain import Domain
 from .conditions import Sponge
 from .constraints import Constraints
@@ -18,7 +18,7 @@ from .space import TaylorHood, cell_size
 
 
 class SurfaceLoad:
-    """The load of a free surface, by functions on the mesh's own nodes that a step sets. Making it is collective.
+    """The load of a free surface, by functions on the mesh's nodes that a step sets. The constructor is collective.
 
     It includes the terms at an inflow and in the sponge.
 
@@ -57,19 +57,17 @@ class SurfaceLoad:
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
         """The part in the residual of momentum, tested with w, in UFL. Not collective."""
-        found = load(v, w, self.place, self.normal, self._acting()) * self.measure
+        residual = load(v, w, self.place, self.normal, self._acting()) * self.measure
         if carrier is not None:
             brought = v if self._wave is None else v - self._wave
             for measure in self._entering:
-                found += terms.entering_boundary(brought, carrier, w, self.normal) * measure
-        return found if self._sponge is None else found + self._sponge.integral(v, w, self.place)
-
-    def of_component(self, u: Any, w: Any, way: Any) -> Any:
-        """What it adds to the operator of the velocity's component along a unit vector, in UFL. Not collective."""
-        return component(u, w, way, self.normal, self._acting()) * self.measure
+                residual += terms.entering_boundary(brought, carrier, w, self.normal) * measure
+        return (
+            residual if self._sponge is None else residual + self._sponge.integral(v, w, self.place)
+        )
 
     def of_pressure(self, p: Any, q: Any) -> Any:
-        """What it adds to the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
+        """The surface's term in the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
         return (
             pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
         )
@@ -81,7 +79,7 @@ class SurfaceLoad:
         )
 
     def update(self, time: float) -> None:
-        """Evaluate what comes in as a wave and the pressure above, where the mesh is now. Not collective."""
+        """Evaluate the incoming wave and the pressure above at the present mesh. Not collective."""
         if self._wave is not None and self._coming is not None:
             points = self._held.points
             self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T
@@ -94,11 +92,11 @@ class _Sponge:
     """A sponge and the base flow in it, at the nodes of the mesh as it was made."""
 
     def __init__(self, flow: TaylorHood, sponge: Sponge):
-        self._given, self._stream = sponge, dolfinx.fem.Function(flow.velocity)
-        values = sponge.stream(flow.velocity_points().T, 0.0)
-        self._stream.x.array.reshape(-1, flow.gdim)[:] = values.T
+        self._given, self._base_flow = sponge, dolfinx.fem.Function(flow.velocity)
+        values = sponge.base_flow(flow.velocity_points().T, 0.0)
+        self._base_flow.x.array.reshape(-1, flow.gdim)[:] = values.T
 
     def integral(self, v: Any, w: Any, place: Any) -> Any:
         within = (place[0] - self._given.start) / (self._given.end - self._given.start)
         rate = self._given.rate * ufl.conditional(ufl.gt(within, 0), within**2, 0)
-        return terms.relaxation(v, self._stream, rate, w) * ufl.dx
+        return terms.relaxation(v, self._base_flow, rate, w) * ufl.dx

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from ..arrays import extrapolated
 from ..errors import ConvergenceError
 from .flow import Fluid
 from .newton import NewtonReport
-from .tolerance import ShareOfError
 
+LEAST = 1e-9  # tolerance of a time step
 MOST_REJECTED = 11  # attempts at one step: ten halvings
 # Shortest step of a run over its first one: a flow that diverges would else halve step after step without end.
 SHORTEST = 0.5**MOST_REJECTED
@@ -25,8 +25,34 @@ IMPULSE = 0.01
 GROWTH = 1.25
 
 
+@dataclass(frozen=True)
+class ShareOfError:
+    """The tolerance of a time step as a fraction of the local time error of the step before.
+
+    share:       fraction that the algebraic error may add to the error of a step
+    unknown:     tolerance while no step has an error estimate yet
+    least, most: between which the tolerance stays
+    """
+
+    share: float = 0.1
+    unknown: float = 1e-6
+    least: float = LEAST
+    most: float = 1e-4
+
+    def after(self, error: float | None) -> float:
+        """The tolerance of a step after one with this local error; None: unknown. Not collective."""
+        if error is None:
+            return self.unknown
+        return float(np.clip(self.share * error, self.least, self.most))
+
+
+def of_steps(tolerance: float | Literal["auto"]) -> float | ShareOfError:
+    """The tolerance of time steps, from `numerics.tolerance`. Not collective."""
+    return ShareOfError() if tolerance == "auto" else max(tolerance, LEAST)
+
+
 class Interface(Protocol):
-    """What moves with the fluid and is solved together with it; all methods are collective."""
+    """Interface of the moving parts that are solved together with the flow; all methods are collective."""
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
         """Solve for the end of a step of this length and order from the last state, the fluid's state included.
@@ -36,7 +62,7 @@ class Interface(Protocol):
         ...
 
     def allowed(self, length: float) -> float:
-        """How long the step just attempted may be: less than its length where something is met on the way."""
+        """The admissible length of the attempted step: shorter if a part meets something on the way."""
         ...
 
     def accept(self) -> None:
@@ -52,7 +78,7 @@ class Interface(Protocol):
         ...
 
     def velocities(self) -> np.ndarray:
-        """(n,) velocities of what moves, whose error limits the steps, too."""
+        """(n,) velocities of the moving parts, whose error also limits the steps."""
         ...
 
     def complaint(self) -> str:
@@ -64,7 +90,7 @@ class Interface(Protocol):
 class TimeStep:
     """One accepted step: the time reached, its length, the local error (None: not enough history yet).
 
-    `tolerance` is what its algebraic solution was allowed to leave.
+    `tolerance` is that of its algebraic solution.
     """
 
     number: int
@@ -93,7 +119,7 @@ def backward_difference(
 
 @dataclass(frozen=True)
 class Past:
-    """A state that has been: its time, the fluid's unknowns, and the velocities of what moves with the fluid."""
+    """A past state: its time, the fluid's unknowns, and the velocities of the moving parts."""
 
     time: float
     state: np.ndarray
@@ -106,9 +132,9 @@ class Transient:
     Args:
         fluid: built with `FlowModel(unsteady=True)`; its present state is the initial one.
         order: 1 (the paper's backward difference) or 2.
-        tolerance: relative, for the algebraic solution within a step; or its share of the step's own error.
+        tolerance: relative, for the algebraic solution within a step; or its fraction of the step's error.
         accuracy: local error of the velocity a step may make, relative; None keeps the steps as given.
-        interface: what moves with the fluid, or None.
+        interface: the moving parts, or None.
     """
 
     def __init__(
@@ -133,7 +159,7 @@ class Transient:
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
         """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
 
-        The first steps then are much shorter than `step`: nothing can tell their error yet. Without `accuracy` the
+        The first steps then are much shorter than `step`: their error has no estimate yet. Without `accuracy` the
         very first is of length `first` times `step`, and each next one a quarter longer up to `step`; so are those
         after one that had to be halved, as differences of second order over steps 2.4 times as long each are unstable
         (Grigorieff 1983, Numer. Math. 42, 359).
@@ -161,10 +187,10 @@ class Transient:
             yield taken
 
     def advance(self, length: float) -> TimeStep:
-        """One accepted step, at most `length` long: halved while it does not converge or errs too much.
+        """One accepted step, at most `length` long: halved while it does not converge or its error is too large.
 
         Raises:
-            ConvergenceError: as in `march`; the run can go on from the last good state.
+            ConvergenceError: as in `march`; the run can continue from the last good state.
         """
         self._remember()
         try:
@@ -178,7 +204,7 @@ class Transient:
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
-        """Go on with a fluid on another mesh, whose state is the present one, and its past there. Collective."""
+        """Continue with a fluid on another mesh, which has the present state and its past there. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
         self._new_mesh = fluid.time
 
@@ -200,14 +226,14 @@ class Transient:
         self._length_kept = next_length if number else None
 
     def forget(self) -> None:
-        """Drop factors and what else earlier steps have taught about the iteration: a resumed run has none either."""
+        """Discard factorisations and other data of earlier steps on the iteration: a resumed run has none either."""
         self.fluid.renew_factors()
         if self.interface is not None:
             self.interface.forget()
 
     @property
     def number(self) -> int:
-        """How many steps have been accepted."""
+        """Number of accepted steps."""
         return self._count
 
     @property
@@ -240,7 +266,7 @@ class Transient:
         )
 
     def _remedy(self) -> str:
-        """What a user may change when the flow alone fails: steps with extrapolated convection are linear."""
+        """The remedy when the flow alone fails: steps with extrapolated convection are linear."""
         linear = (
             ', numerics.convection = "extrapolated"'
             if self.fluid.model.convection == "implicit"
@@ -263,7 +289,7 @@ class Transient:
         ]
 
     def _attempt(self, length: float) -> NewtonReport:
-        """Solve for the end of a step; a flow set off at once from what a much shorter one makes of it, if need be."""
+        """Solve a step; an impulsively started flow begins, if necessary, from the end of a much shorter step."""
         self._discretise(length)
         report = self._solved(length)
         if report.converged or len(self._past) > 1:
@@ -284,11 +310,10 @@ class Transient:
 
     @property
     def _is_second(self) -> bool:
-        """Whether the step at hand is of second order."""
         return self.order == 2 and len(self._past) > 1
 
     def _discretise(self, length: float) -> None:
-        """Let the fluid's equations be those of a step of this length, and its state a first guess."""
+        """Set the fluid's equations for a step of this length, and its state to an initial guess."""
         fluid, past = self.fluid, self._past
         second = self._is_second
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
@@ -304,8 +329,10 @@ class Transient:
 
     def _tolerance(self) -> float:
         """The tolerance of the algebraic solution in the step to come."""
-        asked = self.tolerance
-        return asked.after(self.last_error) if isinstance(asked, ShareOfError) else asked
+        tolerance = self.tolerance
+        return (
+            tolerance.after(self.last_error) if isinstance(tolerance, ShareOfError) else tolerance
+        )
 
     def _restore(self) -> None:
         self.fluid.time = self._past[0].time
@@ -337,9 +364,9 @@ class Transient:
         return max(error, change / size if size else 0.0)
 
     def _credible(self, error: float | None) -> float | None:
-        """The error by which the next tolerance goes: no larger than before while states come from another mesh.
+        """The error that sets the next tolerance: no larger than before while states come from another mesh.
 
-        Their differences then tell of both meshes more than of time.
+        Their differences then include the difference of both meshes.
         """
         if min(one.time for one in self._past[: self.order + 1]) > self._new_mesh:
             return error
@@ -363,8 +390,23 @@ class Transient:
         return taken.length * float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
 
 
+class QuasiSteady(Transient):
+    """Advances a steady fluid whose boundary values change in time. All methods are collective.
+
+    As `Transient`, for a fluid built with `FlowModel(unsteady=False)`: each step is steady, started from that
+    of the step before. There is no time error, and so no adaptive step.
+    """
+
+    def _attempt(self, length: float) -> NewtonReport:
+        self.fluid.time = self._past[0].time + length
+        return self.fluid.solve(self._tolerance(), keep_factors=True)
+
+    def _error(self, length: float) -> float | None:
+        return None
+
+
 def _landing(left: float, step: float) -> float:
-    """The step, adjusted so that the last one lands on the end without being a sliver."""
+    """The step, adjusted so that the last one reaches the end and is not much shorter."""
     if left <= step * (1 + 1e-9):
         return left
     return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step

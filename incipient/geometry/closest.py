@@ -6,33 +6,23 @@ Lengths are scene units, angles radians, positions those of the grain's centroid
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import SceneError
-from incipient.geometry.contacts import ClosestPoints, Contacts
+from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.closest import PlanarProximity
 from incipient.geometry.plane.grains import Grain
+from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.closest import SpatialProximity
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.statics import wrenches
-
-SAME_PLACE = 1e-6  # of the grain's size: two points as near are one
-SEATINGS, SEATED = (
-    12,
-    1e-11,
-)  # steps of Newton's method, and the last one's length in the grain's size
-WANDERS = 4.0  # gaps by which a contact may be elsewhere when the grain is a gap away
-CONVERGED = 1e-13  # of the grain's size: last change of a lift
 
 
-def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> PlanarProximity | SpatialProximity:
+def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> Proximity:
     """A grain and a bed, prepared for questions about many placements. Raises SceneError if only one is planar."""
     if isinstance(grain, Solid) and isinstance(bed, Terrain):
         return SpatialProximity(grain, bed)
@@ -80,23 +70,7 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
     """
     if not (np.isfinite(gap) and gap >= 0.0):
         raise SceneError(f"the gap {gap} is not a distance; give a number that is not negative")
-    near = proximity(grain, bed)  # prepared once: that takes longer than a question
-    touching_at = near.lowered(placement)
-    if gap == 0.0:
-        return touching_at
-
-    from scipy.optimize import brentq  # which takes time to import, and most grains rest
-
-    def excess(lift: float) -> float:
-        """The distance after a lift, less the gap."""
-        return near.clearance(touching_at.raised(lift))[0] - gap
-
-    low, lift = gap, gap
-    while excess(lift) < -CONVERGED * grain.size:
-        low, lift = lift, 2.0 * lift
-    if lift > gap:
-        lift = brentq(excess, low, lift, xtol=CONVERGED * grain.size)
-    return touching_at.raised(lift)
+    return proximity(grain, bed).lifted(placement, gap)
 
 
 def touching(
@@ -119,41 +93,3 @@ def touching(
             f"contact tolerance {tolerance} is not a positive length; give a positive number"
         )
     return proximity(grain, bed).contacts(placement, tolerance)
-
-
-@dataclass(frozen=True, eq=False)
-class NearBed:
-    """A grain and its bed, prepared for questions about many placements of a grain in motion."""
-
-    grain: Grain | Solid
-    bed: Bed | Terrain
-
-    @cached_property
-    def _proximity(self) -> PlanarProximity | SpatialProximity:
-        return proximity(self.grain, self.bed)
-
-    def gaps(self, placement: Placement, within: float) -> ClosestPoints:
-        """All local minima of the gap not above `within` (a length), and corners of the grain so near to the bed.
-
-        Corners count because an edge or a face that turns onto the bed meets it there.
-        """
-        near, corners = self._proximity.minima(placement, within), self.grain.gdim == 3
-        near = self._proximity.locally_least(placement, near, corners=corners)
-        return near.distinct(SAME_PLACE * self.grain.size)
-
-    def with_gap(
-        self, placement: Placement, gap: float, places: Floats, before: float = 0.0
-    ) -> Placement:
-        """The placement next to one at which the contacts at places (k, gdim) have a gap, where they had `before`."""
-        size, d, within = self.grain.size, placement.gdim, WANDERS * max(gap, before)
-        for _ in range(SEATINGS):
-            result = self.gaps(placement, within)
-            apart = np.linalg.norm(result.points[:, None] - places[None, :, :d], axis=2)
-            near = result.only(apart.min(axis=1, initial=np.inf) <= within)
-            arms = near.points - np.asarray(placement.centre)
-            rows = size * wrenches(near.normals, arms, size)
-            motion = np.linalg.lstsq(rows, gap - near.gaps, rcond=1e-10)[0]
-            placement = placement.moved(size * motion[:d], motion[d:])
-            if np.abs(motion).max(initial=0.0) <= SEATED:
-                break
-        return placement

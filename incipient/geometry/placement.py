@@ -1,4 +1,4 @@
-"""Where a grain is and how it is turned, in 2-D (an angle) and in 3-D (a unit quaternion)."""
+"""Position and rotation of a grain, in 2-D (an angle) and in 3-D (a unit quaternion)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ UNIT_TOLERANCE = 1e-6  # how far the length of a unit quaternion may be from one
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a grain is: the position of its centroid and its rotation.
+    """The position of a grain's centroid and its rotation.
 
     In 2-D `angle` (radians, counter-clockwise); in 3-D `quaternion` (w, x, y, z) of unit length, by
     default no rotation. Raises SceneError on numbers that are not finite, on a quaternion in 2-D, an

@@ -1,9 +1,9 @@
 """Settling: a grain lowered and tilted until it rests in static equilibrium under gravity.
 
-The grain descends quasi-statically. Every step moves it a little in the direction in which gravity, less what
-the contacts can hold, pulls it, without entering the bed at the contacts it has and those it is close to;
-then it is lowered vertically onto the bed. A step that does not bring its centre down is shortened. Near an
-equilibrium Newton's method closes the contacts and removes the rest of the unbalanced torque.
+The grain descends quasi-statically. Every step moves it a short way along the part of gravity that the contacts
+cannot balance, without penetration at present and near contacts; then the grain is lowered vertically onto the bed. A
+step that does not lower the centre is shortened. Near an equilibrium Newton's method closes the contacts and removes
+the remaining unbalanced torque.
 """
 
 from collections.abc import Sequence
@@ -19,12 +19,11 @@ from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
-from incipient.geometry.plane.closest import PlanarProximity
 from incipient.geometry.plane.grains import Grain
+from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
-from incipient.geometry.space.closest import SpatialProximity
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion, tangents, wrenches
+from incipient.geometry.statics import Hold, hold, nearest_motion, tangents, wrenches
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
@@ -40,7 +39,7 @@ SOFTEST = 1e-4  # second derivative of the height, per grain size, that still co
 
 
 class SettlingOutcome(Enum):
-    """How settling ends."""
+    """Outcome of settling."""
 
     RESTS = "rests in equilibrium"
     BALANCES = "balances: the least disturbance makes it fall"
@@ -50,7 +49,7 @@ class SettlingOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The rest of a grain, or why it found none."""
+    """The rest of a grain, or why the grain has none."""
 
     placement: Placement  # the last one; the grain touches the bed there
     contacts: Contacts | None  # where it touches the bed, None unless it rests or balances
@@ -62,7 +61,7 @@ class Settled:
 
     @property
     def stable(self) -> bool:
-        """Whether the grain rests and returns after, or does not mind, a small disturbance."""
+        """Whether the equilibrium is stable, or neutral, under small disturbances."""
         return self.outcome is SettlingOutcome.RESTS
 
 
@@ -77,12 +76,12 @@ def settle(
 ) -> Settled:
     """Lower the grain from `start` onto the bed and let it roll and tip until it rests.
 
-    `gravity` (gdim,) points downwards on the whole, by default straight down; only its direction counts.
+    `gravity` (gdim,) points downwards on the whole, by default vertically; only its direction matters.
     Contacts hold by Coulomb friction with the given coefficient, so that the grain stays where contacts first
-    support it; 0 lets it slide to a minimum of its potential energy, infinity keeps contacts from slipping.
+    support it; with 0 it slides to a minimum of its potential energy, with infinity contacts do not slip.
     A grain whose centre gets farther than `reach` grain sizes from the start, or off the bed, rolls off.
 
-    Raises SceneError if grain and bed are not of one dimension, or gravity or friction make no sense.
+    Raises SceneError if grain and bed differ in dimension, or gravity or friction is invalid.
     """
     down = _downward(gravity, grain.gdim)
     return settle_under(
@@ -95,14 +94,14 @@ def settle_under(
     bed: Bed | Terrain,
     start: Placement,
     force: Floats,
-    couple: Floats,
+    torque: Floats,
     friction: float,
     reach: float = 10.0,
     max_steps: int = 2000,
 ) -> Settled:
-    """The rest of the grain from `start` under a dead load, which does not turn with it; otherwise as `settle`.
+    """The rest of the grain from `start` under a dead load of fixed direction; otherwise as `settle`.
 
-    `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in 3-D (3,); only their ratio counts.
+    `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio matters.
     """
     if not friction >= 0.0:
         why = f"friction {friction} is not a coefficient"
@@ -110,12 +109,11 @@ def settle_under(
     if start.gdim != grain.gdim:
         why = f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}"
         raise SceneError(f"{why}; give one in {grain.gdim}")
-    load = np.append(force, np.asarray(couple) / grain.size) / float(np.linalg.norm(force))
+    load = np.append(force, np.asarray(torque) / grain.size) / float(np.linalg.norm(force))
     return _Descent(grain, bed, load, float(friction)).run(start, reach * grain.size, max_steps)
 
 
 def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Floats:
-    """The unit vector of gravity."""
     if gravity is None:
         return np.array([0.0] * (dimension - 1) + [-1.0])
     vector = np.array(gravity, dtype=float)
@@ -128,7 +126,7 @@ def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Float
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """An equilibrium, the contacts that carry the weight, and the free motion in which it falls (stable: None)."""
+    """An equilibrium, the contacts that carry the weight, and the free motion of its instability (stable: None)."""
 
     placement: Placement
     carrying: ClosestPoints
@@ -146,16 +144,15 @@ class _Descent:
     friction: float
 
     @cached_property
-    def size(self) -> float:
-        """The grain's largest diameter, computed once: of a polyhedron it takes time."""
-        return self.grain.size
-
-    @cached_property
-    def _proximity(self) -> PlanarProximity | SpatialProximity:
+    def _proximity(self) -> Proximity:
         return proximity(self.grain, self.bed)
 
+    @property
+    def size(self) -> float:
+        return self._proximity.size
+
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
-        """Step by step down to a rest."""
+        """Lower the grain from `start` and let it roll and tip, `reach` grain sizes at most. Not collective."""
         placement = self._proximity.lowered(start)
         length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):
@@ -193,12 +190,12 @@ class _Descent:
         return self._unsettled(placement, SettlingOutcome.UNSETTLED, max_steps)
 
     def _work(self, before: Placement, after: Placement) -> float:
-        """Work of the load from one placement to another close by: of the weight, how far down the centre goes."""
+        """Work of the load between near placements: for the weight, the descent of the centre."""
         shift = np.asarray(after.centre) - np.asarray(before.centre)
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
-        """Whether the grain is off the bed or far from the start, or a torque spins it where it is."""
+        """Whether the grain is off the bed or far from the start, or a torque spins it in place."""
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
@@ -211,7 +208,6 @@ class _Descent:
     def _touching(
         self, placement: Placement, near: ClosestPoints, tolerance: float
     ) -> ClosestPoints:
-        """The places that count as contacts."""
         close = near.only(near.gaps <= tolerance * self.size)
         return self._proximity.locally_least(placement, close, slack=tolerance * self.size)
 
@@ -219,17 +215,13 @@ class _Descent:
         return np.asarray(near.points - np.asarray(placement.centre))
 
     def _hold(self, placement: Placement, near: ClosestPoints) -> Hold:
-        """How contacts carry the load, and the part of it that they leave unbalanced."""
+        """The contact forces, and the unbalanced part of the load."""
         arms = self._arms(placement, near)
         return hold(self.load, near.normals, arms, self.friction, self.size)
 
-    def _closing(self, placement: Placement, near: ClosestPoints) -> Floats:
-        """Rows by which motions change the gaps, in grain sizes."""
-        return wrenches(near.normals, self._arms(placement, near), self.size)
-
     def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
         """A motion of at most about `length` grain sizes and radians that follows the pull."""
-        closing = self._closing(placement, near)
+        closing = self._proximity.rates(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
         wish = self.load / max(float(np.linalg.norm(held.remainder)), 1e-6)
         if self.friction == 0.0:
@@ -242,8 +234,8 @@ class _Descent:
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
 
     def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
-        """The placement after a motion, those contacts closed again that it keeps or makes."""
-        after = near.gaps / self.size + self._closing(placement, near) @ motion
+        """The placement after a motion, with its old and new contacts closed."""
+        after = near.gaps / self.size + self._proximity.rates(placement, near) @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
         # Lowering the grain closes a single one.
         return self._in_contact(placement, kept if len(kept) > 1 else kept.only([]), motion)
@@ -254,7 +246,6 @@ class _Descent:
         return placement.moved(self.size * motion[:d], motion[d:])
 
     def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
-        """The contacts that take part in holding the weight."""
         held = self._hold(placement, touching)
         return touching.only(np.unique(held.owner[held.factors > USED]))
 
@@ -264,7 +255,9 @@ class _Descent:
         used = held.rows[held.factors > USED]
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
             return used
-        return np.vstack([self._closing(placement, carrying), *self._along(placement, carrying)])
+        return np.vstack(
+            [self._proximity.rates(placement, carrying), *self._along(placement, carrying)]
+        )
 
     def _along(self, placement: Placement, carrying: ClosestPoints) -> list[Floats]:
         """Rows of the forces along the surface."""
@@ -274,8 +267,8 @@ class _Descent:
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
         """The equilibrium next to a placement, by Newton's method or by rolling onto it.
 
-        Contacts are first tried with all places that nearly touch (the far end of a side about to lie flat),
-        then with those only that are local minima of the distance.
+        First all points that nearly touch are contacts (such as the far end of a side about to lie flat), then only
+        local minima of the distance.
         """
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
         least = self._proximity.locally_least(placement, close)
@@ -288,7 +281,7 @@ class _Descent:
         return self._verified(self._rolled(placement), placement)
 
     def _verified(self, result: Placement, before: Placement) -> _Rest | None:
-        """The equilibrium, if it is one that is not above the placement before."""
+        """The equilibrium, unless it is above the placement before."""
         result = self._proximity.lowered(result)
         if self._work(result, before) > TOUCHING * self.size:
             return None
@@ -303,8 +296,8 @@ class _Descent:
     def _rolled(self, placement: Placement) -> Placement:
         """The grain turned until it touches where a single contact would balance the load.
 
-        Without curvature the place of a contact is a root of the angle, so that Newton's method for the angle fails,
-        but the angle is a smooth function of the place.
+        Without curvature the position of a contact is a root of the angle, so that Newton's method for the angle fails,
+        but the angle is a smooth function of the position.
         """
         last = np.inf
         for _ in range(ROLLS):
@@ -322,27 +315,29 @@ class _Descent:
         return placement
 
     def _shift(self, placement: Placement, contacts: ClosestPoints) -> Floats:
-        """How far (k, gdim) contacts are from the line of action of the load."""
+        """Distances (k, gdim) of contacts from the line of action of the load."""
         force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
         forces = np.tile(force, (len(arms), 1))
-        couple = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
-        return cross(forces, couple) if len(force) == 3 else -couple * quarter_turned(forces)
+        torque = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
+        return cross(forces, torque) if len(force) == 3 else -torque * quarter_turned(forces)
 
     def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
-        """A single contact moved along the bed onto the line of action of the load, if the grain is as near there.
+        """A single contact moved along the bed onto the line of action of the load, if the gap there is as small.
 
-        Where grain and bed hardly curve apart, the place of their contact is known far worse than its gap.
+        Where relative curvature is small, the position of a contact is far less accurate than its gap.
         """
-        remainder = self._hold(placement, carrying).remainder
-        if len(carrying) != 1 or np.abs(remainder).max() <= BALANCED:
+        moved = carrying
+        for _ in range(ROLLS if len(carrying) == 1 else 0):  # on a slope the shift is not exact
+            if np.abs(self._hold(placement, moved).remainder).max() <= BALANCED:
+                break
+            points = self.bed.nearest(moved.points + self._shift(placement, moved))
+            moved = replace(moved, points=points, anchors=placement.to_body(points))
+        if moved is not carrying and abs(self.grain.level(moved.anchors)[0]) > CLOSED * self.size:
             return carrying
-        points = self.bed.nearest(carrying.points + self._shift(placement, carrying))
-        anchors = placement.to_body(points)
-        as_near = abs(self.grain.level(anchors)[0]) <= CLOSED * self.size
-        return replace(carrying, points=points, anchors=anchors) if as_near else carrying
+        return moved
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
-        """Close the gaps of the carrying contacts and remove what they leave of the weight."""
+        """Close the gaps of the carrying contacts and remove the unbalanced weight."""
         last = np.inf
         for _ in range(NEWTON_STEPS):
             error = self._error(placement, carrying)
@@ -358,11 +353,11 @@ class _Descent:
         return None
 
     def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
-        """Newton's step; of all that do the same, with friction, that which slips least."""
+        """The Newton update; with friction, of all equivalent ones that of least slip."""
         left, values, right = np.linalg.svd(
             self._derivative(placement, carrying), full_matrices=True
         )
-        # Away from equilibrium what is free has small values, too, in proportion to the error.
+        # Away from equilibrium free directions also have small values, in proportion to the error.
         small = float(np.clip(np.abs(error).max(), 1e-6, 1e-2))
         rank = int((values > small * max(values[0], 1e-300)).sum())
         motion = -right[:rank].T @ ((left[:, :rank].T @ error) / values[:rank])
@@ -373,7 +368,7 @@ class _Descent:
         return np.asarray(motion)
 
     def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        """Gaps [grain sizes] of the carrying contacts, and the part of the weight outside what they can exert."""
+        """Gaps [grain sizes] of the carrying contacts, and the part of the weight that they cannot balance."""
         moved = self._proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
         factors = np.linalg.lstsq(rows.T, self.load, rcond=1e-9)[0]
@@ -391,7 +386,9 @@ class _Descent:
 
     def _way_down(self, placement: Placement, carrying: ClosestPoints) -> Floats | None:
         """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
-        free = free_motions(self._constraints(placement, carrying)).T
+        from scipy.linalg import null_space  # which takes time to import
+
+        free = null_space(self._constraints(placement, carrying), rcond=1e-7).T
         if len(free) == 0:
             return None
         # The second derivatives of the centre's height, in grain sizes.
@@ -407,7 +404,7 @@ class _Descent:
         return direction if falls else None
 
     def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
-        """The lowest of some placements to which an unstable equilibrium can fall in one go."""
+        """The lowest of some placements to which an unstable equilibrium can fall in one step."""
         motions = [s * push * way_down for push in PUSHES for s in (1.0, -1.0)]
         ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
         lowered = map(self._proximity.lowered, ends)
@@ -417,15 +414,7 @@ class _Descent:
         self, placement: Placement, carrying: ClosestPoints, motion: Floats
     ) -> Placement:
         """The placement after a motion, the carrying contacts closed again."""
-        placement = self._moved(placement, motion)
-        for _ in range(6 if len(carrying) else 0):
-            moved = self._proximity.tracked(placement, carrying)
-            if np.abs(moved.gaps).max() <= 1e-14 * self.size:
-                break
-            rows = self._closing(placement, moved)
-            step = np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0]
-            placement = self._moved(placement, step)
-        return placement
+        return self._proximity.closed(self._moved(placement, motion), carrying)
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
         contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)

@@ -11,7 +11,12 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 
-FEW = 50  # points of which all pairs are looked at
+FEW = 50  # points of which all pairs are compared
+# Rules exact for quadratic functions, by dimension of the simplex's space: barycentric nodes, weights
+QUADRATIC = {
+    2: (0.5 + np.array([[-0.5, 0.5], [0.5, -0.5]]) / np.sqrt(3.0), [0.5, 0.5]),
+    3: (0.5 * (1.0 - np.eye(3)), [1.0 / 3.0] * 3),
+}
 OVERLAP = 1e-6  # of the smaller radius: balls that overlap by less are not connected
 
 
@@ -38,15 +43,11 @@ class Moments:
 
         In 2-D of sides (m, 2 ends, 2): signed simplices whose further corner is the origin.
         """
-        d = corners.shape[-1]
-        content = np.linalg.det(corners) / factorial(d)
-        total = corners.sum(axis=1)
-        first = (content[:, None] * total).sum(axis=0) / (d + 1.0)
-        squares = np.einsum("mi,mj->mij", total, total) + np.einsum(
-            "mki,mkj->mij", corners, corners
-        )
-        second = (content[:, None, None] * squares).sum(axis=0) / ((d + 1.0) * (d + 2.0))
-        return Moments(float(content.sum()), first, second)
+        content, d = np.linalg.det(corners), corners.shape[-1]
+        nodes, weights = QUADRATIC[d]
+        flux = np.outer(content / factorial(d - 1), weights).ravel()
+        points = (nodes @ corners).reshape(-1, d)
+        return Moments.integrated(flux, points)
 
     @staticmethod
     def swept(points: Floats, normals: Floats) -> "Moments":
@@ -54,8 +55,13 @@ class Moments:
 
         The divergence theorem: div(x) = d, div(x x_i) = (d + 1) x_i, div(x x_i x_j) = (d + 2) x_i x_j.
         """
-        d, flux = points.shape[1], (points * normals).sum(axis=1)
-        second = np.einsum("n,ni,nj->ij", flux, points, points) / (d + 2.0)
+        return Moments.integrated((points * normals).sum(axis=1), points)
+
+    @staticmethod
+    def integrated(flux: Floats, points: Floats) -> "Moments":
+        """Moments from fluxes (n,) of x through parts of the surface about points (n, d) on it."""
+        d = points.shape[1]
+        second = (flux[:, None] * points).T @ points / (d + 2.0)
         return Moments(float(flux.sum()) / d, flux @ points / (d + 1.0), second)
 
 
@@ -124,40 +130,6 @@ class Balls(Shape):
         distance = np.linalg.norm(away, axis=2) - radii
         nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * self.size
         return unit((unit(away) * nearest[..., None]).sum(axis=1))
-
-
-class RoundedBox(Shape):
-    """A rectangle or a box whose edges and corners are rounded by a disc or a ball that is rolled around a core."""
-
-    @property
-    @abstractmethod
-    def rounding(self) -> float:
-        """The radius of the disc or ball; 0: edges are sharp."""
-
-    @property
-    @abstractmethod
-    def core(self) -> Floats:
-        """Half the sides (gdim,) of what the disc or ball is rolled around."""
-
-    @property
-    def size(self) -> float:
-        """The diagonal, less what the rounding takes off."""
-        return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.rounding)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, gdim)."""
-        beyond = np.abs(rows(x)) - self.core
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.rounding)
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, gdim) at points (n, gdim), at sharp edges and corners the bisector."""
-        x = rows(x)
-        beyond, slack = np.abs(x) - self.core, 1e-12 * self.size
-        inside = (beyond <= slack).all(axis=1, keepdims=True)
-        nearest = beyond >= beyond.max(axis=1, keepdims=True) - slack
-        direction = np.where(inside, nearest, np.maximum(beyond, 0.0))
-        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
 
 
 def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:

@@ -32,8 +32,8 @@ class Hold:
 
 def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
     """Forces (m, d) at arms (m, d) from the centre with their torques, (m, 3 or 6)."""
-    couple = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else cross(arms, forces)
-    return np.hstack([forces, couple / size])
+    torque = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else cross(arms, forces)
+    return np.hstack([forces, torque / size])
 
 
 def tangents(normals: Floats) -> list[Floats]:
@@ -77,7 +77,7 @@ def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: flo
 
 
 def balance(rows: Floats, load: Floats) -> tuple[Floats, Floats]:
-    """What of a load (n,) forces along rows (m, n) leave unbalanced at best, (n,), and their factors (m,).
+    """The smallest unbalanced part (n,) of a load (n,) under forces along rows (m, n), and their factors (m,).
 
     The unbalanced part is also the direction in which the load moves the grain: it enters no contact.
     """
@@ -110,12 +110,3 @@ def _least_squares(system: Floats, target: Floats) -> Floats:
 
     factors, _ = nnls(system, target, maxiter=50 * max(system.shape))
     return np.asarray(factors)
-
-
-def free_motions(rows: Floats) -> Floats:
-    """An orthonormal basis (n, f) of the motions that rows (m, n) all leave at rest."""
-    if len(rows) == 0:
-        return np.eye(rows.shape[1])
-    _, values, vectors = np.linalg.svd(rows)
-    rank = int((values > 1e-7 * max(values[0], 1e-300)).sum())
-    return np.asarray(vectors[rank:].T)

@@ -1,15 +1,13 @@
-"""Tables of cases, one a row, judged together.
+"""Tables of cases, one per row, evaluated together.
 
 Columns (in 3-D with `_z`, and three of torque): force_x, force_y, couple (torque), weight_x, weight_y, centre_x,
 centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
-has fewer; optional are about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x, inertia_y,
-inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
+has fewer; optional are cohesion, about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x,
+inertia_y, inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,8 +22,9 @@ import numpy as np
 
 from ..arrays import Floats, decimal, spatial, unwarned
 from ..contact.batch import CHUNK, Batch, Cases, judge_many
+from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
-from ..files import make_directory, part_of, replaced, write_json, write_text_atomically
+from ..files import csv_text, make_directory, part_of, replaced, write_json, write_text_atomically
 from ..parquet import pyarrow
 from ..progress import Silent
 from .case import ROUNDING
@@ -87,34 +86,34 @@ def judge_table(
         raise SceneError(f"{path}: has no row of a case; give one a line below the names")
     make_directory(directory)
     progress.begin("verdicts")
-    batches = list[Batch]()
+    count, judged = len(cases), 0
+    factors, held, modes = np.full(count, np.nan), np.zeros(count, dtype=bool), [""] * count
     with suppress(KeyboardInterrupt):
-        for number, batch in enumerate(_judged(cases, jobs)):
-            batches.append(batch)
-            faults = {place + number * CHUNK: why for place, why in batch.reasons.items()} | faults
-            progress.count("verdicts", min((number + 1) * CHUNK, len(cases)), len(cases))
-    judged = sum(len(batch.factors) for batch in batches)
-    left = len(cases) - judged
-    faults |= dict.fromkeys(range(judged, len(cases)), "not judged: interrupted; call again")
+        for batch in _judged(cases, jobs):
+            rows = slice(judged, judged + len(batch.factors))
+            factors[rows], held[rows], modes[rows] = batch.factors, batch.held, batch.mode_names
+            faults = {place + judged: why for place, why in batch.reasons.items()} | faults
+            judged = rows.stop
+            progress.count("verdicts", judged, count)
+    faults |= dict.fromkeys(range(judged, count), "not judged: interrupted; call again")
     answers: dict[str, list[Any]] = {
-        "row": list(range(1, len(cases) + 1)),
-        "name": table.labels or [""] * len(cases),
-        "safety_factor": [one for batch in batches for one in batch.factors.tolist()]
-        + [None] * left,
-        "held": [held for batch in batches for held in batch.held.tolist()] + [None] * left,
-        "mode": [mode for batch in batches for mode in batch.mode_names] + [""] * left,
-        "reason": [""] * len(cases),
+        "row": list(range(1, count + 1)),
+        "name": table.labels or [""] * count,
+        "safety_factor": factors.tolist(),
+        "held": held.tolist(),
+        "mode": modes,
+        "reason": [""] * count,
     }
     for place, why in faults.items():
         answers["safety_factor"][place] = answers["held"][place] = None
-        answers["mode"][place], answers["reason"][place] = "", why
+        modes[place], answers["reason"][place] = "", why
     _write(directory / verdicts_name(path), answers)
     reasons = {place + 1: faults[place] for place in sorted(faults)[:MOST_REASONS]}
-    modes = Counter(filter(None, answers["mode"]))
+    by_mode = dict(Counter(filter(None, modes)).most_common())
     least = min((one for one in answers["safety_factor"] if one is not None), default=np.inf)
-    verdicts = Verdicts(len(cases), len(faults), dict(modes.most_common()), least, reasons)
+    verdicts = Verdicts(count, len(faults), by_mode, least, reasons)
     write_json(directory / SUMMARY, asdict(verdicts))
-    if left:
+    if judged < count:
         raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
     return verdicts
 
@@ -140,7 +139,7 @@ def _setting(text: str) -> tuple[str, float]:
 
 
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
-    """The cases of a table, and why some rows have none, by their places; raises SceneError for wrong columns."""
+    """The cases of a table, and the faults of invalid rows by index; raises SceneError for wrong columns."""
     if twice := table.columns.keys() & constants.keys():
         raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
     value = {**table.columns, **{key: np.full(len(table), one) for key, one in constants.items()}}
@@ -150,15 +149,18 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     def of(name: str) -> list[str]:
         return [f"{name}_{axis}" for axis in axes]
 
-    couple, inertia = (["couple"], ["inertia"]) if axes == "xy" else (of("couple"), of("inertia"))
+    torque_columns, inertia = (
+        (["couple"], ["inertia"]) if axes == "xy" else (of("couple"), of("inertia"))
+    )
     points, normals = (
         [of(f"{kind}_{number}") for number in range(1, contacts + 1)]
         for kind in ("contact", "normal")
     )
-    numbers = [*of("force"), *couple, *of("weight"), *of("centre"), "friction"]
+    numbers = [*of("force"), *torque_columns, *of("weight"), *of("centre"), "friction"]
+    numbers += ["cohesion"] if "cohesion" in value else []
     needed = [*numbers, *chain(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
     products = [f"inertia_{axes}" for axes in _PRODUCTS] if axes == "xyz" else []
-    optional = ["name", *of("about"), "mass", *inertia, *products]
+    optional = ["name", *of("about"), "cohesion", "mass", *inertia, *products]
     require_columns("batch", value, needed, optional, REMEDY)
 
     def vector(names: Sequence[str]) -> Floats:
@@ -171,7 +173,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     outward = np.stack([_third(vector(names)) for names in normals], axis=1)
     lengths = np.linalg.norm(outward, axis=2, keepdims=True)
     force, centre = spatial(vector(of("force"))), spatial(vector(of("centre")))
-    torque = np.pad(vector(couple), ((0, 0), (3 - len(couple), 0)))
+    torque = np.pad(vector(torque_columns), ((0, 0), (3 - len(torque_columns), 0)))
     if "about_x" in value:  # tau_c = tau_a + (a - c) ^ F
         torque += np.cross(spatial(vector(of("about"))) - centre, force)
     cases = Cases(
@@ -181,7 +183,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
         torque,
         spatial(vector(of("weight"))),
         centre,
-        value["friction"],
+        FrictionCone(value["friction"], value.get("cohesion", np.zeros(len(table)))),
         value.get("mass", np.full(len(table), np.nan)),
         _inertia(value, inertia),
     )
@@ -208,17 +210,12 @@ def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
     return matrices
 
 
-def _write(path: Path, answers: Mapping[str, list[Any]]) -> None:
+def _write(path: Path, answers: dict[str, list[Any]]) -> None:
     if path.suffix == ".csv":
-        columns = {
-            **answers,
-            "held": [held if held is None else int(held) for held in answers["held"]],
-        }
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(
-            [columns, *zip(*columns.values(), strict=True)]
-        )
-        write_text_atomically(path, text.getvalue())
+        held = [one if one is None else int(one) for one in answers["held"]]
+        rows = zip(*(answers | {"held": held}).values(), strict=True)
+        named = (dict(zip(answers, row, strict=True)) for row in rows)
+        write_text_atomically(path, csv_text(list(answers), named))
         return
     arrow = pyarrow()
     text, number = arrow.string(), arrow.float64()

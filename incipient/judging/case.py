@@ -15,16 +15,17 @@ from pydantic import AfterValidator, Field, PlainValidator, model_validator
 
 from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
+from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
 from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement
 from ..input_files import read_text
+from ..scene import Body
 from ..scene.file import parse, read
-from ..scene.kinds import Body
 from ..scene.mass import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
-from ..scene.section import NotNegative, Positive, Section, contradiction, key
+from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -33,6 +34,7 @@ def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
     """The validator of a number or of nested lists of numbers, of one of these shapes."""
 
     def nested_tuples(value: Any) -> Any:
+        """The numbers as tuples; raises for others, and for other shapes."""
         try:
             array = np.array(value)
         except ValueError:  # rows of different lengths
@@ -76,7 +78,7 @@ def _not_negative(value: Any) -> Any:
 
 
 Vector = Annotated[tuple[float, ...], _array("a vector", "[x, y], or [x, y, z] in 3-D", (2,), (3,))]
-Couple = Annotated[Any, _array("a torque", "a number, or [x, y, z] in 3-D", (), (3,))]
+Torque = Annotated[Any, _array("a torque", "a number, or [x, y, z] in 3-D", (), (3,))]
 Inertia = Annotated[
     Any,
     _array("a moment of inertia", "a number, in 3-D three or a 3 x 3 matrix", (), (3,), (3, 3)),
@@ -86,7 +88,7 @@ Points = Annotated[tuple[Vector, ...], Field(strict=False, min_length=1)]
 Normals = Annotated[tuple[Annotated[Vector, AfterValidator(_unit)], ...], Field(strict=False)]
 Areas = Annotated[tuple[NotNegative, ...], Field(strict=False)]
 VectorError = Annotated[Vector, AfterValidator(_not_negative)]
-CoupleError = Annotated[Couple, AfterValidator(_not_negative)]
+TorqueError = Annotated[Torque, AfterValidator(_not_negative)]
 
 
 class CaseLoad(Section):
@@ -94,28 +96,33 @@ class CaseLoad(Section):
 
     weight: Vector = key("all that acts at the centre of mass besides the flow, such as weight")
     flow_force: Vector = key("force of the flow on the grain")
-    flow_couple: Couple = key("torque of the flow about the point `about`")
+    flow_couple: Torque = key("torque of the flow about the point `about`")
     centre: Vector | None = key("centre of mass; left out where [body] has it", None)
     about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
+
+
+def _as_many(name: str) -> Rule:
+    return Rule(name, lambda s: getattr(s, name) is not None and len(getattr(s, name)) != len(s.points),
+                lambda s: f"{len(getattr(s, name))} given for {counted(len(s.points), 'point')}",
+                "give one for each point")  # fmt: skip
 
 
 class CaseContacts(Section):
     """Contacts of the grain and the bed."""
 
+    rules = tuple(map(_as_many, ("normals", "areas")))
+
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
     friction: NotNegative = key("coefficient of static friction")
+    cohesion: NotNegative = key("largest pull of each contact, in the unit of force", 0.0)
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
 
-    @model_validator(mode="after")
-    def _as_many(self) -> CaseContacts:
-        for name in ("normals", "areas"):
-            given = getattr(self, name)
-            if given is not None and len(given) != len(self.points):
-                why = f"{len(given)} given for {counted(len(self.points), 'point')}"
-                raise self.refused(name, why, "give one for each point")
-        return self
+    @property
+    def law(self) -> FrictionCone:
+        """The law of the contacts."""
+        return FrictionCone.of(self.friction, self.cohesion)
 
 
 class CaseGrain(Section):
@@ -131,7 +138,7 @@ class CaseErrors(Section):
     flow_force: VectorError | None = key(
         "standard error of each component of the flow's force", None
     )
-    flow_couple: CoupleError | None = key("standard error of the flow's torque", None)
+    flow_couple: TorqueError | None = key("standard error of the flow's torque", None)
     friction: NotNegative = key("standard error of the coefficient of friction", 0.0)
     samples: int = key("number of cases drawn at random", 1000, ge=10, le=1_000_000)
     seed: int = key("seed of the random numbers: the same seed gives the same answer", 0, ge=0)
@@ -180,11 +187,11 @@ class Case(Section):
     def to_load(self) -> Load:
         """The load; the torque about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
         force = spatial(self.load.flow_force)
-        couple = spatial_couple(self.load.flow_couple) + np.cross(self.about - self.centre, force)
-        return Load(force, couple, spatial(self.load.weight), self.centre)
+        torque = spatial_torque(self.load.flow_couple) + np.cross(self.about - self.centre, force)
+        return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
-        """The contacts, with rounded normals made unit vectors."""
+        """The contacts, with normals scaled to unit length."""
         normals, areas = spatial(self.contacts.normals), self.contacts.areas
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         points = spatial(self.contacts.points)
@@ -193,8 +200,8 @@ class Case(Section):
     def standard_errors(self) -> StandardErrors:
         """The standard errors, zero where the case gives none."""
         errors = self.errors or CaseErrors()
-        force, couple = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
-        return StandardErrors(spatial(force), spatial_couple(couple), errors.friction, self.about)
+        force, torque = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
+        return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
         """Mass and inertia (3, 3) about the centre of mass, if the case has them."""
@@ -237,25 +244,25 @@ def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
 
 
 def judge_case(case: Case) -> dict[str, Any]:
-    """The verdict of both judges as plain data, and the probability of each mode for a case with standard errors."""
-    load, contacts, friction = case.to_load(), case.to_contacts(), case.contacts.friction
+    """The verdict of both criteria as plain data, and the probability of each mode for a case with standard errors."""
+    load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
-    said = None
+    probabilities_data = None
     if case.errors is not None:
         drawn = case.errors.samples, case.errors.seed
-        chances = probabilities(load, contacts, friction, case.standard_errors(), *drawn, inert)
-        said = {"sentence": chances.sentence, **plain(chances)}
+        chances = probabilities(load, contacts, law, case.standard_errors(), *drawn, inert)
+        probabilities_data = {"sentence": chances.sentence, **plain(chances)}
     return {
         "title": case.title,
         "source": case.source,
-        "verdict": judge(load, contacts, friction, inert).to_dict(),
-        "probabilities": said,
+        "verdict": judge(load, contacts, law, inert).to_dict(),
+        "probabilities": probabilities_data,
         "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
     }
 
 
 def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, which is made if need be; raises OutputError. Not collective."""
+    """Write judgement.json into a directory, new or existing; raises OutputError. Not collective."""
     path = directory / "judgement.json"
     make_directory(directory, path)
     write_json(path, judgement)
@@ -271,9 +278,9 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
     return "\n".join([case.title, *lines] if case.title else lines)
 
 
-def spatial_couple(couple: float | Sequence[float]) -> Floats:
+def spatial_torque(torque: float | Sequence[float]) -> Floats:
     """A torque (3,); one of 2-D is about the third axis."""
-    return np.array([0.0, 0.0, couple] if isinstance(couple, float) else couple, dtype=float)
+    return np.array([0.0, 0.0, torque] if isinstance(torque, float) else torque, dtype=float)
 
 
 def _matrix(inertia: Any) -> Floats:

@@ -93,5 +93,5 @@ def judge_forces(
 def _flow(gdim: int, values: Floats) -> dict[str, Any]:
     """Force and moment (6,) as a case has them."""
     numbers = values.tolist()
-    couple = numbers[5] if gdim == 2 else tuple(numbers[3:])
-    return {"flow_force": tuple(numbers[:gdim]), "flow_couple": couple}
+    torque = numbers[5] if gdim == 2 else tuple(numbers[3:])
+    return {"flow_force": tuple(numbers[:gdim]), "flow_couple": torque}

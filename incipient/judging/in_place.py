@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 from scipy.spatial import QhullError
 from scipy.spatial.transform import Rotation
 from trimesh.bounds import oriented_bounds_2D
@@ -23,7 +23,16 @@ from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
 from ..scene.mass import mass_and_inertia
-from ..scene.section import NotNegative, Positive, PositivePair, Section, Triple, contradiction, key
+from ..scene.section import (
+    NotNegative,
+    Positive,
+    PositivePair,
+    Rule,
+    Section,
+    Triple,
+    contradiction,
+    key,
+)
 from ..scene.solids import SolidBody
 from .case import Case, CaseErrors
 
@@ -59,6 +68,11 @@ class ForcesGravity(Section):
 class ForcesBed(Section):
     """The bed in the coordinates of the other program."""
 
+    rules = (
+        Rule("height", lambda s: s.height is not None and s.file != FLAT,
+             "is that of a plane, and a file is given", "leave it out"),
+    )  # fmt: skip
+
     file: str = key("STL, PLY or OBJ file of the bed, or flat: a plane")
     up: Direction | None = key(
         "Direction in which the bed is seen from above; default: against gravity", None
@@ -70,22 +84,24 @@ class ForcesBed(Section):
         "Distance between heights taken from a file, as of a scene's bed", None
     )
 
-    @model_validator(mode="after")
-    def _fits(self) -> ForcesBed:
-        if self.height is not None and self.file != FLAT:
-            raise self.refused("height", "is that of a plane, and a file is given", "leave it out")
-        return self
-
 
 class ForcesContact(Section):
     """The contact of grain and bed."""
 
     friction: NotNegative = key("Coefficient of static friction")
+    cohesion: NotNegative = key("Largest pull of each contact, in the unit of force", 0.0)
     tolerance: Positive = key("Distance that counts as touching, over the grain's size", 1e-6)
 
 
 class GrainInPlace(Section):
     """Keys of --set that go with --grain and --bed."""
+
+    rules = (
+        Rule("body", lambda s: s.body.centre is None,
+             "has no centre", "give body.centre, where the other program has the grain"),
+        Rule("body", lambda s: mass_and_inertia(s.body) is None,
+             "has no mass", "give body.density, over the fluid's"),
+    )  # fmt: skip
 
     body: Annotated[SolidBody, Field(discriminator="shape")]
     bed: ForcesBed
@@ -93,15 +109,6 @@ class GrainInPlace(Section):
     gravity: ForcesGravity
     contact: ForcesContact
     errors: CaseErrors | None = None
-
-    @model_validator(mode="after")
-    def _is_placed(self) -> GrainInPlace:
-        if self.body.centre is None:
-            remedy = "give body.centre, where the other program has the grain"
-            raise self.refused("body", "has no centre", remedy)
-        if mass_and_inertia(self.body) is None:
-            raise self.refused("body", "has no mass", "give body.density, over the fluid's")
-        return self
 
     def case(self) -> Case:
         """The case: contacts, weight less buoyancy, mass and inertia, without a load of the flow.
@@ -142,6 +149,7 @@ class GrainInPlace(Section):
                     "normals": list(contacts.normals @ frame),
                     "areas": None if contacts.areas is None else contacts.areas.tolist(),
                     "friction": self.contact.friction,
+                    "cohesion": self.contact.cohesion,
                     "convex": False,
                 },
                 "grain": {"mass": mass, "inertia": inertia},
@@ -178,10 +186,10 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
     Raises:
         SceneError: something is missing or wrong, or the grain does not touch its bed.
     """
-    given = [f"bed.file={json.dumps(str(bed))}"]
+    files = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
         centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
-        given += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
+        files += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
     elif not any(one.startswith("body.shape") for one in overrides):
         remedy = "give the file of its surface, or body.shape"
         raise SceneError(f"--forces without a case: --grain is missing; {remedy}")
@@ -189,13 +197,13 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
         remedy = "give the file of its surface, or flat"
         raise SceneError(f"--forces without a case: --bed is missing; {remedy}")
     sections = "[fluid]\n[gravity]\n[contact]"  # so that their keys are reported as missing
-    return parse(GrainInPlace, sections, ".", [*given, *overrides], SOURCE).case()
+    return parse(GrainInPlace, sections, ".", [*files, *overrides], SOURCE).case()
 
 
 def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
-    """Refuse a grain that is above or in the bed by more than a tolerance, in grain sizes."""
+    """Refuse a grain whose gap or overlap with the bed exceeds a tolerance, in grain sizes."""
     gap = clearance(grain, placement, bed)[0] / grain.size
     if abs(gap) <= tolerance:
         return

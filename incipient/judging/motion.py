@@ -1,4 +1,4 @@
-"""Probability and rate of motion under loads in time, and flows that move the grain by a law of its loads."""
+"""Probability and rate of motion under unsteady loads, and critical flows by a law of the loads."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class MotionInTime:
     """Motion in a part of a series.
 
     probability: fraction of the time in which the load is not held; error: its standard error, None for too few
-    samples, or if all are alike; rate: how often motion begins in unit time; low, high: the rate for one standard error
+    samples, or if all agree; rate: onsets of motion in unit time; low, high: the rate for one standard error
     of the number of events
     """
 

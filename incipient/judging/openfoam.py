@@ -68,7 +68,7 @@ class _Run:
     path: Path
 
     def is_older(self, later: _Run, overlap: bool) -> bool:
-        """Whether the names tell that this run, of an earlier start, is the older."""
+        """Whether this run, of an earlier start, is the older by its name."""
         if self.again:
             return not overlap
         if self.path.parent == later.path.parent:

@@ -1,16 +1,16 @@
-"""Series of loads in time on the grain and contacts of a case."""
+"""Unsteady loads on the grain of a case."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats
-from ..contact.batch import Batch, Loads, judge_batch
+from ..contact.batch import Batch, Cases, judge_many
 from ..errors import SceneError
 from ..files import make_directory, write_json, write_text_atomically
 from .case import Case
@@ -23,7 +23,7 @@ MOST_EVENTS = 10  # printed, the longest first
 
 @dataclass(frozen=True)
 class UnheldTime:
-    """A time in which the grain is not held.
+    """An interval in which the grain is not held.
 
     impulse: integral of the excess of the flow's force over that which could be held; least: the smallest safety
     factor; mode: the one that lasts longest
@@ -86,16 +86,15 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
     Raises:
         SceneError: a column is missing, not known, or has numbers that are not finite; time does not grow.
     """
-    loads, times = _loads(case, columns), columns["time"]
-    friction = columns.get("friction", case.contacts.friction)
-    batch = judge_batch(loads, case.to_contacts(), friction, case.mass_and_inertia())
+    cases, times = _cases(case, columns), columns["time"]
+    batch = judge_many(cases).complete()
     steps = steps_of(times)
     shares = {
         batch.labels[mode]: float(steps[batch.modes == mode].sum() / steps.sum())
         for mode in np.unique(batch.modes)
     }
     motion = MotionInTime.of(times, batch.held, float(times[0]) if since is None else since)
-    return Series(times, batch, shares, tuple(_events(times, loads, batch)), motion)
+    return Series(times, batch, shares, tuple(_events(times, cases, batch)), motion)
 
 
 def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
@@ -119,13 +118,13 @@ def save_series(series: Series, directory: Path) -> None:
     write_json(directory / SUMMARY, series.to_dict())
 
 
-def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
+def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     axes = "xyz"[: case.gdim]
-    force, weight, couple = (
+    force, weight, torque_columns = (
         [f"{name}_{axis}" for axis in axes] for name in ("force", "weight", "couple")
     )
-    couple = ["couple"] if case.gdim == 2 else couple
-    needed = ["time", *force, *couple]
+    torque_columns = ["couple"] if case.gdim == 2 else torque_columns
+    needed = ["time", *force, *torque_columns]
     if varies := any(name in columns for name in weight):
         needed += weight
     remedy = f"give {', '.join(needed)}"
@@ -137,10 +136,14 @@ def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
         return np.pad(table, ((0, 0), (2, 0) if names == ["couple"] else (0, 3 - len(names))))
 
     acting = vectors(force)
-    heavy = vectors(weight) if varies else np.tile(case.to_load().weight, (len(acting), 1))
+    heavy = vectors(weight) if varies else case.to_load().weight
     # tau_c = tau_a + (a - c) ^ F
-    torque = vectors(couple) + np.cross(case.about - case.centre, acting)
-    return Loads(acting, torque, heavy, case.centre)
+    torque = vectors(torque_columns) + np.cross(case.about - case.centre, acting)
+    contacts, inert = case.to_contacts(), case.mass_and_inertia() or ()
+    law = case.contacts.law
+    law = replace(law, coefficient=columns.get("friction", law.coefficient))
+    surface = contacts.points, contacts.normals
+    return Cases(*surface, acting, torque, heavy, case.centre, law, *inert)
 
 
 def _check(columns: Mapping[str, Floats]) -> None:
@@ -156,10 +159,10 @@ def _check(columns: Mapping[str, Floats]) -> None:
         raise SceneError("series: friction is negative; give numbers of at least 0")
 
 
-def _events(times: Floats, loads: Loads, batch: Batch) -> list[UnheldTime]:
+def _events(times: Floats, cases: Cases, batch: Batch) -> list[UnheldTime]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~batch.held, [False]]).astype(np.int8)))
     steps, factors = steps_of(times), batch.factors
-    excess = np.linalg.norm(loads.force, axis=1) * (1.0 - np.minimum(factors, 1.0)) * steps
+    excess = np.linalg.norm(cases.force, axis=1) * (1.0 - np.minimum(factors, 1.0)) * steps
     events = []
     for rows in (slice(first, last) for first, last in edges.reshape(-1, 2)):
         mode = batch.labels[int(np.bincount(batch.modes[rows], steps[rows]).argmax())]

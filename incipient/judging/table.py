@@ -27,7 +27,7 @@ class Table:
     """The rows of a file.
 
     columns: numbers (n,) by name, NaN where a cell is empty; labels: (n,) cells of the column `name`, if there is one;
-    faults: why rows cannot be read, by their places
+    faults: reasons for unreadable rows, by index
     """
 
     columns: dict[str, Floats]
@@ -52,9 +52,9 @@ def _csv(path: Path) -> Table:
     flat, labels, faults = array("d"), list[str](), dict[int, str]()
     with (
         reading(path, KINDS, LARGEST_TABLE),
-        path.open(encoding="utf-8-sig", errors="replace") as stream,
+        path.open(encoding="utf-8-sig", errors="replace") as file,
     ):
-        lines = filter(str.strip, stream)
+        lines = filter(str.strip, file)
         # Each line by itself: a quote that nobody closes ends with it.
         names = [name.strip() for name in next(csv.reader([next(lines, "")]), [])]
         _require_different(path, names)
@@ -79,7 +79,7 @@ def _csv(path: Path) -> Table:
 
 
 def _numbers(names: Sequence[str], row: Sequence[str]) -> list[float]:
-    """The numbers in the cells of a row; ValueError says what is wrong with it."""
+    """The numbers in the cells of a row; raises ValueError with the reason."""
     if len(row) != len(names):
         raise ValueError(f"has {len(row)} cells for {len(names)} columns; give one for each")
     cells = ["" if name == NAME else cell for name, cell in zip(names, row, strict=True)]
@@ -126,7 +126,7 @@ def _require_different(path: Path, names: Sequence[str]) -> None:
 def require_columns(
     kind: str, names: Collection[str], needed: Sequence[str], optional: Sequence[str], remedy: str
 ) -> None:
-    """Refuse a table of a kind without a column that is needed, or with one that is not known; raises SceneError."""
+    """Refuse a table with missing or unknown columns; raises SceneError."""
     for name in needed:
         if name not in names:
             raise SceneError(f"{kind}: there is no column {name}; {remedy.format(name=name)}")

@@ -63,18 +63,21 @@ def build(comm: MPI.Comm, drawing: Callable[[], Simplices]) -> Domain:
     Raises:
         MeshError: on all ranks, when the geometry cannot be meshed or part of the boundary has no name.
     """
-    made, known = None, None
+    simplices, known = None, None
     with collectively(comm):
         if comm.rank == 0:
-            made = drawing()
-            names = {name: tag for tag, name in enumerate(made.sides, start=1)}
-            gdim, parts = made.points.shape[1], [made.cells[:0], *made.sides.values()]
+            simplices = drawing()
+            names = {name: tag for tag, name in enumerate(simplices.sides, start=1)}
+            gdim, parts = (
+                simplices.points.shape[1],
+                [simplices.cells[:0], *simplices.sides.values()],
+            )
             corners = np.concatenate([part[:, :gdim] for part in parts])
             tags = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-            known = made.order, gdim, made.cells.shape[1], names, corners, tags
+            known = simplices.order, gdim, simplices.cells.shape[1], names, corners, tags
     order, gdim, per_cell, names, corners, tags = comm.bcast(known, root=0)
-    cells = np.empty((0, per_cell), dtype=np.int64) if made is None else made.cells
-    points = np.empty((0, gdim)) if made is None else made.points
+    cells = np.empty((0, per_cell), dtype=np.int64) if simplices is None else simplices.cells
+    points = np.empty((0, gdim)) if simplices is None else simplices.points
     mesh = compat.create_mesh(comm, cells[:, compat.gmsh_order(gdim, per_cell)], points, order)
     domain = Domain(mesh, named_facets(mesh, corners, tags), names)
     _check_boundary(domain)
@@ -105,16 +108,16 @@ def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
         rows
     ]
     among = (position >= 0).all(axis=1)
-    found = _positions(wanted[order], unordered_keys(position[among], len(numbers)))
-    named, first = np.unique(facets[among][found >= 0], return_index=True)
-    values = tags[order][found[found >= 0]][first]
+    matched = _positions(wanted[order], unordered_keys(position[among], len(numbers)))
+    named, first = np.unique(facets[among][matched >= 0], return_index=True)
+    values = tags[order][matched[matched >= 0]][first]
     return dolfinx.mesh.meshtags(
         mesh, dimension - 1, named.astype(np.int32), values.astype(np.int32)
     )
 
 
 def _positions(ascending: Integers, numbers: Integers) -> Integers:
-    """Where numbers (n,) stand among ascending ones, (n,); -1 where they do not."""
+    """Indices (n,) of numbers (n,) among ascending ones; -1 where they are missing."""
     if not len(ascending):
         return np.full(len(numbers), -1)
     position = np.minimum(np.searchsorted(ascending, numbers), len(ascending) - 1)

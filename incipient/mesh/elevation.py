@@ -1,8 +1,8 @@
 """Vertical displacement of a mesh below a free surface.
 
 A node's rise w solves LEVELLING w_xx + w_yy = 0 where the mesh was made: it is the elevation on the surface, zero on
-the bed and on bodies, free along the sides. A harmonic function would fold cells below a trough whose slope is one;
-this one does so for slopes of 1/sqrt(LEVELLING). Nodes keep their horizontal places, so that the matrix of the
+the bed and on bodies, free along the sides. A harmonic function would fold cells below a trough of slope one;
+this one folds them at slopes of 1/sqrt(LEVELLING). Nodes keep their horizontal positions, so that the matrix of the
 kinematic condition is constant.
 """
 
@@ -35,7 +35,7 @@ class RisingDisplacement:
         boundary: name of the surface.
         held: names of the boundaries whose nodes stay.
         pinned: names of the boundaries at which the surface's nodes stay.
-        still: height of the still level; None: that at which the surface was made.
+        still: height of the still level; None: the height at which the surface was made.
 
     Attributes:
         nodes: local nodes of `space` on the surface, in ascending order; of them the first `owned` are this rank's.
@@ -116,7 +116,7 @@ class RisingDisplacement:
         return self._views[0]
 
     def solved(self, factors: SurfaceFactors, tested: Any) -> Floats:
-        """(local nodes,) the elevation that factors make of a PETSc vector of the space."""
+        """(local nodes,) the solution of the factorised system for a PETSc vector of the space."""
         values = self._values.x.array
         solution = factors.solve(tested.array_r[self._free])
         values[:] = 0.0
@@ -134,7 +134,7 @@ class RisingDisplacement:
     def remove_pinned_projection(self, elevation: Floats, closed: bool) -> Floats:
         """(local nodes,) an elevation less the nearest of those that vanish where it is pinned.
 
-        In a closed domain these have no volume either.
+        In a closed domain these also have no volume.
         """
         nearest = self._nearest(elevation)
         return elevation - (self.with_volume(nearest, 0.0) if closed else nearest)
@@ -180,7 +180,6 @@ class RisingDisplacement:
         )
 
     def _numbers(self, nodes: Any) -> Any:
-        """Global numbers of this rank's among local nodes."""
         index_map = self.space.dofmap.index_map
         own = nodes[nodes < index_map.size_local]
         return (own + index_map.local_range[0]).astype(PETSc.IntType)
@@ -193,7 +192,7 @@ def _assembled(integral: Any) -> Any:
 
 
 def _factorised(matrix: Any, symmetric: bool) -> Any:
-    """A solver by the factors of a matrix, which is positive definite where it is symmetric. Collective."""
+    """A direct solver of a matrix, which is positive definite where it is symmetric. Collective."""
     solver, mumps = PETSc.KSP().create(matrix.comm), PETSc.Sys.hasExternalPackage("mumps")
     if symmetric:
         matrix.setOption(PETSc.Mat.Option.SPD, True)

@@ -3,8 +3,8 @@
 A vertex at X moves to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
 translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
 body and zero on other boundaries. Nodes slide along straight sides: a long channel's mesh is stretched, not sheared.
-Straight cells stay straight. Places depend on the body's place alone, so that the mesh's velocity is as accurate as
-the body's. Displacements of several parts are added; each vanishes on the boundaries of the others.
+Straight cells stay straight. Positions depend on the body's position alone, so that the mesh's velocity is as
+accurate as the body's. Displacements of several parts are added; each vanishes on the boundaries of the others.
 Discs and spheres do not turn the mesh, which slides along them.
 """
 
@@ -26,6 +26,7 @@ from ..arrays import Floats, determinants, spatial
 from ..compat import petsc
 from ..geometry.placement import Placement
 from ..meshes import SYMMETRY
+from ..symmetric import solve_symmetric
 from .cells import CELLS, barycentric_nodes, is_node_of, shape_functions, straight_cells
 from .domain import Domain
 
@@ -33,7 +34,7 @@ from .domain import Domain
 RIGID = 0.75
 # Extent of a boundary along an axis, relative to its largest, below which it is plane and normal to the axis.
 FLAT = 1e-9
-# Smallest quality of a moved cell, over that of the cell as it was made, with which it still serves.
+# Smallest admissible quality of a moved cell, over that of the cell as made.
 LEAST_QUALITY = 0.02
 
 
@@ -51,12 +52,12 @@ class RigidDisplacement:
     Args:
         domain: whose mesh is as it was made.
         boundary: name of the body's boundary.
-        placement: where the body was when the mesh was made.
+        placement: of the body when the mesh was made.
         turning: whether the mesh turns with the body; False for discs and spheres.
         others: names of boundaries that other parts displace, along which nodes do not slide.
 
     Attributes:
-        weights: (n, gdim + 1) how far each node follows the body in each direction, and when it turns.
+        weights: (n, gdim + 1) fraction of the body's displacement of each node in each direction, and of its turn.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class RigidDisplacement:
         self._between = _between_vertices(domain.mesh) if turning else None
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = Potentials(domain)
-        # A turn of a body that is its own mirror image leaves the plane of symmetry in its place.
+        # A turn of a mirror-symmetric body leaves the plane of symmetry in place.
         turning_within = (SYMMETRY,) if domain.halved else ()
         along_others = _sliding(domain, boundary)
         sliding = [
@@ -86,7 +87,7 @@ class RigidDisplacement:
         self.weights = np.column_stack([potentials.weights(boundary, names) for names in sliding])
 
     def at(self, placement: Placement) -> Floats:
-        """(n, 3) displacements of the mesh's nodes when the body is there. Not collective."""
+        """(n, 3) displacements of the mesh's nodes at a placement of the body. Not collective."""
         along, about = self.weights[:, : self._gdim], self.weights[:, self._gdim :]
         way = np.asarray(placement.centre) - np.asarray(self.placement.centre)
         moved = along * way
@@ -99,7 +100,7 @@ class RigidDisplacement:
 
 
 class MeshMotion:
-    """Moves the mesh of a domain, in place, by the sum of what each part adds. Collective unless stated otherwise."""
+    """Moves the mesh of a domain in place by the sum of displacements. Collective unless stated otherwise."""
 
     def __init__(self, domain: Domain):
         self.domain = domain
@@ -109,7 +110,7 @@ class MeshMotion:
         self._qualities = self._cell_qualities(self.reference)
 
     def places(self, *displacements: Floats) -> Floats:
-        """(n, 3) places of the mesh's nodes under displacements (n, 3), one a part. Not collective."""
+        """(n, 3) positions of the mesh's nodes under displacements (n, 3), one per part. Not collective."""
         return np.asarray(sum(displacements, start=self.reference))
 
     def move(self, *displacements: Floats) -> None:
@@ -117,7 +118,7 @@ class MeshMotion:
         self.domain.mesh.geometry.x[:] = self.places(*displacements)
 
     def quality(self, places: Floats | None = None) -> MeshQuality:
-        """Quality of the mesh as it is now, or as it would be with its nodes at other places (n, 3)."""
+        """Quality of the mesh as it is now, or as it would be with its nodes at other positions (n, 3)."""
         qualities = self._cell_qualities(self.domain.mesh.geometry.x if places is None else places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
         comm = self.domain.comm
@@ -137,9 +138,9 @@ class MeshMotion:
 
 
 def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
-    """The other nodes (m,) of straight cells in `mesh.geometry.x`, vertices between which they lie, and their shares.
+    """The other nodes (m,) of straight cells in `mesh.geometry.x`, their vertices and barycentric coordinates.
 
-    Vertices and shares, barycentric coordinates, are (m, dimension + 1). A node is among them on every rank that has
+    Vertices and coordinates are (m, dimension + 1). A node is among them on every rank that has
     it, though the straight cell may be another rank's. Collective.
     """
     cells, corners = compat.geometry_dofs(mesh), barycentric_nodes(mesh)
@@ -221,17 +222,7 @@ class Potentials:
         petsc.apply_lifting(right, [self._stiffness], [conditions])
         right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(right, conditions)
-        solver = PETSc.KSP().create(self.space.mesh.comm)
-        solver.setOperators(matrix)
-        solver.setType("cg")
-        solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
-        solver.setTolerances(rtol=1e-10, max_it=10_000)
-        solution = matrix.createVecRight()
-        solver.solve(right, solution)
-        potential.x.array[: solution.getLocalSize()] = solution.array_r
-        potential.x.scatter_forward()
-        for held in (matrix, right, solution, solver):
-            held.destroy()
+        solve_symmetric(matrix, right, potential, 1e-10, multigrid=True)
 
 
 def _slopes(mesh: Any) -> Floats:
@@ -256,9 +247,9 @@ def _turned(arms: Floats, rotations: Floats) -> Floats:
 
 
 def stretched(x: Floats, centre: Floats, kept: Floats, old: Floats, new: Floats) -> Floats | None:
-    """Points (n, 3) of one box in another; None where there is no room to stretch. Not collective.
+    """Points (n, 3) of one box in another; None where stretching is impossible. Not collective.
 
-    Boxes (2, 3) are their least and largest coordinates. On each axis a point stays as it is within `kept` (3,) of the
+    Boxes (2, 3) are their least and largest coordinates. On each axis a point stays in place within `kept` (3,) of the
     centre; beyond, it goes by a parabola that begins there and takes the old side to the new one.
     """
     moved = x.copy()

@@ -1,4 +1,4 @@
-"""Where points lie in the cells of a mesh, values of fields there, and extrema along lines, on any number of ranks.
+"""Location of points in the cells of a mesh, values of fields there, and extrema along lines, on any ranks.
 
 The search is by whole arrays: pairs of points and cells whose bounding balls hold them come from a tree of the
 points, the straight simplex on each cell's vertices rules most of them out, and curved cells are pulled back by
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # Barycentric coordinates down to this count as inside.
 INSIDE = -1e-9
 POINTS = 20_000  # dealt with at a time, which limits the memory taken
-# Cells looked at to find the nearest one, by the distance of their middles, and of these pulled back to.
+# Candidates for the nearest cell, by the distance of their centres, and the number of these pulled back to.
 NEAR, NEAREST = 64, 8
 NEWTON_STEPS = 30
 TIE = 1e-12  # of its extent: what a cell loses against another one as near for each unit that a point lies outside
@@ -53,7 +53,7 @@ class Places:
         return cls(np.full(count, -1), np.zeros((count, gdim)), np.full(count, np.inf))
 
     @property
-    def found(self) -> NDArray[np.bool_]:
+    def located(self) -> NDArray[np.bool_]:
         """(n,) whether there is a cell."""
         return self.cells >= 0
 
@@ -101,8 +101,8 @@ class Locator:
     def nearest(self, points: Floats) -> Places:
         """The cell nearest to each of the points (n, at least gdim); none only where this rank has no cells.
 
-        The points are thought to lie outside of all cells. The nearest is sought among the `NEAR` cells whose
-        middles are. Where the cell's map has no inverse at the point, the place is a near point of the cell.
+        The points are assumed outside of all cells. Candidates are the `NEAR` cells with the nearest centres. Where the
+        cell's map has no inverse at the point, the result is a near point of the cell.
         """
         return self._in_parts(points, self._nearest)
 
@@ -219,7 +219,7 @@ def sample(function: Any, points: np.ndarray) -> np.ndarray:
     mesh = function.function_space.mesh
     places = Locator(mesh).inside(points)
     values = np.full((len(points), function.function_space.dofmap.index_map_bs), np.nan)
-    values[places.found] = evaluate(function, places.at(places.found))
+    values[places.located] = evaluate(function, places.at(places.located))
     for other in mesh.comm.allgather(values):
         missing = np.isnan(values).any(axis=1)
         values[missing] = other[missing]
@@ -259,7 +259,7 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
     s = np.linspace(0.0, 1.0, 201)[:, None]
     points = (1 - s) * np.asarray(start) + s * np.asarray(end)
     places = Locator(mesh).inside(points)
-    return int(mesh.comm.allreduce(len(np.unique(places.cells[places.found]))))
+    return int(mesh.comm.allreduce(len(np.unique(places.cells[places.located]))))
 
 
 def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
@@ -287,7 +287,7 @@ def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
 def evaluate(function: Any, places: Places) -> Floats:
     """(n, components) values of a scalar or vector function at places, all of them in this rank's cells.
 
-    Outside of its cell the function's polynomial goes on. Ghosts must be up to date.
+    Outside of its cell the function's polynomial is extrapolated. Ghosts must be up to date.
     """
     space = function.function_space
     block = space.dofmap.index_map_bs
@@ -321,7 +321,7 @@ def _clipped(coordinates: Floats) -> Floats:
 
 
 def _box(points: Floats) -> Floats:
-    """(2, g) lowest and highest coordinates; nothing is between them if there are no points."""
+    """(2, g) lowest and highest coordinates; an empty box if there are no points."""
     return np.array([points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
 
 

@@ -1,4 +1,4 @@
-"""Fields taken from one mesh to points anywhere, such as the nodes of a mesh that replaces it."""
+"""Transfer of fields from one mesh to arbitrary points, such as the nodes of a new mesh."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class Transfer:
     """Evaluation of functions of one mesh, where it is now, at points that may differ from rank to rank.
 
     Construction is collective; one transfer serves any number of functions on the mesh. A point outside the mesh
-    takes the extrapolated polynomial of the nearest cell: meant for a curved boundary meshed anew, whose nodes lie
+    takes the extrapolated polynomial of the nearest cell: meant for a remeshed curved boundary, whose nodes lie
     off the old mesh by a fraction of a cell (see `farthest`).
 
     Args:
         mesh: the mesh, of simplices, straight or curved.
         points: (n, gdim or 3) of this rank, in scene units.
-        reach: how far out of its cell, in barycentric coordinates, a polynomial goes on; farther out a point takes the
-            value at a near point of the cell, as is needed in clefts that coarse cells fill otherwise on each mesh.
+        reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a point takes the value at
+            a near point of the cell, as needed in interstices that coarse cells fill differently on each mesh.
 
     Attributes:
         outside: how many of the points of all ranks no cell holds.
@@ -85,7 +85,7 @@ class Transfer:
     def _exchange(
         self, requested: list[Integers], look_up: Callable[[Floats], Places]
     ) -> _Exchange:
-        """Have points looked up by the ranks requested; each is left to the rank where it is nearest."""
+        """Exchange points with the ranks that locate them; each goes to the rank where it is nearest."""
         requests = self._comm.alltoall([self._points[rows] for rows in requested])
         places = look_up(np.concatenate(requests))
         answers = self._comm.alltoall(np.split(places.distances, _splits(requests)))
@@ -97,7 +97,7 @@ class Transfer:
         return _Exchange(rows, places.at(np.concatenate(kept)), splits)
 
     def _nearest(self, requested: list[Integers], answers: list[Floats]) -> Integers:
-        """(n,) the first rank from which each point is nearest, -1 where it is so from none."""
+        """(n,) the first rank from which each point is nearest, -1 where there is none."""
         distances = np.full((len(requested), len(self._points)), np.inf)
         for rank, (rows, answer) in enumerate(zip(requested, answers, strict=True)):
             distances[rank, rows] = answer
@@ -105,5 +105,5 @@ class Transfer:
 
 
 def _splits(parts: list[Any]) -> Integers:
-    """Where each of the parts but the first begins when they are put one after the other."""
+    """Start indices of the concatenated parts, without the first."""
     return np.cumsum([len(part) for part in parts])[:-1]

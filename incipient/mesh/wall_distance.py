@@ -23,7 +23,7 @@ PIECES = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5))
 
 
 def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
-    """Distances (n,) of places (n, gdim) from the next of the named walls of a domain. Collective.
+    """Distances (n,) of positions (n, gdim) from the next of the named walls of a domain. Collective.
 
     Curved walls are taken as eight straight pieces a facet, in 3-D as four.
     """

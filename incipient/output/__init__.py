@@ -1,1 +1,1 @@
-"""Everything that leaves a run: fields for ParaView, tables, results."""
+"""Output of a run: fields for ParaView, tables, results."""

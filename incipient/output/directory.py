@@ -1,4 +1,4 @@
-"""The directory a run leaves behind: resolved scene, history, fields for ParaView, result, readable at any moment."""
+"""The result directory of a run: resolved scene, history, fields, result, readable at any time."""
 
 from __future__ import annotations
 
@@ -35,10 +35,9 @@ if TYPE_CHECKING:
 class ResultDirectory(Recorder):
     """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
 
-    Nothing that the directory holds is touched before a run begins. Then an earlier run makes room (`ownership`): with
-    `overwrite` it is removed even if it could be resumed. Given the checkpoint that a run resumes from, what the
-    directory holds of later steps is dropped, and the rest continues; the result is the earlier one's until there is a
-    new one. Raises OutputError on all ranks when something cannot be written.
+    The directory is unchanged until a run begins. Then an earlier run is moved or removed (`ownership`); `overwrite`
+    also removes one that could be resumed. With a checkpoint, later steps are dropped and the series continue; the
+    earlier result stays until the new one. Raises OutputError on all ranks if writing fails.
     """
 
     keeps = True
@@ -52,13 +51,13 @@ class ResultDirectory(Recorder):
         self._surface: FieldSeries | None = None
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """Write the resolved scene; open the field series if fields are wanted. Called again: restart."""
+        """Write the resolved scene, and open the field series if requested. A second call restarts."""
         self._output, self._series, self._surface = scene.output, None, None
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._make_ready()
                 place_scene(self.path, dumps(scene), FILES)
-        self._overwrite = True  # what is there from now on is this run's own
+        self._overwrite = True  # later files belong to this run
         if not scene.output.fields:
             return
         from .xdmf import FieldSeries
@@ -70,7 +69,7 @@ class ResultDirectory(Recorder):
             self._surface = FieldSeries(stem, domain.mesh, self.comm, after, facets)
 
     def _make_ready(self) -> None:
-        """Let an earlier run make room; of one that is resumed, drop the rows that came after the checkpoint."""
+        """Move or remove an earlier run; on resumption drop the rows after the checkpoint."""
         if self._resumed is None:
             make_directory(self.path)
             make_room(self.path, self._overwrite)
@@ -79,7 +78,7 @@ class ResultDirectory(Recorder):
         cut_after(self.path / CONTACTS, self._resumed.time)
 
     def wants_fields(self, number: int, last: bool) -> bool:
-        """Fields are wanted at the end, and every so many steps if the scene says so."""
+        """Whether the fields of a step are written: at the end, and at the scene's interval."""
         every = self._output.every
         return self._series is not None and (last or (every > 0 and number % every == 0))
 
@@ -111,24 +110,24 @@ class ResultDirectory(Recorder):
             self._surface.write(time, {"traction": traction})
 
     def keep(self, checkpoint: Checkpoint) -> Path:
-        """Write the checkpoint; the directory."""
+        """Write the checkpoint; returns the directory."""
         from ..restart import checkpoint as checkpoints
 
         with collectively(self.comm):
             if self.comm.rank == 0:
-                sync(self.path / HISTORY)  # whose rows the checkpoint counts on
+                sync(self.path / HISTORY)  # the checkpoint relies on its rows
         checkpoints.write(self.path / CHECKPOINT, checkpoint, self.comm)
         return self.path
 
     def provisional(self, result: Result) -> Path:
-        """Write result.json; the directory."""
+        """Write result.json; returns the directory."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._write(result)
         return self.path
 
     def finish(self, result: Result) -> None:
-        """Write result.json; a complete run keeps its checkpoint if the scene wants some or the grain ended it."""
+        """Write result.json; keep the checkpoint of a complete run on the scene's request or if the grain ended it."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._write(result)
@@ -138,7 +137,7 @@ class ResultDirectory(Recorder):
                         (self.path / CHECKPOINT).unlink(missing_ok=True)
 
     def _write(self, result: Result) -> None:
-        """Write result.json instead of that of the run that was resumed, if any, which stays if it says more."""
+        """Write result.json; a more complete result of the resumed run is kept."""
         if self._resumed is not None:
             remove_pictures(self.path)
             if result.status != "complete":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import socket
 from collections.abc import Iterator
@@ -11,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 
 from ..errors import OutputError
-from ..files import MARK, make_directory, opened_mark, reported, write_fully
+from ..files import MARK, hold_alone, make_directory, opened_mark, reported, write_fully
 from ..parallel import Comm, collectively
 from .ownership import refuse_foreign
 
@@ -20,44 +19,32 @@ AT_WORK = "# at work: "
 
 @contextmanager
 def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
-    """Keep other runs out of a directory during the block. To enter is collective, to leave is not.
+    """Lock a directory against other runs during the block; with `make` create it. Only entering is collective.
 
-    With `make` the directory is made if it is not there.
+    The kernel's lock on the directory's mark ends with the process.
 
-    The lock is the kernel's, on the directory's mark: it ends with the process, however that ends.
-
-    Raises OutputError on all ranks: another run is at work there, a file is not of a run, or the mark is not writable.
+    Raises OutputError on all ranks: the directory is locked, a file is not of a run, or the mark is not writable.
     """
     with ExitStack() as held:
         with collectively(comm):
             if comm.rank == 0:
                 if make:
                     make_directory(directory)
-                held.enter_context(_lock(directory))
+                if not directory.exists():
+                    raise OutputError(
+                        f"{directory}: no such directory; give the directory of a run"
+                    )
+                with reported(directory / MARK):
+                    mark = held.enter_context(opened_mark(directory))
+                    hold_alone(mark, lambda: _busy(directory))
+                    since = datetime.now().astimezone().isoformat(" ", "seconds")
+                    who = f"process {os.getpid()} on {socket.gethostname()}, since {since}"
+                    write_fully(mark, f"{AT_WORK}{who}\n".encode())
                 refuse_foreign(directory)
         yield
 
 
-@contextmanager
-def _lock(directory: Path) -> Iterator[None]:
-    if not directory.exists():
-        raise OutputError(f"{directory}: no such directory; give the directory of a run")
-    with ExitStack() as held:
-        with reported(directory / MARK):
-            mark = held.enter_context(opened_mark(directory))
-            _take(mark.fileno(), directory)
-            since = datetime.now().astimezone().isoformat(" ", "seconds")
-            who = f"process {os.getpid()} on {socket.gethostname()}, since {since}"
-            write_fully(mark, f"{AT_WORK}{who}\n".encode())
-        yield
-
-
-def _take(descriptor: int, directory: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        _, _, last = (directory / MARK).read_text(errors="replace").rpartition(AT_WORK)
-        who, remedy = last.splitlines()[0], "wait for it or choose another directory"
-        raise OutputError(f"{directory}: another run is using it ({who}); {remedy}") from None
-    except OSError:
-        pass  # a file system without locks
+def _busy(directory: Path) -> str:
+    _, _, last = (directory / MARK).read_text(errors="replace").rpartition(AT_WORK)
+    remedy = "wait for it or choose another directory"
+    return f"{directory}: another run is using it ({last.splitlines()[0]}); {remedy}"

@@ -1,7 +1,7 @@
-"""The quadratic nodes of a distributed mesh, or of part of its boundary, numbered without gaps over all ranks.
+"""The quadratic nodes of a distributed mesh, or of part of its boundary, numbered contiguously over all ranks.
 
-Every field leaves the program on these nodes: they carry P2 velocity exactly and quadratic geometry, and
-VTK draws them as Triangle_6 (2D), Tetrahedron_10 (3D) and Edge_3 (boundary in 2D).
+All fields are written on these nodes, which represent P2 velocity and quadratic geometry exactly; VTK draws them as
+Triangle_6 (2-D), Tetrahedron_10 (3-D) and Edge_3 (boundary in 2-D).
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ _XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
 
 
 class QuadraticNodes:
-    """P2 nodes of all cells of a mesh, or of some facets only. Making it is collective, and so is every method.
+    """P2 nodes of all cells of a mesh, or of some facets. The constructor and every method are collective.
 
-    Results are whole on rank 0 and empty on the others. `topology` is (cells or facets, nodes each), the numbers of
-    their nodes in VTK's order. `facets` are local facet indices; those owned by another rank are ignored.
+    Results are complete on rank 0 and empty on the others.
+
+    topology: (cells or facets, nodes each) node numbers in VTK's order
+    facets:   local facet indices; those owned by another rank are ignored
     """
 
     def __init__(self, mesh: Any, facets: np.ndarray | None = None):
@@ -51,8 +53,7 @@ class QuadraticNodes:
     def values(self, function: Any) -> np.ndarray:
         """Nodal values of a Lagrange function, (nodes,) or (nodes, 3).
 
-        The function is interpolated; vectors of the plane get a third component of zero. Where a function
-        jumps between cells one side is taken.
+        Vectors in 2-D get a third component of zero. At a jump between cells one side is taken.
         """
         shape = tuple(function.ufl_shape)
         if shape not in ((), (1,), (2,), (3,)):
@@ -64,7 +65,7 @@ class QuadraticNodes:
         index_map = self._space.dofmap.index_map
         nodes = index_map.size_local + index_map.num_ghosts
         values = np.zeros((nodes, 3) if shape else nodes)
-        # The target's own numbering need not be that of the scalar space: go through the cells.
+        # The numbering may differ from that of the scalar space: map through the cells.
         values[(self._dofs.ravel(), slice(*shape)) if shape else self._dofs.ravel()] = nodal
         return self._nodes.joined(values[self._local])
 
@@ -83,7 +84,7 @@ def _cells(mesh: Any, dofs: np.ndarray) -> np.ndarray:
 
 
 def _facets(mesh: Any, dofs: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """(owned facets among the given, nodes) local P2 nodes in VTK's order."""
+    """(owned facets, nodes) local P2 nodes in VTK's order."""
     dimension = mesh.topology.dim
     nodes = np.array(_FACET_NODES[dimension])
     mesh.topology.create_connectivity(dimension - 1, dimension)

@@ -1,6 +1,6 @@
-"""Which files of a directory are results of incipient, and how they make room for others.
+"""Result files of incipient in a directory, and their removal or renaming. Not collective.
 
-No other file is replaced or removed. Nothing here is collective.
+No other file is replaced or removed.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 
 from ..errors import OutputError
 from ..files import MARK, numbered, own, owned, reported, require_own, write_text_atomically
+from ..results.kinds import KINDS, RUN
 
 log = logging.getLogger("incipient")
 
 SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
 HISTORY, CONTACTS = "history.csv", "contacts.csv"
-SERIES = ("fields", "fields.xdmf", "surface", "surface.xdmf")
 DRAWN = (
     *("flow", "pressure", "vorticity", "traction", "verdict"),
     *("profiles", "mesh", "trajectory", "walls", "elevation"),
@@ -30,33 +30,29 @@ PICTURES = (
     *(f"{name}.gif" for name in ("velocity", "pressure", "vorticity")),
     "report.html",
 )
-FILES = {RESULT, HISTORY, CONTACTS, CHECKPOINT, *SERIES, *PICTURES}
-# Results of the other commands that leave their scene beside them.
-OTHERS = {
-    "threshold": {"threshold.json", "threshold.png"},
-    "gusts": {"gusts.json", "gusts.csv", "gusts.png"},
-    "entrainment": {"entrainment.json", "entrainment.csv", "entrainment.png"},
-    "cost": {"cost.json", "cost.csv", "cost.png"},
-}
-RESULTS = FILES.union(*OTHERS.values())
+FILES = {*RUN.files, CHECKPOINT, *PICTURES}
+# Of all commands that write their scene.
+RESULTS = FILES.union(*(kind.files for kind in KINDS if kind.has_scene))
 
 
 def make_room(directory: Path, overwrite: bool) -> None:
-    """Remove an earlier run, or move it to a numbered neighbour if it can be resumed and is not to be overwritten.
+    """Remove an earlier run, or without `overwrite` move a resumable one to a numbered directory.
 
-    Only files that runs write are touched; the scene stays, and a copy of it goes along. Raises OutputError.
+    Only files of runs are affected; the scene stays, and a copy is moved. Raises OutputError.
     """
-    found = _there(directory, FILES)
+    existing = _there(directory, FILES)
     if overwrite or not (directory / CHECKPOINT).exists():
-        _remove(found)
+        _remove(existing)
     else:
-        _move(found, directory, "the earlier run there, which can be resumed,")
+        _move(existing, directory, "the earlier run there, which can be resumed,")
 
 
 def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None:
-    """Write the scene that results belong to; those of another scene move to a numbered neighbour first.
+    """Write the scene of results; results of another scene are first moved to a numbered directory.
 
-    `names` are of results that stay, since they are about to be replaced. Raises OutputError.
+    names: results that are not moved, because they are replaced
+
+    Raises OutputError.
     """
     path = directory / SCENE
     others = _there(directory, RESULTS - {*names})
@@ -66,7 +62,7 @@ def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None
 
 
 def _there(directory: Path, names: Collection[str]) -> list[Path]:
-    """The files of these names in a directory, also those that were put aside or not written to their end."""
+    """The files of these names in a directory, renamed and incomplete ones included."""
     return [path for path in directory.iterdir() if _name(path) in names]
 
 
@@ -75,12 +71,12 @@ def _name(path: Path) -> str:
 
 
 def remove_pictures(directory: Path) -> None:
-    """Remove the pictures of a run, which has gone on since they were drawn; raises OutputError."""
+    """Remove outdated pictures of a run; raises OutputError."""
     _remove([directory / name for name in PICTURES])
 
 
 def keep_complete_result(directory: Path) -> None:
-    """Give the result of a run that had come to its end another name, before less replaces it; raises OutputError."""
+    """Rename the result of a complete run before a less complete one replaces it; raises OutputError."""
     path = directory / RESULT
     try:
         complete = json.loads(path.read_text())["status"] == "complete"
@@ -91,7 +87,7 @@ def keep_complete_result(directory: Path) -> None:
 
 
 def put_aside(path: Path) -> Path:
-    """Rename a file to the next numbered name that is free, which is returned; raises OutputError."""
+    """Rename a file to the next free numbered name; returns the new path. Raises OutputError."""
     aside = numbered(path)
     with reported(aside):
         path.rename(aside)
@@ -109,12 +105,12 @@ def _remove(paths: list[Path]) -> None:
             for member in path.iterdir():
                 if _name(member) in mine:
                     member.unlink()
-            with suppress(OSError):  # files of others stay
+            with suppress(OSError):  # other files stay
                 path.rmdir()
 
 
 def _move(paths: list[Path], directory: Path, what: str) -> None:
-    """Move files, the checkpoint last, and a copy of the scene to a new directory beside theirs, and say so."""
+    """Move files, the checkpoint last, and a copy of the scene to a new numbered directory, and report it."""
     neighbour = numbered(directory.resolve())
     with reported(neighbour):
         neighbour.mkdir()
@@ -130,11 +126,11 @@ def _move(paths: list[Path], directory: Path, what: str) -> None:
 def refuse_foreign(
     directory: Path, names: Iterable[str] = (), sources: Iterable[Path] = ()
 ) -> None:
-    """Refuse a directory in which a file to be written is a link, not incipient's, or one that is read.
+    """Refuse a directory in which an output file is a link, a foreign file, or an input file.
 
     Args:
-        names: of the files to be written; none: those of all commands with a scene.
-        sources: files that are read.
+        names: output files; none: those of all commands with a scene.
+        sources: input files.
 
     Raises:
         OutputError: naming the file.

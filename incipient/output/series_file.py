@@ -1,16 +1,16 @@
-"""Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF file that lists them; no dolfinx.
+"""Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF index; independent of dolfinx.
 
 `fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell), node numbers in VTK's order,
-`geometry` (nodes, 3) and the fields, (nodes,) or (nodes, 3). Topology and geometry that have not changed are links to
-the step that holds them. `fields.xdmf` is a temporal collection, for ParaView and pyvista.
+`geometry` (nodes, 3) and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry are links to
+an earlier step. `fields.xdmf` is a temporal collection, for ParaView and pyvista.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OutputError
-from ..files import cause_of, make_directory, own, reported, write_hdf5, write_text_atomically
+from ..files import make_directory, opened_hdf5, own, reported, write_hdf5, write_text_atomically
 from .ownership import put_aside
 
 log = logging.getLogger("incipient")
@@ -29,7 +29,7 @@ MESH = ("topology", "geometry")
 _HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n  <Domain>\n'
 _END = "    </Grid>\n  </Domain>\n</Xdmf>\n"
 _ATTRIBUTE_TYPES = {1: "Scalar", 2: "Vector"}
-_SAME_TIME = 1e-12  # relative, of round-off; steps further apart are different
+_SAME_TIME = 1e-12  # relative difference of equal times
 
 
 class Unreadable(OutputError):
@@ -47,9 +47,10 @@ class StoredStep:
 
 
 class SeriesFile:
-    """Writes a series step by step; whatever has been written is complete and readable. Not collective.
+    """Writes a series step by step, readable at any time. Not collective.
 
-    `stem` is the path without ending, `cell_type` XDMF's name of the cells, such as "Triangle_6".
+    stem:      path without suffix
+    cell_type: XDMF's name of the cells, such as "Triangle_6"
     """
 
     def __init__(self, stem: Path, cell_type: str):
@@ -60,12 +61,12 @@ class SeriesFile:
         self._mesh: dict[str, str] = {}  # names of the files with the newest topology and geometry
 
     def begin(self, after: float = -math.inf) -> None:
-        """Start the series after a time; later steps are removed, those that cannot be read are put aside.
+        """Start the series after a time; later steps are removed, unreadable ones are renamed.
 
-        A mesh must come with the next step.
+        The next step must include a mesh.
 
         Raises:
-            OutputError: the directory cannot be made or written.
+            OutputError: the directory is not writable.
         """
         own(self._stem)
         make_directory(self._stem, self._stem)
@@ -88,7 +89,7 @@ class SeriesFile:
     def add_step(
         self, time: float, fields: Mapping[str, NDArray[Any]], mesh: Mapping[str, NDArray[Any]]
     ) -> None:
-        """Store fields, (nodes,) or (nodes, 3), at a time, and what is new of the mesh, by the names in `MESH`."""
+        """Store fields, (nodes,) or (nodes, 3), at a time, and changed parts of the mesh by their names in `MESH`."""
         path = self._stem / f"{self._number:06}.h5"
         links = {name: file for name, file in self._mesh.items() if name not in mesh}
         write_hdf5(path, {**mesh, **fields}, {"time": float(time)}, links)
@@ -119,7 +120,7 @@ class SeriesFile:
         return f"      {ElementTree.tostring(grid, encoding='unicode')}\n"
 
     def _item(self, parent: ElementTree.Element, dataset: Any) -> None:
-        """Where a dataset is: VTK's reader does not follow HDF5's links itself."""
+        """Add the location of a dataset; VTK's reader does not follow links of HDF5."""
         about = {
             "Dimensions": " ".join(map(str, dataset.shape)),
             "NumberType": "Int" if dataset.dtype.kind == "i" else "Float",
@@ -131,12 +132,12 @@ class SeriesFile:
 
 
 def times(stem: Path) -> list[float]:
-    """Times of the steps of a series, in order; raises Unreadable where there is none. Not collective."""
+    """Times of the steps of a series, in order. Raises Unreadable without steps. Not collective."""
     return [_time_of(path) for path in _stored(stem)]
 
 
 def read_step(stem: Path, index: int = -1) -> StoredStep:
-    """One step (default: the last) of a series; raises Unreadable where it is missing or damaged. Not collective."""
+    """One step (default: the last) of a series. Raises Unreadable for a missing or damaged step. Not collective."""
     with _opened(_stored(stem)[index]) as file:
         stored = {name: file[name][()] for name in file}
         cells, points = (stored.pop(name) for name in MESH)
@@ -158,15 +159,5 @@ def _time_of(path: Path) -> float:
         return float(file.attrs["time"])
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """The file of a step; what goes wrong with it inside the block is one line with a remedy."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            yield file
-    except (OSError, KeyError, RuntimeError, ValueError) as error:
-        raise Unreadable(
-            f"{path}: cannot be read: {cause_of(error)}; run the scene again"
-        ) from error
+def _opened(path: Path) -> AbstractContextManager[Any]:
+    return opened_hdf5(path, "run the scene again", Unreadable)

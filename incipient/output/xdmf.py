@@ -1,4 +1,4 @@
-"""Fields over time for ParaView and pyvista, on quadratic nodes, from any number of ranks."""
+"""Series of fields on quadratic nodes for ParaView and pyvista, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from .series_file import SeriesFile
 
 
 class FieldSeries:
-    """Writes Lagrange functions of any degree on quadratic nodes of a mesh, or of part of its boundary, step by step.
+    """Writes Lagrange functions on quadratic nodes of a mesh, or of part of its boundary, step by step.
 
-    In 2-D cells are Triangle_6 and those of a boundary, such as a grain's surface, Edge_3; in 3-D Tetrahedron_10 and
-    Triangle_6. Every method is collective; rank 0 writes (`SeriesFile`). A topology is written once for each mesh, the
-    nodes' coordinates once for each step before which the mesh has moved.
+    Cells are Triangle_6 in 2-D and Tetrahedron_10 in 3-D, boundary cells Edge_3 and Triangle_6. Every method is
+    collective; rank 0 writes (`SeriesFile`). Topology is written once for each mesh, coordinates after each motion.
 
     Args:
-        after: later steps that are there are removed, earlier ones stay; by default all are removed.
-        facets: (n,) local indices of boundary facets, on whose nodes values are written; those owned by another rank
-            are ignored. None: on all of the mesh.
+        after: stored steps after this time are removed; default: all.
+        facets: (n,) local indices of the boundary facets written; those owned by another rank are ignored. None: the
+            whole mesh.
 
-    Raises OutputError on all ranks when the files cannot be written; steps written before stay readable.
+    Raises OutputError on all ranks if writing fails; earlier steps stay readable.
     """
 
     def __init__(
@@ -45,12 +44,12 @@ class FieldSeries:
                 self._file.begin(after)
 
     def remeshed(self, mesh: Any, facets: np.ndarray | None = None) -> None:
-        """Continue with a new mesh of the same kind, or facets of it: the steps to come are on it."""
+        """Continue on a new mesh of the same kind, or on its facets."""
         self._nodes, self._written = QuadraticNodes(mesh, facets), None
 
     def write(self, time: float, fields: Mapping[str, Any]) -> None:
         """Append named dolfinx functions (scalars or vectors, in scene units) at a time."""
-        # A communicator that an earlier mesh lent is gone with that mesh.
+        # The communicator of an earlier mesh is freed with that mesh.
         nodes, comm = self._nodes, self._nodes.mesh.comm
         places, mesh = nodes.mesh.geometry.x, {}
         if self._written is None:

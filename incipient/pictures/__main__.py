@@ -1,6 +1,7 @@
-"""`python -m incipient.pictures DIR` draws the pictures of its results and prints their paths as they come.
+"""`python -m incipient.pictures PATH` draws the pictures of a directory's results and prints their paths as they come.
 
 With `--animate --field NAME` it makes the one animation instead, with `--out FILE` under another than the usual name.
+Of a sweep's file it draws the pictures of the sweep, without VTK, which takes longer to load than to draw a sweep.
 """
 
 import argparse
@@ -11,21 +12,34 @@ from ..errors import IncipientError
 from ..installed import require_limits
 
 parser = argparse.ArgumentParser()
-parser.add_argument("directory", type=Path)
+parser.add_argument("path", type=Path)
 parser.add_argument("--animate", action="store_true")
 parser.add_argument("--out", type=Path)
 parser.add_argument("--field", default="velocity")
+for name in ("--quantity", "--against", "--by"):
+    parser.add_argument(name)
 options = parser.parse_args()
+
+
+def announce(path: Path) -> None:
+    """Print the path of a picture that is there."""
+    print(path, flush=True)
+
+
 try:
     require_limits()  # before libraries are imported
     if options.animate:
         from .film import animate
 
-        print(animate(options.directory, options.out, options.field))
-    else:
-        from .directory_pictures import draw
+        announce(animate(options.path, options.out, options.field))
+    elif options.path.is_file():
+        from .charts import sweep
 
-        draw(options.directory, lambda path: print(path, flush=True))
+        sweep.draw(options.path, announce, options.quantity, options.against, options.by)
+    else:
+        from . import directory_pictures
+
+        directory_pictures.draw(options.path, announce)
 except IncipientError as error:
     print(error, file=sys.stderr)
     raise SystemExit(error.exit_code) from None

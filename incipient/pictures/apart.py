@@ -1,8 +1,8 @@
-"""Drawing in a process of its own.
+"""Drawing in a separate process.
 
-VTK's wheel and dolfinx's libraries do not get on in one process: rendering a colour bar after a flow has been
-computed ends it (both bring std::regex, built for different string ABIs). Apart, a crash costs a picture
-and not the run.
+VTK's wheel and dolfinx's libraries conflict in one process: rendering a colour bar after a flow has been
+computed crashes it (both bring std::regex, built for different string ABIs). In a separate process a crash costs a
+picture and not the run.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..parallel import environment_alone
 
 @dataclass(frozen=True)
 class Drawn:
-    """The files that a drawing has made, and in one line what went wrong with others, if anything did."""
+    """Files that were drawn, and one line on those that failed."""
 
     paths: list[Path]
     complaint: str = ""
@@ -32,8 +32,8 @@ def draw_apart(directory: Path) -> Drawn:
 
 def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
     """Draw the pictures of a sweep in another process; options as of `sweep.draw`. Not collective."""
-    given = [f"--{name}={value}" for name, value in options.items() if value is not None]
-    return _apart("not drawn", str(file), *given, module="incipient.pictures.charts")
+    arguments = [f"--{name}={value}" for name, value in options.items() if value is not None]
+    return _apart("not drawn", str(file), *arguments)
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
@@ -46,10 +46,10 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     return path
 
 
-def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") -> Drawn:
+def _apart(nothing: str, *arguments: str) -> Drawn:
     surroundings = environment_alone()
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
-    command = [sys.executable, "-P", "-m", module, *arguments]
+    command = [sys.executable, "-P", "-m", "incipient.pictures", *arguments]
     # Names of files need not be UTF-8.
     surroundings["PYTHONIOENCODING"] = "utf-8:surrogateescape"
     surroundings["MPLBACKEND"] = "agg"  # pictures are files, wherever the user looks at others

@@ -8,9 +8,9 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from .flow import from_zero
+from .plane import BESIDE, level_of, pyvista_off_screen
 from .record import StoredRun
-from .section import BESIDE, level_of, pyvista_off_screen, views_of
-from .style import INK, View, panels
+from .style import INK, panels
 
 _COLOURS = "YlGnBu"
 _TETRAHEDRON = 10  # VTK's number of the straight one
@@ -18,7 +18,7 @@ _TETRAHEDRON = 10  # VTK's number of the straight one
 
 def picture(run: StoredRun) -> Figure:
     """Cells around the grain, or all without one, in the colour of their mean speed."""
-    view = views_of(run)[-1] if run.in_space else _view(run)
+    view = run.views[-1]
     polygons, speeds = (_cut if run.in_space else _curved)(run)
     seen = [np.ptp(np.clip(p, view[::2], view[1::2]), axis=0).all() for p in polygons]
     norm = from_zero(speeds[np.array(seen)])
@@ -54,12 +54,3 @@ def _cut(run: StoredRun) -> tuple[list[np.ndarray], np.ndarray]:
     faces = cut.irregular_faces
     places = cut.points[:, [0, 2]]
     return [places[face] for face in faces], np.array([cut["speed"][f].mean() for f in faces])
-
-
-def _view(run: StoredRun) -> View:
-    """The surroundings of the grain, or the whole domain without one."""
-    if run.surface is None:
-        return run.box
-    x0, x1, y0, y1 = run.box
-    size, (x, y) = run.value("grain", "size", 1.0), run.space("grain", "centre")[:2]
-    return max(x0, x - 2 * size), min(x1, x + 2 * size), max(y0, y - size), min(y1, y + size)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.patches import FancyArrowPatch, Wedge
-from matplotlib.patheffects import Normal, Stroke
 
+from ..arrays import spatial
 from ..errors import OutputError
 from ..input_files import reading
 from ..output.ownership import CONTACTS
 from ..scene import Contact
+from .drawing import PLANE, arrow, draw_cone
 from .style import STATES
 
 MARKS = (
@@ -34,7 +34,7 @@ SLIDES = 1e-6  # of the fastest slip in a run
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Contacts as they are drawn, along the flow and upwards, from contacts.csv.
+    """Contacts from contacts.csv, in coordinates along the flow and upwards.
 
     times: (n,) of the ends of their steps; points, normals, forces: (n, 2), normals from the bed; slips: (n,)
     friction: coefficients of contacts that stick, and that slide
@@ -56,7 +56,7 @@ class ContactForces:
     def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
         """Draw the contacts of a grain of a size at a time, or next to it: cones, and forces to one scale.
 
-        Returns what was drawn: nothing where the next contacts are not `within` a time.
+        Returns the artists: none where the next contacts are not `within` a time.
         """
         drawn: list[Artist] = []
         apart = np.abs(self.times - time)
@@ -64,30 +64,16 @@ class ContactForces:
         if nearest > within + SAME_TIME * max(abs(time), 1.0):
             return drawn
         for k in np.flatnonzero(self.times == self.times[np.argmin(apart)]):
-            slides = self.slips[k] > SLIDES * float(self.slips.max())
-            colour = MARKS[int(slides)]
-            opening = np.degrees(np.arctan(self.friction[int(slides)]))
-            force, point = self.forces[k], self.points[k]
+            slides = int(self.slips[k] > SLIDES * float(self.slips.max()))
+            force, colour = self.forces[k], MARKS[slides]
             length = min(USUAL * float(np.linalg.norm(force)) / self.usual, LONGEST) * size
-            middle = np.degrees(np.arctan2(*self.normals[k][::-1]))
-            reach = max(SHORTEST * size, 1.15 * length)
-            cone = Wedge(tuple(point), reach, middle - opening, middle + opening)
-            cone.set(facecolor=colour, edgecolor=colour, alpha=0.35, lw=0.8, zorder=5)
-            drawn.append(axes.add_artist(cone))
+            point, normal = spatial(self.points[k]), spatial(self.normals[k])
+            reach, opening = max(SHORTEST * size, 1.15 * length), np.arctan(self.friction[slides])
+            drawn.append(draw_cone(axes, PLANE, point, normal, opening, reach, colour))
             if length > 0.0:
-                drawn.append(
-                    axes.add_artist(
-                        _arrow(point, point + length * force / np.linalg.norm(force), colour)
-                    )
-                )
+                tip = self.points[k] + length * force / np.linalg.norm(force)
+                drawn.append(arrow(axes, self.points[k], tip, colour, 1.8))
         return drawn
-
-
-def _arrow(tail: np.ndarray, tip: np.ndarray, colour: str) -> FancyArrowPatch:
-    return FancyArrowPatch(
-        tuple(tail), tuple(tip), arrowstyle="-|>", mutation_scale=9.0, color=colour, lw=1.8, shrinkA=0, shrinkB=0,
-        zorder=6, path_effects=[Stroke(linewidth=3.0, foreground="white", alpha=0.8), Normal()],
-    )  # fmt: skip
 
 
 def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | None:
@@ -101,8 +87,8 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
         return None
     kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
     with reading(path, "run the scene again", error=OutputError):
-        with path.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
         upwards = "z" if rows and "z" in rows[0] else "y"
         pairs = {
             name: np.array(

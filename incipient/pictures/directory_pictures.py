@@ -10,20 +10,22 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import IncipientError, OutputError
+from ..results import kinds
 from . import cells, elevation, flow, style, traction, trajectory, verdict, walls
-from .charts import cost, entrainment, gusts, series, survey
+from .charts import cost, entrainment, gusts, poses, series, survey
 from .record import StoredRun, read
 
 Maker = Callable[[StoredRun], Figure]
-# Files of results other than a run's, and what draws their pictures.
+# What draws the picture of each kind of results other than a run.
 _OTHERS = {
-    "threshold.json": verdict.draw_threshold,
-    "gusts.json": gusts.draw,
-    "entrainment.json": entrainment.draw,
-    "survey.json": survey.draw,
-    "cost.json": cost.draw,
-    "series.json": series.draw,
-    "judgement.json": verdict.draw_judgement,
+    kinds.THRESHOLD: verdict.draw_threshold,
+    kinds.GUSTS: gusts.draw,
+    kinds.ENTRAINMENT: entrainment.draw,
+    kinds.SURVEY: survey.draw,
+    kinds.POSES: poses.draw,
+    kinds.COST: cost.draw,
+    kinds.SERIES: series.draw,
+    kinds.JUDGEMENT: verdict.draw_judgement,
 }
 
 
@@ -32,9 +34,8 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
 
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
     with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
-    for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), critical
-    gusts (gusts.json), motion in a fluctuating flow (entrainment.json), a bed of grains (survey.json), a judged case
-    (judgement.json), a judged series (series.json), a study of what accuracy costs (cost.json): one picture each.
+    for a box in which nothing moves the velocity profiles on both centrelines. Each other kind of results
+    (`results.kinds`): one picture.
 
     Args:
         announce: called with the path of every picture as soon as it is there.
@@ -44,19 +45,20 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
             written; all others have been drawn then.
     """
     drawing = _DrawnPictures(announce)
-    others = [source for name in _OTHERS if (source := directory / name).exists()]
-    if (directory / "result.json").exists() or not others:
-        with drawing.attempt(directory / "result.json"):
+    others = [kind for kind in _OTHERS if (directory / kind.record).exists()]
+    record = directory / kinds.RUN.record
+    if record.exists() or not others:
+        with drawing.attempt(record):
             _draw_run(directory, drawing)
-    for source in others:
-        drawing.add(source, _OTHERS[source.name])
+    for kind in others:
+        drawing.add(directory / kind.record, _OTHERS[kind])
     if drawing.failures:
         raise OutputError("; ".join(drawing.failures))
     return drawing.written
 
 
 class _DrawnPictures:
-    """Pictures drawn one after the other; one that fails does not keep the others from being drawn."""
+    """Pictures drawn one after the other; a failure does not stop the others."""
 
     def __init__(self, announce: Callable[[Path], object]):
         self._announce = announce
@@ -65,7 +67,7 @@ class _DrawnPictures:
 
     @contextmanager
     def attempt(self, path: Path) -> Iterator[None]:
-        """Note what goes wrong in the block, which draws from or into a file."""
+        """Record errors of the block, which reads or writes a file."""
         try:
             yield
         except IncipientError as error:
@@ -75,12 +77,12 @@ class _DrawnPictures:
             self.failures.append(f"{path}: cannot be drawn: {why}")
 
     def done(self, path: Path) -> None:
-        """A picture is there."""
+        """Record and announce a picture."""
         self.written.append(path)
         self._announce(path)
 
     def add(self, source: Path, make: Callable[[Path], list[Path]]) -> None:
-        """Draw what a file of the results allows."""
+        """Draw the pictures of a file of results."""
         with self.attempt(source):
             for path in make(source.parent):
                 self.done(path)
@@ -98,7 +100,7 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
 
 
 def _makers(run: StoredRun) -> dict[str, Maker]:
-    """What draws the pictures of a run's last fields, by the pictures' names."""
+    """Functions that draw the pictures of a run's last fields, by name."""
     makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
     if not run.in_space:
         makers["vorticity"] = flow.vorticity

@@ -8,15 +8,11 @@ from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
 from ..geometry.space.beds import Terrain
-from ..scene import Domain, Scene
-from .mesh import QUARTERS
+from ..scene import Domain
+from .plane import TETRAHEDRON, pyvista_off_screen
 from .record import StoredRun
 from .style import INK, panels
 
-_FACES = np.array([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])  # corners of a tetrahedron's faces
-_MIDDLES = np.array(
-    [(4, 5, 6), (4, 8, 7), (6, 9, 7), (5, 9, 8)]
-)  # nodes on the sides of these, in order
 _UPWARD = 0.1  # least rise of a normal that points up
 _LEVELS = 24  # colours
 _LINES, _PLACES = (
@@ -28,7 +24,7 @@ _LINES, _PLACES = (
 def picture(run: StoredRun) -> Figure:
     """Elevation above the still level in colour as seen from above, the bed's height in lines."""
     points, triangles = run.whole(*surface_of(run))
-    scene = Scene(**run.scene)
+    scene = run.model
     domain = scene.domain
     elevation = points[:, 2] - domain.ceiling
     view = (domain.left, domain.right, *domain.across)
@@ -47,27 +43,20 @@ def picture(run: StoredRun) -> Figure:
 def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     """The nodes (n, 3) of the free surface and straight triangles (m, 3) between them.
 
-    They are the faces of one cell alone whose outward normals point up, less those of the grain.
+    They are the sides of the mesh whose outward normals point up, less those of the grain.
     """
-    cells, points = run.fields.cells, run.fields.points
-    corners = cells[:, _FACES].reshape(-1, 3)
-    _, first, count = np.unique(
-        np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    outside = first[count == 1]
-    a, b, c = points[corners[outside]].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    inner = points[cells[outside // 4, 3 - outside % 4]]
-    normal *= -np.sign(np.sum(normal * (inner - a), axis=1))[:, None]
-    up = normal[:, 2] > _UPWARD * np.linalg.norm(normal, axis=1)
+    grid = pyvista_off_screen().UnstructuredGrid({TETRAHEDRON: run.fields.cells}, run.fields.points)
+    sides = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface").triangulate()
+    sides = sides.compute_normals(point_normals=False, auto_orient_normals=True)
+    triangles, chosen = sides.regular_faces, sides["Normals"][:, 2] > _UPWARD
     if run.surface is not None:
         reach = 1e-6 * float(np.ptp(run.surface.points, axis=0).max())
-        away = KDTree(run.surface.points).query(points)[0][corners[outside]]
-        up &= away.max(axis=1) > reach
-    chosen = outside[up]
-    nodes = np.column_stack([corners[chosen], cells[chosen[:, None] // 4, _MIDDLES[chosen % 4]]])
-    used, places = np.unique(nodes, return_inverse=True)
-    return points[used], places.reshape(-1, 6)[:, QUARTERS].reshape(-1, 3)
+        away = KDTree(run.surface.points).query(sides.points)[0]
+        chosen &= away[triangles].max(axis=1) > reach
+    used, places = np.unique(triangles[chosen], return_inverse=True)
+    # Places in VTK are of single precision.
+    nodes = KDTree(run.fields.points).query(sides.points[used])[1]
+    return run.fields.points[nodes], places.reshape(-1, 3)
 
 
 def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:

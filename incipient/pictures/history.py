@@ -27,7 +27,7 @@ REMEDY = "give the directory of a finished run, or run the scene again"
 
 @dataclass(frozen=True)
 class History:
-    """Columns (n,) by name, in the order of time; nan where nothing is known. Angles in radians, unbounded."""
+    """Columns (n,) by name, in the order of time; nan where unknown. Angles in radians, unbounded."""
 
     columns: dict[str, np.ndarray]
 
@@ -46,7 +46,7 @@ class History:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(n, 2) of the grain's centre as it is drawn: along the flow, and the height."""
+        """Coordinates (n, 2) of the grain's centre along the flow and upwards."""
         return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
 
     @property
@@ -87,12 +87,12 @@ class History:
 
 
 def read_history(path: Path) -> History:
-    """The history of a run with a moving grain; raises OutputError for a file that is missing, damaged or another's."""
+    """Read the history of a moving grain; raises OutputError for a file that is missing, damaged or not a history."""
     with (
         reading(path, REMEDY, error=OutputError),
-        path.open(encoding="utf-8", newline="") as stream,
+        path.open(encoding="utf-8", newline="") as file,
     ):
-        header, *rows = list(csv.reader(stream)) or [[]]
+        header, *rows = list(csv.reader(file)) or [[]]
     names = [heading.partition(" [")[0] for heading in header]
     missing = [name for name in ("time", *PLACE[_gdim(names)]) if name not in names]
     if missing:
@@ -106,19 +106,18 @@ def _columns(path: Path, names: list[str], rows: list[list[str]]) -> dict[str, n
         raise OutputError(f"{path}: holds no complete steps; run the scene again")
     try:
         by_name = zip(names, zip(*complete, strict=True), strict=False)
-        found = {
+        columns = {
             name: np.array([float(text) if text else np.nan for text in column])
             for name, column in by_name
             if name in _READ
         }
     except ValueError as error:
         raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
-    known = np.isfinite([found[name] for name in ("time", *PLACE[_gdim(found)])]).all(axis=0)
+    known = np.isfinite([columns[name] for name in ("time", *PLACE[_gdim(columns)])]).all(axis=0)
     if not known.any():
         raise OutputError(f"{path}: holds no place of the grain; run the scene again")
-    return {name: column[known] for name, column in found.items()}
+    return {name: column[known] for name, column in columns.items()}
 
 
 def _gdim(names: Container[str]) -> int:
-    """The dimension of the space that a history of columns of these names is of."""
     return 3 if "z" in names else 2

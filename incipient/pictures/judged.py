@@ -1,4 +1,4 @@
-"""What the pictures show of a verdict: the load, the contact forces in their cones, how the grain begins to move."""
+"""The contents of a picture of a verdict: load, contact forces in their cones, incipient motion."""
 
 from __future__ import annotations
 
@@ -15,11 +15,6 @@ from ..errors import ConvergenceError, OutputError, SceneError
 _NO_FORCE = 1e-8  # of the largest contact force
 _ON_EDGE = 1e-6  # of the force along the surface that friction allows
 _PAPER = "; by the paper's criteria"
-# How a case is drawn, in 2-D and in 3-D; lengths in grain sizes.
-STRONGEST = 0.8  # arrow of the largest force
-SHORTEST_CONE, BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
-MOVED = 0.09  # how far the grain is shown to have moved
-SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +31,10 @@ class DrawnMotion:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A case and what both judges say of it.
+    """A case and the verdicts of both criteria.
 
     forces:      contact forces on the grain (n, 3), and `states` (n) of the contacts, keys of `style.STATES`
-    share:       part of the flow's load that these forces answer: 1, or the safety factor where no forces balance
+    share:       fraction of the flow's load that these forces balance: 1, or the safety factor where no forces balance
                  the load and the motion is not known; nan where there are none
     motion:      None at rest and where it is not known
     significant: the paper's significant reaction surface, indices of contacts
@@ -63,7 +58,7 @@ class Judged:
 
     @property
     def planar(self) -> bool:
-        """Whether everything lies in the plane of the first two directions."""
+        """Whether no point, normal, force or torque leaves the plane z = 0."""
         vectors = (
             self.contacts.points,
             self.contacts.normals,
@@ -77,12 +72,12 @@ class Judged:
         """Indices of contacts that have an area and the same normal: the corners of one patch."""
         if self.contacts.areas is None:
             return []
-        found: dict[tuple[float, ...], list[int]] = {}
+        corners: dict[tuple[float, ...], list[int]] = {}
         for index in np.flatnonzero(self.contacts.areas > 0):
-            found.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(
+            corners.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(
                 int(index)
             )
-        return list(found.values())
+        return list(corners.values())
 
     @property
     def arms(self) -> np.ndarray:
@@ -121,7 +116,7 @@ class Judged:
 
 
 def judged(verdict: dict[str, Any], where: Path) -> Judged:
-    """A stored verdict, with the contact forces at the load as it is, computed where they are not stored.
+    """A stored verdict, with the contact forces at the actual load, computed where they are not stored.
 
     Raises:
         OutputError: naming the file `where` when the verdict lacks something or cannot be understood.
@@ -172,7 +167,7 @@ def _motion(stored: dict[str, Any]) -> DrawnMotion:
 def _forces(
     exact: dict[str, Any], load: Load, contacts: Contacts, friction: float
 ) -> tuple[np.ndarray, tuple[str, ...], float]:
-    """Contact forces, states, and the share of the flow's load that they answer."""
+    """Contact forces, states, and the fraction of the flow's load that they balance."""
     motion, safety = exact["motion"], exact["safety"]
     if motion is not None:
         return np.array(motion["contact_forces"]), tuple(motion["contact_states"]), 1.0

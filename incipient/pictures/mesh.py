@@ -1,4 +1,4 @@
-"""Quadratic triangles (VTK's node order) made ready for drawing: straight triangles and boundary curves."""
+"""Quadratic triangles (VTK's node order) prepared for drawing: straight triangles and boundary curves."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from matplotlib.tri import Triangulation
 
 _EDGES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # start, end, mid-side node
 QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))  # straight triangles of a quadratic one
@@ -29,18 +28,6 @@ class QuadraticMesh:
         """Closed boundary curves as edges (n, 3): start, end, mid-side node; fluid on the left, the outer one first."""
         loops = chained(self._boundary())
         return sorted(loops, key=lambda edges: -enclosed_area(self.points, edges))
-
-    def within(self, view: tuple[float, float, float, float]) -> QuadraticMesh:
-        """The cells that touch a rectangle (left, right, bottom, top); the points stay."""
-        x0, x1, y0, y1 = view
-        low, high = self.points[self.cells].min(axis=1), self.points[self.cells].max(axis=1)
-        seen = (low[:, 0] <= x1) & (high[:, 0] >= x0) & (low[:, 1] <= y1) & (high[:, 1] >= y0)
-        return QuadraticMesh(self.points, self.cells[seen])
-
-    @cached_property
-    def triangulation(self) -> Triangulation:
-        """matplotlib's triangulation of the nodes, four straight triangles a cell."""
-        return Triangulation(*self.points.T, self.quarters)
 
     def _boundary(self) -> np.ndarray:
         """(edges, 3) of the edges that belong to one cell, directed with the fluid on the left."""

@@ -29,8 +29,15 @@ def grain_outline(grain: Any, placement: Any) -> Outline:
 
 def grain_silhouette(grain: Any, placement: Any) -> Outline:
     """Points (n, 2) around a 3-D grain at its place as seen from the side: the convex hull of its shadow."""
-    seen = placement.to_scene(grain.surface(_SHADOW * grain.size).points)[:, [0, 2]]
-    return np.asarray(seen[ConvexHull(seen).vertices])
+    return hull(placement.to_scene(grain.surface(_SHADOW * grain.size).points)[:, [0, 2]])
+
+
+def hull(points: np.ndarray) -> Outline:
+    """The convex hull of points (n, 2), in order; all of them where they are on a line."""
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return points
 
 
 def spoke(outline: Outline, placement: Any) -> np.ndarray:
@@ -54,7 +61,7 @@ def placed_surface(grain: Any, placement: Any) -> Solid:
 
 
 def sketched_outline(case: Judged) -> Outline:
-    """A plane outline (n, 2) through the contacts: a circle if they could be a disc's, else a polygon.
+    """A plane outline (n, 2) through the contacts: a circle if they could be a disc's, otherwise a polygon.
 
     The polygon is the convex hull of the contacts and their mirror images in the centre of mass.
     """
@@ -63,15 +70,11 @@ def sketched_outline(case: Judged) -> Outline:
     if radius is not None:
         angles = np.linspace(0.0, 2.0 * np.pi, 181)[:-1]
         return centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    points = mirrored(case)[:, :2]
-    try:
-        return points[ConvexHull(points).vertices]
-    except QhullError:  # all on a line through the centre
-        return points
+    return hull(mirrored(case)[:, :2])
 
 
 def sketched_solid(case: Judged) -> Solid:
-    """A surface through the contacts: a sphere if they could be a sphere's, else a polyhedron.
+    """A surface through the contacts: a sphere if they could be a sphere's, otherwise a polyhedron.
 
     The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass; where it
     has no volume there are only its points, without triangles.
@@ -88,7 +91,7 @@ def sketched_solid(case: Judged) -> Solid:
 
 
 def round_radius(case: Judged) -> float | None:
-    """The radius of the disc or sphere whose contacts these could be: equal arms along the normals."""
+    """The radius of a disc or sphere with these contacts: equal arms along the normals; None if they do not fit."""
     lengths = np.linalg.norm(case.arms, axis=1)
     longest = float(lengths.max())
     aligned = np.abs(case.arms - lengths[:, None] * case.contacts.normals).max() <= _ROUND * longest

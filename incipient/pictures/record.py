@@ -1,10 +1,11 @@
-"""What the pictures need of a finished run, read back from its directory."""
+"""Data of a finished run for pictures, read from its directory."""
 
 from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,14 +14,16 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..errors import OutputError
+from ..errors import OutputError, SceneError
 from ..geometry.placement import Placement
 from ..input_files import reading
 from ..output.series_file import StoredStep, read_step
-from ..scene import Scene
+from ..scene import Scene, load
 from . import style
 from .mesh import QuadraticMesh
 from .outlines import grain_outline
+from .plane import Plane, plane_of
+from .style import View
 
 REMEDY = "give the directory of a finished run, or run the scene again"
 
@@ -41,10 +44,14 @@ class StoredRun:
         return QuadraticMesh(self.fields.points[:, :2], self.fields.cells)
 
     @cached_property
-    def box(self) -> tuple[float, float, float, float]:
-        """Left, right, lowest and highest coordinate of the fluid."""
-        (x0, y0), (x1, y1) = self.mesh.points.min(axis=0), self.mesh.points.max(axis=0)
-        return float(x0), float(x1), float(y0), float(y1)
+    def plane(self) -> Plane:
+        """The plane in which the flow is shown."""
+        return plane_of(self)
+
+    @property
+    def views(self) -> list[View]:
+        """The parts of that plane that are shown."""
+        return self.plane.views(ground=bool(self.scene.get("bed")))
 
     @property
     def place(self) -> Placement | None:
@@ -65,13 +72,24 @@ class StoredRun:
         """
         if not self.value("gap", "closed"):
             return None
-        return grain_outline(Scene(**self.scene).grain, self.place)
+        return grain_outline(self.model.grain, self.place)
+
+    @cached_property
+    def model(self) -> Scene:
+        """The resolved scene; raises OutputError as `of_this_version`."""
+        with of_this_version(self.directory):
+            return Scene(**self.scene)
 
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
         if name not in self.fields.fields:
             raise OutputError(f"{self.directory / 'fields'}: holds no {name}; run the scene again")
         return self.fields.fields[name]
+
+    def in_plane(self, name: str) -> np.ndarray:
+        """Values of a field at the points of the plane, (nodes,) or (nodes, 3)."""
+        self.field(name)
+        return self.plane.fields[name]
 
     def setting(self, section: str, key: str) -> Any:
         """A value of the resolved scene, None if the section or the key is absent."""
@@ -83,7 +101,7 @@ class StoredRun:
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
-        """A value of the result, or what to take otherwise if the section or the key is absent or null."""
+        """A value of the result, or `otherwise` if the section or the key is absent or null."""
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
 
@@ -124,16 +142,8 @@ class StoredRun:
         return np.vstack([points, other]), np.vstack([cells, cells + len(points)])
 
     @property
-    def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Contacts of grain and bed: point and normal out of the grain."""
-        listed = self.result.get("contacts") or []
-        return [
-            (np.array(contact["point"][:2]), np.array(contact["normal"][:2])) for contact in listed
-        ]
-
-    @property
     def title(self) -> str:
-        """The scene's title, or what it is in two words."""
+        """The scene's title, or a default."""
         return (
             self.result.get("title")
             or self.scene.get("title")
@@ -162,13 +172,46 @@ def read(directory: Path) -> StoredRun:
 
 
 def read_scene(directory: Path) -> dict[str, Any]:
-    """The resolved scene that a run has left, section by section. Raises OutputError: when it is missing or damaged."""
+    """The resolved scene that a run has left, section by section. Raises OutputError: it is missing or damaged."""
     return _parsed(directory / "scene.toml", tomllib.loads)
 
 
+def scene_of(directory: Path) -> Scene:
+    """The resolved scene of results. Raises OutputError: missing, damaged, or not one of this version's."""
+    read_scene(directory)
+    with of_this_version(directory):
+        return load(directory / "scene.toml")
+
+
+@contextmanager
+def of_this_version(directory: Path) -> Iterator[None]:
+    """Add the remedy for results of another version to the refusal of their scene in the block.
+
+    Raises:
+        OutputError: instead of a SceneError.
+    """
+    try:
+        yield
+    except SceneError as error:
+        why = f"{directory}: holds results of another version, whose scene is refused by this one"
+        remedy = "show them with that version, or run the scene again, changed so"
+        raise OutputError(f"{why} ({error}); {remedy}") from None
+
+
 def parsed_json(path: Path) -> dict[str, Any]:
-    """The content of a JSON file that results are in; raises OutputError where it is missing or damaged."""
-    return _parsed(path, json.loads)
+    """The content of a JSON file of results; raises OutputError where it is missing or damaged.
+
+    The key "couple" of earlier versions becomes "torque".
+    """
+    return _renamed(_parsed(path, json.loads))
+
+
+def _renamed(stored: Any) -> Any:
+    if isinstance(stored, list):
+        return [_renamed(part) for part in stored]
+    if not isinstance(stored, dict):
+        return stored
+    return {"torque" if key == "couple" else key: _renamed(part) for key, part in stored.items()}
 
 
 def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str) -> list[Path]:
@@ -181,8 +224,10 @@ def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str)
     with style.applied():
         try:
             figure = picture(stored)
-        except (KeyError, TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood ({error}); {again}") from error
+        except KeyError as error:
+            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
+        except (TypeError, ValueError) as error:
+            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
         style.save(figure, path)
     return [path]
 

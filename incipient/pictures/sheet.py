@@ -1,4 +1,4 @@
-"""The sheet a verdict is drawn on: what is said at the top, the drawing on the left, numbers on the right."""
+"""The sheet of a verdict: sentences at the top, the drawing on the left, numbers on the right."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "result
 
 
 def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure, Axes]:
-    """A figure that says something in bold, more in plain, what it is about; axes for the drawing, `up` inches."""
+    """A figure with a bold text, a plain text and a subject; axes of height `up` [inches] for the drawing."""
     bold, plain = textwrap.wrap(first, 94), textwrap.wrap(second, 134)
     about = textwrap.wrap(subject, 76)
     top = 0.25 + _LINE * (len(bold) + 0.8 * len(plain)) + 0.33 + 0.15 * (len(about) - 1)
@@ -46,7 +46,7 @@ def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure
 
 
 def explain(axes: Axes, marks: Sequence[tuple[Artist, str]]) -> None:
-    """What the marks mean, below the drawing."""
+    """Write the legend below the drawing."""
     handles, labels = [mark for mark, _ in marks], [label for _, label in marks]
     _figure_of(axes).legend(
         handles, labels, loc="lower left", ncols=2, fontsize=8, columnspacing=2.5, handlelength=2.2,
@@ -72,7 +72,7 @@ def write_numbers(axes: Axes, groups: Iterable[Group], below: float = 0.12) -> N
 
 
 def _wide(words: str, weight: str = "normal") -> float:
-    """How wide words of the column of numbers are, inches."""
+    """Width of words in the column of numbers [inches]."""
     if not words:
         return 0.0
     path = TextPath((0.0, 0.0), words, size=_LETTERS, prop=FontProperties(weight=weight))
@@ -93,15 +93,15 @@ def _figure_of(axes: Axes) -> Figure:
     return figure
 
 
-def load_rows(forces: dict[str, np.ndarray], couple: np.ndarray, unit: str, planar: bool) -> Group:
+def load_rows(forces: dict[str, np.ndarray], torque: np.ndarray, unit: str, planar: bool) -> Group:
     """Forces by name (see `Judged.acting`) and the flow's torque about the centre."""
     rows = [(_NAMES[name], vector(force, planar), FORCES[name]) for name, force in forces.items()]
-    about = ("Torque about the centre", turning(couple, planar), FLOW)
+    about = ("Torque about the centre", turning(torque, planar), FLOW)
     return [("Load on the grain", unit, INK), *rows, about]
 
 
 def judge_rows(case: Judged) -> list[Group]:
-    """What the exact criterion says, the contact forces, what the paper's criteria say."""
+    """Outcome of the exact criterion, contact forces, outcome of the paper's criteria."""
     planar = case.planar
     exact: Group = [
         ("Exact criterion", case.mode, INK),
@@ -111,17 +111,17 @@ def judge_rows(case: Judged) -> list[Group]:
     if case.motion is not None:
         exact.append(("Acceleration", vector(case.motion.acceleration, planar), MOTION))
         exact.append(("Angular acceleration", turning(case.motion.angular, planar), MOTION))
-    force, couple = case.left
+    force, torque = case.left
     paper: Group = [
         ("The paper's criteria", f"row {case.outcome.split(':')[0]} of its table", INK),
         ("Residual force", vector(force, planar), INK),
-        ("Residual torque", turning(couple, planar), INK),
+        ("Residual torque", turning(torque, planar), INK),
     ]
     return [exact, contact_rows(case), paper]
 
 
 def contact_rows(case: Judged) -> Group:
-    """Contact forces by their parts along the normal and along the surface."""
+    """Normal and tangential contact forces."""
     normal, tangential = pressed(case.forces, case.contacts.normals)
     normal[normal <= 1e-12 * normal.max(initial=0.0)] = 0.0
     rows: Group = [("Contact forces", "normal, tangential/normal", INK)]
@@ -143,9 +143,9 @@ def vector(components: np.ndarray, planar: bool) -> str:
     return f"({', '.join(f'{c:.4g}' if planar else f'{c:.3g}' for c in shown)})"
 
 
-def turning(couple: np.ndarray, planar: bool) -> str:
+def turning(torque: np.ndarray, planar: bool) -> str:
     """A torque, in 2-D its one component."""
-    return f"{couple[2]:.4g}" if planar else vector(couple, planar)
+    return f"{torque[2]:.4g}" if planar else vector(torque, planar)
 
 
 def number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""The look that all pictures share: type, colours, and panels that fit what they show."""
+"""The common style of pictures: type, colours, and panels that fit their contents."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STATES = {
 }
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
-Looks = dict[str, Any]  # of what is drawn, in matplotlib's words
+Looks = dict[str, Any]  # of an artist, by matplotlib's keywords
 
 _SETTINGS = {
     "font.family": "DejaVu Sans",
@@ -75,7 +75,7 @@ def applied() -> Iterator[None]:
 
 
 def show_as_written(figure: Figure) -> None:
-    """Let matplotlib take no text for mathematics but the labels of logarithmic axes: a title may hold a $."""
+    """Typeset no text as mathematics except labels of logarithmic axes: a title may hold a $."""
     powers: set[Text] = set()
     for axis in figure.findobj(Axis):
         labels = axis.get_ticklabels(which="both")  # those of all axes are made here
@@ -107,11 +107,11 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     headline(figure, title)
     rows, columns = (len(views), 1) if stacked else (1, len(views))
     ratios = {"height_ratios": heights} if stacked else {"width_ratios": heights / aspects}
-    made = figure.subplots(rows, columns, squeeze=False, **ratios).ravel().tolist()
-    for axes, view in zip(made, views, strict=True):
+    all_axes = figure.subplots(rows, columns, squeeze=False, **ratios).ravel().tolist()
+    for axes, view in zip(all_axes, views, strict=True):
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
         axes.set(xlabel="x [scene units]", ylabel=f"{up} [scene units]")
-    return figure, made
+    return figure, all_axes
 
 
 def headline(figure: Figure, title: str) -> None:

@@ -10,16 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..arrays import planar_cross, quarter_turned
-from .cells import pyvista_off_screen
-from .flow import draw_solids
-from .mesh import directed, enclosed_area
-from .plane import draw_grain, show_place
+from .drawing import draw_grain, show_place
+from .mesh import curve, directed, enclosed_area
+from .plane import pyvista_off_screen
 from .record import StoredRun
 from .style import FLOW, INK, PULL, PUSH, headline
 
 _ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
-# Per cent of the nodes that have a smaller traction than that of the last colour: it is large in gaps.
+# Per cent of the nodes with a traction below the last colour: traction is large in gaps.
 _LARGEST = 98.0
 QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one
 
@@ -42,21 +41,27 @@ def _in_2d(run: StoredRun) -> Figure:
     figure = Figure(figsize=(9.4, 4.7), layout="constrained")
     headline(figure, f"{run.title}: traction of the fluid on the grain")
     left, right = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
-    _show_arrows(run, left, middles, tractions[edges[:, 2]], normals)
+    grain = curve(points, edges) if run.touching_grain is None else run.touching_grain
+    _show_arrows(run, left, grain, middles, tractions[edges[:, 2]], normals)
     centre = np.array(run.value("grain", "centre", middles.mean(axis=0))[:2], dtype=float)
     _show_components(right, middles - centre, tractions[edges[:, 2]], normals)
     return figure
 
 
 def _show_arrows(
-    run: StoredRun, axes: Axes, points: np.ndarray, tractions: np.ndarray, normals: np.ndarray
+    run: StoredRun,
+    axes: Axes,
+    grain: np.ndarray,
+    points: np.ndarray,
+    tractions: np.ndarray,
+    normals: np.ndarray,
 ) -> None:
     """Pressing tractions end on the surface, pulling ones start there: all stand outside the grain."""
     size = float(np.ptp(points, axis=0).max())
     show_place(axes, points, size, above=0.95)
     axes.set_aspect("equal")
-    draw_solids(run, axes, fluid_shown=False, grain_shown=False)
-    draw_grain(axes, points if run.touching_grain is None else run.touching_grain)
+    run.plane.draw_solids(axes, fluid="white", grain=False)
+    draw_grain(axes, grain)
     steps = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
     evenly = np.arange(_ARROWS) * steps.sum() / _ARROWS
     chosen = np.unique(np.minimum(np.searchsorted(np.cumsum(steps), evenly), len(points) - 1))
@@ -150,12 +155,8 @@ def _shown_surface(
     lengths = {"scale": "traction", "factor": 0.35 * extent / (norm.vmax or 1.0)}
     arrows = few.glyph(orient="traction", clamping=False, **lengths)
     plotter.add_mesh(arrows, color=FLOW, show_scalar_bar=False)
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    plotter.camera.parallel_projection = True
+    plotter.enable_parallel_projection()
     plotter.view_vector((along, -0.6, 0.35), viewup=(0.0, 0.0, 1.0))
-    plotter.camera.focal_point = centre
-    plotter.camera.parallel_scale = 0.85 * extent
-    plotter.reset_camera_clipping_range()
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
     return image

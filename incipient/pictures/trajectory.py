@@ -25,12 +25,13 @@ from matplotlib.ticker import MaxNLocator
 from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
-from ..scene import Domain, Scene, load
+from ..scene import Domain, Scene
 from . import style
 from .contact_forces import ContactForces, contact_forces
+from .drawing import draw_bed
 from .history import RATES, History, read_history
 from .outlines import bed_line, grain_outline, grain_silhouette, spoke
-from .plane import draw_bed
+from .record import scene_of
 from .style import GRAIN, INK, View
 
 # Early to late; the palest part of the map would be lost on white.
@@ -54,7 +55,7 @@ def draw(directory: Path, title: str = "") -> list[Path]:
         OutputError: when one of them is missing or damaged, or the picture cannot be written.
     """
     path = directory / "trajectory.png"
-    scene = load(directory / "scene.toml")
+    scene = scene_of(directory)
     first = Setup(scene).geometry.stance.placement
     if scene.grain is None or first is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain; run the scene again")
@@ -76,7 +77,7 @@ def figure(
     assert grain is not None and start is not None
     ground = None if bed is None else _ground(scene.domain, bed, start)
     views = _views(scene.domain, ground, grain.size, history)
-    made, maps, panels = _laid_out(views, title)
+    sheet, maps, panels = _laid_out(views, title)
     norm = Normalize(*_span(history))
     names = ("Whole domain", "Path of the grain, enlarged")
     for axes, view, name in zip(maps, views, names, strict=False):
@@ -87,12 +88,12 @@ def figure(
         marks = _draw_path(axes, grain, history, norm)
     if contacts is not None:
         marks += _draw_contacts(maps[-1], contacts, grain.size, history)
-    made.colorbar(ScalarMappable(norm, _COLOURS), ax=maps).set_label("time [scene units]")
+    sheet.colorbar(ScalarMappable(norm, _COLOURS), ax=maps).set_label("time [scene units]")
     shown = _quantities(history, grain.size, scene.reference_velocity)
     marks += _draw_quantities(panels, shown, history)
     handles, labels = zip(*marks, strict=True)
-    made.legend(handles, labels, loc="outside lower left", ncols=6, columnspacing=1.4)
-    return made
+    sheet.legend(handles, labels, loc="outside lower left", ncols=6, columnspacing=1.4)
+    return sheet
 
 
 def _laid_out(views: Sequence[View], title: str) -> tuple[Figure, list[Axes], list[Axes]]:
@@ -107,10 +108,10 @@ def _laid_out(views: Sequence[View], title: str) -> tuple[Figure, list[Axes], li
         size, ratios = (_WIDE, tall + _PANELS + 1.0), {"height_ratios": (tall + 0.5, 1.3, 1.3)}
         above = ["map"] * 6 if len(views) == 1 else ["map"] * 3 + ["near"] * 3
         rows = [above, list("001122"), list("334455")]
-    made = Figure(figsize=size, layout="constrained")
-    style.headline(made, textwrap.shorten(title, 200))
-    axes = made.subplot_mosaic(rows, **ratios)
-    return made, [axes[k] for k in ("map", "near") if k in axes], [axes[k] for k in "012345"]
+    sheet = Figure(figsize=size, layout="constrained")
+    style.headline(sheet, textwrap.shorten(title, 200))
+    axes = sheet.subplot_mosaic(rows, **ratios)
+    return sheet, [axes[k] for k in ("map", "near") if k in axes], [axes[k] for k in "012345"]
 
 
 def _span(history: History) -> tuple[float, float]:
@@ -161,7 +162,7 @@ def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
 
 
 def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> list[Mark]:
-    """The centre's path and the grain at several moments, in the colour of their time; what the marks mean."""
+    """The centre's path and the grain at several moments, coloured by time; returns the legend's marks."""
     colour = ScalarMappable(norm, _COLOURS).to_rgba
     first, *between, last = _moments(grain.size, history)
     for time in between:
@@ -192,7 +193,7 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> lis
 def _draw_contacts(
     axes: Axes, contacts: ContactForces, size: float, history: History
 ) -> list[Mark]:
-    """The forces of contact where the grain is drawn; what the marks mean."""
+    """The forces of contact where the grain is drawn; returns the legend's marks."""
     step, drawn = float(np.diff(history.times).max(initial=0.0)), []
     for time in _moments(size, history):
         drawn += contacts.draw(axes, time, size, step if time < history.times[-1] else 0.0)
@@ -232,7 +233,7 @@ def _draw_grain(axes: Axes, grain: Any, placement: Placement, order: float, **lo
 def _draw_quantities(
     panels: Sequence[Axes], shown: Sequence[Shown], history: History
 ) -> list[Mark]:
-    """Position and rates against time; what the mark of a new mesh means, if there is one."""
+    """Position and rates against time; returns the legend's mark of a new mesh, if there is one."""
     new: list[Artist] = []
     for k, (axes, (title, values, least)) in enumerate(zip(panels, shown, strict=True)):
         new = [axes.axvline(t, color="#9a9a9a", lw=0.6, ls=":") for t in history.remeshings]

@@ -12,34 +12,39 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ..arrays import spatial
 from ..contact import Contacts, Load, incipient_motion
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..geometry.placement import Placement
 from ..judging.case import Case
-from ..scene import Body, Scene, load
+from ..scene import Body, Scene
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
-from . import style
+from .drawing import (
+    PLANE,
+    Marks,
+    Sight,
+    draw_bed,
+    draw_case,
+    draw_directions,
+    draw_grain,
+    draw_load,
+    draw_pieces,
+    mark_contacts,
+    render,
+    show_place,
+)
 from .flow import draw_streamlines
 from .judged import Judged, judged, sentence
 from .outlines import (
+    Solid,
     bed_line,
     grain_outline,
     placed_surface,
     sketched_outline,
     sketched_solid,
 )
-from .plane import (
-    Marks,
-    draw_bed,
-    draw_case,
-    draw_grain,
-    draw_load,
-    draw_strips,
-    mark_contacts,
-    show_place,
-)
-from .record import StoredRun, parsed_json
+from .record import StoredRun, drawn, scene_of
 from .sheet import (
     Group,
     contact_rows,
@@ -51,7 +56,6 @@ from .sheet import (
     sheet,
     write_numbers,
 )
-from .solid import show_judged
 from .style import FLOW, INK, MOTION
 
 _UNIT = "[scene units]"
@@ -72,7 +76,7 @@ class Shape:
 
 def of_run(run: StoredRun) -> Figure:
     """The grain on its bed with contacts, forces and torque; the verdict in words; the numbers behind it."""
-    stored, scene = run.result.get("verdict"), Scene(**run.scene)
+    stored, scene = run.result.get("verdict"), run.model
     assert run.place is not None
     shape = Shape(scene.grain, run.place, scene.bed_shape)
     if stored is None:
@@ -81,62 +85,85 @@ def of_run(run: StoredRun) -> Figure:
     figure, axes = sheet(*case.sentences, run.headline)
     explain(axes, _show(axes, case, shape))
     if not run.in_space:
-        draw_streamlines(run, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
+        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     groups = [load_rows(case.acting, case.load.flow_couple, _UNIT, not run.in_space)]
     write_numbers(axes, [*groups, *judge_rows(case), *_flow_rows(run)])
     return figure
 
 
 def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
-    """A judged case, with strips of bed or a sketched grain where no more is known; what the marks mean."""
-    if not case.planar or (shape is not None and shape.placement.gdim == 3):
-        bed = None if shape is None else shape.bed
-        surface = (
-            sketched_solid(case) if shape is None else placed_surface(shape.grain, shape.placement)
-        )
-        return show_judged(axes, case, *surface, bed)
-    outline = (
-        sketched_outline(case) if shape is None else grain_outline(shape.grain, shape.placement)
-    )
-    seen = np.vstack([outline, case.contacts.points[:, :2]])
-    size = float(np.ptp(seen, axis=0).max())
-    x0, x1, _, _ = show_place(axes, seen, size)
-    if shape is None or shape.bed is None:
-        draw_strips(axes, case, size)
-    else:
-        draw_bed(axes, bed_line(shape.bed, x0, x1))
-    draw_grain(axes, outline, known=shape is not None)
-    return draw_case(axes, case, outline, size)
+    """A judged case, with a sketch of an unknown bed or grain; returns the legend's marks."""
+    load, contacts = case.load, case.contacts
+    planar = case.planar and (shape is None or shape.placement.gdim == 2)
+    sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
+    solid = _sketch(sight, case) if shape is None else _surface(sight, shape)
+    bed = None if shape is None else shape.bed
+    size = _place(axes, sight, solid, bed, contacts.points, known=shape is not None)
+    if bed is None:
+        draw_pieces(axes, case, sight, size)
+    return draw_case(axes, case, sight, solid[0], size)
+
+
+def _surface(sight: Sight, shape: Shape) -> Solid:
+    """Places (n, 3) along a grain's outline, in 3-D on its surface, with triangles."""
+    if sight.planar:
+        return spatial(grain_outline(shape.grain, shape.placement)), np.empty((0, 3), dtype=int)
+    return placed_surface(shape.grain, shape.placement)
+
+
+def _sketch(sight: Sight, case: Judged) -> Solid:
+    """Points and triangles of a grain of which only the contacts are known."""
+    if sight.planar:
+        return spatial(sketched_outline(case)), np.empty((0, 3), dtype=int)
+    return sketched_solid(case)
+
+
+def _place(
+    axes: Axes, sight: Sight, solid: Solid, bed: Any, contacts: np.ndarray, known: bool = True
+) -> float:
+    """Draw a grain and its bed where they and contacts (n, 3) are seen; the grain's size."""
+    places, triangles = solid
+    seen = np.vstack([places, contacts])
+    size = float(np.ptp(seen if sight.planar else places, axis=0).max())
+    x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if sight.planar else 0.3)
+    if not sight.planar:
+        render(axes, sight, places, triangles, bed)
+        draw_directions(axes, sight)
+        return size
+    if bed is not None:
+        draw_bed(axes, bed_line(bed, x0, x1))
+    draw_grain(axes, sight(places), known)
+    return size
 
 
 def _unjudged(run: StoredRun, shape: Shape) -> Figure:
-    """The load on a grain without a verdict, and its contacts if there are any; of a grain in 3-D in numbers alone."""
+    """The load on a grain without a verdict, and its contacts if there are any."""
     figure, axes = sheet(
         "The forces on the grain; the scene asks for no verdict.", "", run.headline
     )
-    forces, torque = run.acting(), run.space("couple", "flow")
+    forces, torque = run.acting(), run.space("torque", "flow")
     write_numbers(axes, [load_rows(forces, torque, _UNIT, not run.in_space), *_flow_rows(run)])
-    if run.in_space:
-        axes.set_axis_off()
-        return figure
-    outline, size = grain_outline(shape.grain, shape.placement), shape.grain.size
-    x0, x1, *_ = view = show_place(axes, outline, size)
-    if shape.bed is not None:
-        draw_bed(axes, bed_line(shape.bed, x0, x1))
-    draw_streamlines(run, axes, view, "#9db8cf")
-    draw_grain(axes, outline)
+    listed = run.result.get("contacts") or []
+    points, normals = (
+        spatial([contact[name] for contact in listed]) if listed else np.empty((0, 3))
+        for name in ("point", "normal")
+    )
+    down = forces.get("weight", np.zeros(3))
+    sight = Sight.of(forces["flow"], down, normals) if run.in_space else PLANE
+    size = _place(axes, sight, _surface(sight, shape), shape.bed, np.empty((0, 3)))
+    if not run.in_space:
+        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
-    draw_load(axes, np.array(shape.placement.centre), size, forces, torque, largest)
-    if run.contacts:
-        points, normals = (np.array(column) for column in zip(*run.contacts, strict=True))
-        mark_contacts(axes, points, normals, (), [INK] * len(points), size)
+    draw_load(axes, sight, spatial(shape.placement.centre), size, forces, torque, largest)
+    if listed:
+        mark_contacts(axes, sight(points), sight(normals), (), [INK] * len(points), size)
         mark = Line2D([], [], color=INK, ls="--", lw=1.1, marker="o")
         explain(axes, [(mark, "contact, with its normal")])
     return figure
 
 
 def _flow_rows(run: StoredRun) -> list[Group]:
-    """Coefficients and what belongs to the flow, as far as result and scene hold them."""
+    """Load coefficients and properties of the flow, where result and scene hold them."""
     closed = bool(run.value("gap", "closed"))
     values = {
         f"{key.capitalize()} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS
@@ -155,25 +182,23 @@ def _flow_rows(run: StoredRun) -> list[Group]:
 
 
 def draw_judgement(directory: Path) -> list[Path]:
-    """Draw judgement.png from the judgement.json of a directory; raises OutputError. Not collective."""
+    """Draw judgement.png from the judgement.json of a directory; raises as `record.drawn`. Not collective."""
     source = directory / "judgement.json"
-    stored = parsed_json(source)
-    if "verdict" not in stored:
-        raise OutputError(f"{source}: holds no verdict; judge the case again")
+    return drawn(source, lambda stored: _judgement(stored, source), "judge the case again")
+
+
+def _judgement(stored: dict[str, Any], source: Path) -> Figure:
     case, shape = judged(stored["verdict"], source), _shape_of_case(stored, source)
-    with style.applied():
-        chances = stored.get("probabilities")
-        more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
-        subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
-        figure, axes = sheet(case.sentences[0], " ".join(more), subject)
-        explain(axes, _show(axes, case, shape))
-        if case.planar:
-            axes.set(xlabel="x", ylabel="y")
-        there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
-        write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
-        path = source.with_suffix(".png")
-        style.save(figure, path)
-    return [path]
+    chances = stored.get("probabilities")
+    more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
+    subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
+    figure, axes = sheet(case.sentences[0], " ".join(more), subject)
+    explain(axes, _show(axes, case, shape))
+    if case.planar:
+        axes.set(xlabel="x", ylabel="y")
+    there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
+    write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
+    return figure
 
 
 def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
@@ -205,23 +230,11 @@ def draw_threshold(directory: Path) -> list[Path]:
     Raises:
         OutputError: when one of them is missing or damaged, or the picture cannot be written.
     """
-    source, path = directory / "threshold.json", directory / "threshold.png"
-    stored, again = parsed_json(source), "find the threshold again"
-    scene_file = directory / "scene.toml"
-    if not scene_file.exists():
-        raise OutputError(f"{scene_file}: no such file; {again}")
-    scene = load(scene_file)
+    source, again = directory / "threshold.json", "find the threshold again"
+    scene = scene_of(directory)
     if scene.grain is None or scene.bed_shape is None:
-        raise OutputError(f"{scene_file}: has no grain on a bed; {again}")
-    with style.applied():
-        try:
-            figure = _threshold(stored, scene, source)
-        except KeyError as error:
-            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
-        except (TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
-        style.save(figure, path)
-    return [path]
+        raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
+    return drawn(source, lambda stored: _threshold(stored, scene, source), again)
 
 
 def _threshold(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
@@ -269,7 +282,7 @@ def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str
 
 
 def critical_sentence(stored: dict[str, Any]) -> str:
-    """How fast the flow must be for the grain to move, or why there is no such speed."""
+    """The critical speed of the flow in a sentence, or the reason why there is none."""
     factor, status, mode = stored["factor"], stored["verdict"]["safety_status"], stored["mode"]
     if factor is None and stored["held_to"] is None:
         return "There is no threshold: no strength of this flow moves the grain."
@@ -308,7 +321,7 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     """The safety factor against the strength of the flow, both on logarithmic scales."""
     every, critical = stored["trials"], float(stored["factor"])
     fastest = max((trial["factor"] for trial in every), default=1.0)
-    # The flow that stands for that of Stokes is too slow to be shown beside the others.
+    # The flow that represents the Stokes limit is too slow for the axes of the others.
     trials = np.array(
         sorted(
             (trial["factor"], trial["safety_factor"])

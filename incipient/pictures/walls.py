@@ -1,4 +1,4 @@
-"""y+ and friction along the walls of a turbulent flow, as they stand in its result."""
+"""y+ and friction along the walls of a turbulent flow."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def picture(run: StoredRun) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     walls = run.result["turbulence"]
     lower.axhline(0.0, color=GROUND)
-    for colour, (name, found) in zip(_COLOURS, walls["along"].items(), strict=False):
+    for colour, (name, profile) in zip(_COLOURS, walls["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
-            axes.plot(found["x"], found[column], ".", markersize=2, color=colour, label=name)
+            axes.plot(profile["x"], profile[column], ".", markersize=2, color=colour, label=name)
     upper.set(
         yscale="log",
         ylabel="y+ of the wall",

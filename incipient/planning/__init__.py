@@ -1,1 +1,1 @@
-"""What the plan of a scene is made of: the base flow, conditions, what is meshed and how finely."""
+"""Parts of the plan of a scene: base flow, boundary conditions, meshed geometry and cell sizes."""

@@ -1,4 +1,4 @@
-"""The base flow: what the flow would be without grain and bed forms, and what of it enters."""
+"""The base flow, without grain and bedforms, and its inflow."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -8,24 +8,79 @@ from typing import Any
 
 import numpy as np
 
-from ..scene import Domain, ExpressionFlow, LogLaw, Shear
+from ..geometry.plane.beds import effective_level
+from ..scene import Domain, ExpressionFlow, LogLaw, OpenChannel, Poiseuille, Shear
 from ..scene.expression import expressions
 from ..scene.gust import Gust
-from .duct import duct_speed
-from .effective_height import EffectiveHeight, effective_height, repeats
 from .mean_profile import MeanProfile
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 Profile = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 SAMPLES = 1000  # of heights for a mean
-ROUND_OFF = 1e-9  # of the depth: how far below its datum a flow may be asked for
+ROUND_OFF = 1e-9  # of the depth: largest distance below its datum at which a flow is evaluated
+TERMS = 50  # of the series of a duct: it errs by less than 1e-5 of the mean velocity
+# What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
+# times period times that depth over the viscosity: measured over periods of half-discs and ripples
+# (docs/explanation/flow.md).
+INERTIAL, POWER = 10.0, 0.2
+FEWEST_PERIODS = (
+    2.0  # in the domain: along longer forms the flow is as over a bed that rises and falls
+)
+UNSURE = 0.5  # of what inertia changes; those measurements are within it where R is above 1
 STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
+
+
+@dataclass(frozen=True)
+class EffectiveHeight:
+    """Height above the base line of the plane that is equivalent to a bed with roughness elements for the far flow."""
+
+    height: float  # in the base flow at its speed
+    uncertainty: float  # how far it may be off
+    creeping: float  # without inertia
+
+
+def repeats(flow: Any, domain: Domain, bed: Any) -> bool:
+    """Whether a base flow of known shear at the bed passes several repeated bedforms in 2-D. Not collective."""
+    if (
+        domain.width is not None
+        or bed is None
+        or not isinstance(flow, Shear | Poiseuille | OpenChannel)
+    ):
+        return False
+    return bool(bed.period and domain.length >= FEWEST_PERIODS * bed.period)
+
+
+def effective_height(
+    flow: Any, domain: Domain, bed: Any, viscosity: float, speed: float
+) -> EffectiveHeight:
+    """The effective height of a 2-D bed below a base flow `speed` times as fast. Not collective.
+
+    viscosity: kinematic; inf without inertia
+    """
+    if not math.isfinite(bed.feature):
+        return EffectiveHeight(0.0, 0.0, 0.0)
+    level = effective_level(bed)
+    depth = max(bed.crest - domain.bottom - level, 0.0)
+    reynolds = (
+        _shear_rate(flow, domain.ceiling - bed.crest) * (bed.period or 0.0) * depth / viscosity
+    )
+    lost = depth * (1.0 - (1.0 + speed * reynolds / INERTIAL) ** -POWER) if reynolds else 0.0
+    return EffectiveHeight(level + lost, UNSURE * lost, level)
+
+
+def _shear_rate(flow: Any, depth: float) -> float:
+    """Shear rate at the bed below a depth of fluid; zero where it is not known."""
+    if isinstance(flow, Shear):
+        return flow.rate
+    if isinstance(flow, Poiseuille | OpenChannel):
+        return (6.0 if isinstance(flow, Poiseuille) else 3.0) * flow.velocity / depth
+    return 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class BaseFlow:
-    """The flow without grain and bed forms, in units of the scene."""
+    """The flow without grain and bedforms, in units of the scene."""
 
     flow: Any  # the section of the scene that gives it
     domain: Domain
@@ -38,7 +93,7 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
-        """Whether it is of known shear at the bed and passes several forms in 2-D that repeat."""
+        """Whether the shear at the bed is known and the flow passes several repeated bedforms in 2-D."""
         return repeats(self.flow, self.domain, self.bed)
 
     @property
@@ -84,7 +139,7 @@ class BaseFlow:
 
     @property
     def gust(self) -> Gust | None:
-        """What multiplies the flow in time; None: nothing does."""
+        """The factor of the flow as a function of time; None: one."""
         return getattr(self.flow, "gust", None)
 
     @property
@@ -93,11 +148,11 @@ class BaseFlow:
         return self.gust is not None or getattr(self.flow, "unsteady", False)
 
     def factor(self, t: float) -> float:
-        """What the flow is multiplied by at a time."""
+        """The factor of the flow at a time."""
         return 1.0 if self.gust is None else self.gust.factor(t)
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
-        """Velocities (gdim, n) at places (3, n). Not collective."""
+        """Velocities (gdim, n) at positions (3, n). Not collective."""
         return self._from(self.datum)(x, t)
 
     @cached_property
@@ -122,7 +177,7 @@ class BaseFlow:
         return float(np.mean(self._profile(heights, np.zeros(SAMPLES))))
 
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
-        """Points (3, n) of given heights above or below a place (gdim,). Not collective."""
+        """Points (3, n) of given heights above or below a position (gdim,). Not collective."""
         points = np.zeros((3, len(heights)))
         points[: self.domain.up] = np.array(place[: self.domain.up])[:, None]
         points[self.domain.up] = heights
@@ -131,9 +186,9 @@ class BaseFlow:
     def bed_stress(self) -> float:
         """Shear stress at the datum of the flow `speed` times this one, with fluid density one.
 
-        It is that of the profile, the same over the whole bed; between walls, in the middle; of a flow given by
-        formulas, at the inflow. In a log-law flow it is u*^2, of which the viscosity is but a part where the bed is
-        rough. Not collective.
+        The stress of the profile is the same over the whole bed; between walls it is taken in the middle, of a flow
+        given by formulas at the inflow. In a log-law flow it is u*^2, of which viscous stress is only a fraction where
+        the bed is rough. Not collective.
         """
         if isinstance(self.flow, LogLaw):
             return float((self.speed * self.flow.shear_velocity) ** 2)
@@ -144,13 +199,13 @@ class BaseFlow:
         return float(self.speed * self.viscosity * abs(gradient))
 
     def _from(self, foot: float | Callable[[np.ndarray], np.ndarray]) -> Velocity:
-        """The flow at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""
+        """The flow at rest below `foot`, which is the datum or higher, or a function of positions (3, n)."""
         if isinstance(self.flow, ExpressionFlow):
             return self._formulas
         profile, datum, up = self._profile, self.datum, self.domain.up
 
         def velocity(x: np.ndarray, t: float) -> np.ndarray:
-            """Velocities (gdim, n) at places (3, n), along the first axis."""
+            """Velocities (gdim, n) at positions (3, n), along the first axis."""
             lowest = foot(x) if callable(foot) else foot
             speed = np.minimum(
                 profile(x[up] - datum, x[1]), STEEPER * profile(x[up] - lowest, x[1])
@@ -193,7 +248,7 @@ class BaseFlow:
         )
 
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """Speed (n,) at places (gdim or more, n) without a gust."""
+        """Speed (n,) at positions (gdim or more, n) without a gust."""
         return self._profile(x[self.domain.up] - self.datum, x[1])
 
     def _in_duct(self, mean: float, depth: float) -> Profile:
@@ -205,3 +260,36 @@ class BaseFlow:
             return mean * duct_speed(across, up, high - low, depth)
 
         return speed
+
+
+def duct_speed(y: np.ndarray, z: np.ndarray, width: float, depth: float) -> np.ndarray:
+    """Speed (n,) over its mean at distances y (n,) from one side and heights z (n,) above the bottom of a duct.
+
+    For unit pressure gradient and viscosity u = z (depth - z)/2 less the sum over odd numbers n, with m = n pi/depth,
+    of 4/(depth m^3) sin(m z) cosh(m e)/cosh(m width/2), e being the distance from the middle (White, Viscous Fluid
+    Flow, section 3-3). Not collective.
+    """
+    half, away = 0.5 * width, np.abs(np.asarray(y) - 0.5 * width)
+    speed = 0.5 * np.asarray(z) * (depth - np.asarray(z))
+    for m in _wave_numbers(depth):
+        # cosh(m e)/cosh(m half) without large numbers.
+        fading = (np.exp(m * (away - half)) + np.exp(-m * (away + half))) / (
+            1.0 + np.exp(-2.0 * m * half)
+        )
+        speed -= 4.0 / (depth * m**3) * np.sin(m * z) * fading
+    return speed / duct_mean(width, depth)
+
+
+def duct_mean(width: float, depth: float) -> float:
+    """Mean velocity in a duct for a pressure gradient and a viscosity of one.
+
+    It is depth^2/12 less the sum over odd n of 16 tanh(m width/2)/(width depth^2 m^5). Not collective.
+    """
+    m = _wave_numbers(depth)
+    return float(
+        depth**2 / 12.0 - np.sum(16.0 * np.tanh(0.5 * m * width) / (width * depth**2 * m**5))
+    )
+
+
+def _wave_numbers(depth: float) -> np.ndarray:
+    return np.pi / depth * np.arange(1, 2 * TERMS, 2)

@@ -1,15 +1,12 @@
 """A scene's moving grain as a rigid body: mass, moments, freedom, and its state at time zero."""
 
-from collections.abc import Callable
-
 import numpy as np
 
-from ..arrays import Floats
 from ..body.rigidbody import RigidBody
 from ..body.state import BodyState, Freedom, Inertia, rigid_velocity
 from ..geometry.placement import Placement
 from ..scene import Body
-from ..scene.expression import expressions
+from ..scene.expression import of_time
 from ..scene.mass import inertia_tensor, mass
 from .base_flow import Velocity
 
@@ -24,7 +21,7 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
         held = {*body.locked, *(OUT_OF_THE_PLANE if symmetric else ())}
         freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
     else:
-        freedom = Freedom.none(body.gdim, _course(body.course))
+        freedom = Freedom.none(body.gdim, of_time(body.course, "body.course"))
     return RigidBody(_inertia(body), freedom)
 
 
@@ -35,7 +32,7 @@ def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> 
 
 
 def velocity_at_first(body: Body, placement: Placement, symmetric: bool = False) -> Velocity:
-    """Velocity of the surface of a moving grain at time zero, at places (gdim, n)."""
+    """Velocity of the surface of a moving grain at time zero, at positions (gdim, n)."""
     state = initial_state(body, placement, symmetric)
     return lambda x, t: rigid_velocity(state, x[: body.gdim].T).T
 
@@ -46,9 +43,3 @@ def _inertia(body: Body) -> Inertia:
     tensor = np.zeros((3, 3)) if tensor is None else tensor
     heavy = mass(body) or 0.0
     return Inertia.about(heavy, tensor, body.gdim)
-
-
-def _course(formulas: tuple[str, ...]) -> Callable[[float], Floats]:
-    """Velocities (3,), in 3-D (6,), as functions of time."""
-    components = expressions(formulas, "body.course")
-    return lambda time: np.array([float(one(np.zeros((3, 1)), time)[0]) for one in components])

@@ -24,20 +24,8 @@ def thinner(setup: Setup) -> float:
     return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
 
 
-def is_convected(setup: Setup, reynolds: float | None) -> bool:
-    """Whether in a step in time convection outweighs rate and viscosity in the cells at a grain.
-
-    That is |c|/h against 3/(2 dt) + nu/h^2, the speed by the grain's Reynolds number. Not collective.
-    """
-    scene, grain = setup.scene, setup.geometry.grain
-    if scene.time is None or grain is None or not reynolds or scene.gdim == 2:
-        return False
-    cell, viscosity = _cell(setup) * grain.size, setup.base_flow.viscosity
-    return reynolds * viscosity / grain.size / cell > 1.5 / scene.time.step + viscosity / cell**2
-
-
 def is_resolved(setup: Setup) -> bool:
-    """Whether a cell at the grain, of second order, is within the boundary layer of a flow in time. Not collective.
+    """Whether a cell at the grain, of second order, is within the boundary layer of an unsteady flow. Not collective.
 
     The layer has the thickness sqrt(nu t): t is the time since the start or, where they are shorter, the times in which
     the flow changes or passes the grain. Of higher orders as many nodes are within it.

@@ -1,4 +1,4 @@
-"""Sizes of the cells away from everything, and where cells are graded."""
+"""Sizes of the cells far away from grain and bed, and graded rows."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -28,7 +28,7 @@ LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
 
 @dataclass(frozen=True)
 class FarCells:
-    """The cells away from everything, for mesh_size = 1."""
+    """The cells far away from grain and bed, for mesh_size = 1."""
 
     extents: tuple[float, ...]  # of the domain
     order: int  # of the velocity
@@ -40,7 +40,7 @@ class FarCells:
         """Their size [length]; of other boxes that of the plane."""
         if self.box_reynolds is None:
             return FAR_CELL[self.order] * self.extents[-1]
-        # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
+        # Boundary layers thin as Re^-1/2; the grading provides half of that.
         refined = max(1.0, (self.box_reynolds / 1000.0) ** 0.25)
         cells = GRID_CELLS if len(self.extents) == 2 else GRID_CELLS_IN_SPACE
         return min(self.extents) / (cells[self.order] * refined)
@@ -62,7 +62,7 @@ class FarCells:
 def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:
     """Ends of layers across the width, as fractions of it: from the sides on layers grow evenly.
 
-    grading: thickness next to sides over that in the middle; 1: all are alike
+    grading: thickness next to sides over that in the middle; 1: uniform
     half:    the first layer lies at the plane of symmetry
     """
     middles = (np.arange(layers) + 0.5) / layers

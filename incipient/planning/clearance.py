@@ -1,4 +1,4 @@
-"""How far a moving grain is from what surrounds it: the domain's sides and the bed."""
+"""Clearance of a moving grain from the domain's sides and the bed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Floats
-from ..geometry.closest import clearance
-from ..geometry.placement import Placement, product, rotation_by
+from ..geometry.closest import proximity
+from ..geometry.placement import Placement
 from ..geometry.plane.beds import Bed
 from ..geometry.plane.grains import Grain
-from ..geometry.space.beds import Plane, Terrain
-from ..geometry.space.closest import SpatialProximity
+from ..geometry.proximity import Proximity
+from ..geometry.space.beds import Terrain
 from ..geometry.space.grains import Solid
 from .scene_geometry import Geometry, Place, point
 from .sides import SideNames
@@ -42,22 +42,9 @@ class Side:
     place: float
     inwards: int
 
-    @cached_property
-    def upright(self) -> Placement:
-        """What turns space so that the fluid is above the side, at height zero."""
-        towards = self.inwards * np.eye(3)[self.axis]
-        turn = np.cross(towards, [0.0, 0.0, 1.0]) * 0.5 * np.pi
-        if self.axis == 2 and self.inwards < 0:
-            turn = np.array([np.pi, 0.0, 0.0])
-        quaternion = rotation_by(turn)
-        away = Placement((0.0, 0.0, 0.0), quaternion=quaternion).rotation @ (
-            self.place * np.eye(3)[self.axis]
-        )
-        return Placement(tuple(-away), quaternion=quaternion)
-
 
 def near_inflow(geometry: Geometry, still: bool) -> str:
-    """A warning for a grain so near to the inflow that its velocity is given next to it, or an empty string.
+    """A warning for a grain near the inflow, where the velocity is prescribed, or an empty string.
 
     still: whether the fluid is at rest but for the grain. Not collective.
     """
@@ -77,12 +64,12 @@ def near_inflow(geometry: Geometry, still: bool) -> str:
 def surroundings_of(
     geometry: Geometry, names: SideNames, ceiling: float, surface_above: bool
 ) -> Surroundings:
-    """What the grain may run into; below a free surface the top is not where that of the domain is. Not collective."""
+    """The boundaries that the grain may meet; a free surface replaces the top of the domain. Not collective."""
     domain, up = geometry.domain, geometry.up
     sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
     if not surface_above:
         sides.insert(0, Side(names.top, up, ceiling, -1))
-    # In half a scene the grain is as far from the side that is not there.
+    # In half a scene the grain is equally far from the side beyond the plane of symmetry.
     ends = zip(domain.across[::-1], (-1, 1), strict=True) if geometry.gdim == 3 else ()
     sides += [Side(name, 1, *end) for name, end in zip(names.across[::-1], ends, strict=False)]
     if geometry.bed is None:
@@ -103,69 +90,40 @@ class Surroundings:
     def clearance(self, placement: Placement, within: float = np.inf) -> Clearance:
         """The smallest distance [length] of the placed grain from sides and bed; negative beyond them.
 
-        The bed is looked at more closely only if it may be nearer than `within`.
+        The distance of the bed is computed only if it may be below `within`.
         """
-        if isinstance(self.grain, Grain):
-            outline = placement.to_scene(self._outline)
-            found = [_of_points(outline, side) for side in self.sides]
-            lowest = float(outline[:, -1].min())
-        else:
-            found = self._of_solid(placement)
-            lowest = placement.centre[-1] - self.grain.size  # or higher
+        clearances = [self._from_side(placement, side) for side in self.sides]
+        down = -np.eye(placement.gdim)[-1]
+        lowest = float(self._extreme(placement, down)[-1])
         if self.bed is not None and (within == np.inf or lowest - self.bed.crest < within):
-            gap, on_grain, on_bed = self._of_bed(placement)
-            found.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
-        return min(found, key=lambda one: one.distance)
+            gap, on_grain, on_bed = self._near_bed.clearance(placement)
+            clearances.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
+        return min(clearances, key=lambda one: one.distance)
+
+    def _from_side(self, placement: Placement, side: Side) -> Clearance:
+        towards = -side.inwards * np.eye(placement.gdim)[side.axis]
+        on_grain = self._extreme(placement, towards)
+        foot = on_grain.copy()
+        foot[side.axis] = side.place
+        return Clearance(
+            float((foot - on_grain) @ towards), point(on_grain), point(foot), side.name
+        )
+
+    def _extreme(self, placement: Placement, direction: Floats) -> Floats:
+        """The point (gdim,) of the grain farthest along a unit vector (gdim,), in the scene."""
+        towards = direction @ placement.rotation
+        if isinstance(self.grain, Grain):
+            end = self._outline[np.argmax(self._outline @ towards)]
+        else:
+            end = self.grain.extreme(towards)
+        return np.asarray(placement.to_scene([end])[0])
 
     @cached_property
     def _outline(self) -> Floats:
         assert isinstance(self.grain, Grain)
         return self.grain.chain.points(SAMPLES)
 
-    # Prepared once: that takes longer than a question.
-
-    @cached_property
-    def _near_side(self) -> SpatialProximity:
-        assert isinstance(self.grain, Solid)
-        return SpatialProximity(self.grain, Plane())
-
-    @cached_property
-    def _near_bed(self) -> SpatialProximity:
-        assert isinstance(self.grain, Solid) and isinstance(self.bed, Terrain)
-        return SpatialProximity(self.grain, self.bed)
-
-    def _of_bed(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        if isinstance(self.grain, Solid):
-            return self._near_bed.clearance(placement)
+    @cached_property  # preparation takes longer than a query
+    def _near_bed(self) -> Proximity:
         assert self.bed is not None
-        return clearance(self.grain, placement, self.bed)
-
-    def _of_solid(self, placement: Placement) -> list[Clearance]:
-        """The distance from the nearest of the sides; those that cannot be that are passed over."""
-        centre = placement.centre
-        nearest = Clearance(np.inf, centre, centre, "")
-        away = {side: side.inwards * (centre[side.axis] - side.place) for side in self.sides}
-        for side in sorted(self.sides, key=lambda one: away[one]):
-            # No point of a grain is farther from its centroid than the grain is large.
-            if away[side] - self.grain.size < nearest.distance:
-                nearest = min(nearest, self._of_side(placement, side), key=lambda one: one.distance)
-        return [nearest]
-
-    def _of_side(self, placement: Placement, side: Side) -> Clearance:
-        """The distance of a solid from a side, as that from a level plane."""
-        frame = side.upright
-        assert frame.quaternion is not None and placement.quaternion is not None
-        turned = product(frame.quaternion, placement.quaternion)
-        centre = tuple(frame.to_scene([placement.centre])[0])
-        gap, *ends = self._near_side.clearance(Placement(centre, quaternion=turned))
-        on_grain, on_side = frame.to_body(np.array(ends))
-        return Clearance(gap, point(on_grain), point(on_side), side.name)
-
-
-def _of_points(outline: Floats, side: Side) -> Clearance:
-    """The distance of points (n, 2) from a side."""
-    distances = side.inwards * (outline[:, side.axis] - side.place)
-    k = int(np.argmin(distances))
-    foot = outline[k].copy()
-    foot[side.axis] = side.place
-    return Clearance(float(distances[k]), point(outline[k]), point(foot), side.name)
+        return proximity(self.grain, self.bed)

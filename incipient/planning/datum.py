@@ -34,8 +34,8 @@ def _words(setup: Setup, level: float | str) -> str:
     bed, scene = setup.geometry.bed, setup.scene
     assert bed is not None
     if setup.base_flow.effective:
-        found = setup.base_flow.effective_height
-        by_inertia = found.height - found.creeping
+        height = setup.base_flow.effective_height
+        by_inertia = height.height - height.creeping
         share = f", of it {by_inertia:.2g} by inertia" if by_inertia > 0.0 else ""
         return f"the effective height of the bed, computed from its shape{share}"
     if level == "mean":

@@ -1,8 +1,8 @@
-"""What a base flow that a gust multiplies exerts: on the fluid, whose velocity it changes, and on the fluid displaced.
+"""Force of a gust that multiplies a base flow: on the fluid, and on the fluid that the grain displaces.
 
-The base flow u = f(t) U(z) has the rate of change f' U, which pressure and stress of the flow around bring about. The
-force f' U per unit mass stands for them: without a grain the flow is f U exactly, whatever the size of the domain. It
-acts on the volume of a grain, too: the force of the undisturbed flow on the fluid displaced (Maxey & Riley 1983, Phys.
+The base flow u = f(t) U(z) has the rate of change f' U, due to pressure and stress of the surrounding flow. The
+force f' U per unit mass represents them: without a grain the flow is f U exactly, whatever the size of the domain. It
+also acts on the volume of a grain: the force of the undisturbed flow on the fluid displaced (Maxey & Riley 1983, Phys.
 Fluids 26, 883).
 """
 
@@ -51,11 +51,11 @@ class DisplacedFluid:
         return np.asarray(inside - inside.mean(axis=0))
 
     def points(self, placement: Placement) -> Floats:
-        """(n, gdim) points that stand for equal volumes of the grain where it is."""
+        """(n, gdim) points that represent equal volumes of the grain at its placement."""
         return placement.to_scene(self._points)
 
     def load(self, placement: Placement) -> Floats:
-        """Force and torque about the centroid (2, 3) where the factor of the flow rises by one in unit time."""
+        """Force and torque about the centroid (2, 3) for unit rate of the factor of the flow."""
         points = self.points(placement)
         speeds = self.base_flow.profile(points.T)
         forces = spatial(np.column_stack([speeds, np.zeros((len(speeds), points.shape[1] - 1))]))
@@ -71,11 +71,11 @@ def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven:
 
 
 def _velocity(base_flow: BaseFlow) -> Any:
-    """Function of the place (UFL) that gives the base flow without its gust (UFL)."""
+    """Function of position (UFL) that gives the base flow without its gust (UFL)."""
     up = base_flow.domain.up
 
     def velocity(place: Any) -> Any:
-        """The base flow without its gust at a place, both in UFL; zero below the datum."""
+        """The base flow without its gust at a position, both in UFL; zero below the datum."""
         above, depth = place[up] - base_flow.datum, base_flow.depth
         speed = base_flow.speed_at(ufl.max_value(0.0, ufl.min_value(above, depth)))
         flows = ufl.gt(above, -ROUND_OFF * depth)

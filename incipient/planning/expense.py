@@ -1,4 +1,4 @@
-"""What a computation takes: cells and unknowns, counted on the mesh that will be used, and memory."""
+"""Expense of a computation: cells and unknowns, counted on the mesh that will be used, and memory."""
 
 import math
 from collections.abc import Callable
@@ -19,8 +19,8 @@ MEMORY_GROWTH = 194.0
 # corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted
 # (docs/contribute/defaults.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
-DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
-# Factors of higher orders over those of order two, by peaks of a lid-driven cube (docs/contribute/defaults.md).
+DENSER = 1600.0  # extra bytes per unknown of third-order matrices, by blocks
+# Factorisations of higher orders over second-order ones, by peaks of a lid-driven cube (docs/contribute/defaults.md).
 FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
@@ -38,7 +38,7 @@ def count(
 
     dual:   whether errors of a steady flow are also estimated, with elements of the next-higher order (see `has_dual`)
     solver: of the linear systems, a name of a `linear.Method`; in 2-D it is direct
-    wider:  of a run for the error bars that is made while the flow is kept; in 3-D
+    wider:  of a run for the error bars while the flow stays in memory; in 3-D
     """
     cells, unknowns = _counted(layout)
     if layout.gdim == 2:
@@ -53,17 +53,17 @@ def count(
 
 
 def has_dual(setup: Setup) -> bool:
-    """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
+    """Whether a scene's error bars need a dual solution. Not collective."""
     scene = setup.scene
     held = scene.body is not None and scene.time is None and not scene.is_averaged
     return scene.numerics.error_bars and held
 
 
 def memory(*unknowns: int) -> float:
-    """MiB for systems of so many unknowns that are there at once. Not collective.
+    """MiB for simultaneous systems of so many unknowns. Not collective.
 
     The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c was
-    fitted to measured peaks, the libraries' share was measured (docs/validation/performance.md).
+    fitted to measured peaks, the libraries' part was measured (docs/validation/performance.md).
     """
     entries = sum(n * math.log2(n) for n in unknowns)
     return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20
@@ -82,7 +82,7 @@ def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
 
 
 def _distinct(cells: Integers, number: int) -> int:
-    """How many different sets of so many corners cells have."""
+    """Number of distinct sets of a number of corners of cells."""
     rows = np.concatenate(
         [cells[:, list(some)] for some in combinations(range(cells.shape[1]), number)]
     )
@@ -96,10 +96,10 @@ def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> i
 
 
 def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
-    """MiB that a flow of an order takes by a solver, and its error bars if `dual`. Not collective.
+    """MiB of a flow of an order with a solver, and of its error bars if `dual`. Not collective.
 
-    Sparse factors of a 3-D mesh of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
-    takes memory in proportion to n; both were fitted to measured peaks. `unknowns` counts those of any order.
+    Sparse factors of a 3-D mesh of n unknowns have about c n^(4/3) entries (George 1973); the memory of an iterative
+    method is proportional to n. Both were fitted to measured peaks. `unknowns` counts those of any order.
     """
     if solver == "direct":
         entries = sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))

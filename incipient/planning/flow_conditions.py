@@ -48,7 +48,6 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked
 
 
 def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
-    """Conditions at the bottom."""
     bottom = setup.sides.bottom
     if "below" in of_surface:
         yield from ((FREE, one) for one in of_surface["below"])
@@ -85,7 +84,6 @@ def _across(setup: Setup, velocity: Velocity) -> Ranked:
 
 
 def _on_grain(setup: Setup, held: bool) -> Ranked:
-    """The condition on the grain's surface."""
     geometry, body = setup.geometry, setup.scene.body
     if geometry.moves and held:
         from .body import velocity_at_first

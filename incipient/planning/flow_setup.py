@@ -1,4 +1,4 @@
-"""A scene with what follows from it before anything is meshed or computed, each part derived once."""
+"""A scene with its derived parts before meshing and computation, each derived once."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from ..scene.symmetry import differences
 from .base_flow import BaseFlow
 from .cells import FarCells
 from .clearance import Surroundings, surroundings_of
-from .effects import Decision
-from .inertia import inertia_of
+from .effects import Decision, inertia_of
 from .meshed_bed import height_at_inflow
 from .numbers import Numbers, numbers_of
 from .order import VelocityOrder, velocity_order
@@ -27,7 +26,7 @@ WITH_BED_STRESS = ("shear", "poiseuille", "open-channel", "log-law")  # kinds of
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A scene and its parts: each is made when it is first asked for, and what is absent is never imported.
+    """A scene and its parts: each is made on first use, and modules of absent parts are never imported.
 
     No method is collective.
     """
@@ -56,7 +55,7 @@ class Setup:
 
     @cached_property
     def symmetric(self) -> bool:
-        """Whether half of the scene is computed: what lies at one side of the middle of a 3-D domain."""
+        """Whether only one half of a symmetric 3-D domain is computed."""
         asked = self.scene.domain.symmetric
         if self.scene.gdim == 2 or asked is False:
             return False
@@ -64,7 +63,7 @@ class Setup:
 
     @cached_property
     def order(self) -> VelocityOrder:
-        """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
+        """Order of the velocity: that of the scene, or for "auto" the measured optimum."""
         return velocity_order(self)
 
     @cached_property
@@ -139,7 +138,7 @@ class Setup:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        """What the grain may run into."""
+        """The boundaries that the grain may meet."""
         return surroundings_of(self.geometry, self.sides, self.ceiling, self.scene.has_surface)
 
     def faster(self, factor: float) -> Setup:

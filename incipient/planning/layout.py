@@ -1,4 +1,4 @@
-"""Where everything of a scene is and how finely it is meshed, ready for gmsh."""
+"""Geometry and cell sizes of a scene, ready for gmsh."""
 
 from __future__ import annotations
 

@@ -6,8 +6,6 @@ from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-# In 3-D, up to which an LU factorisation is faster than blocks with upwinding (docs/contribute/defaults.md)
-FEW_CELLS = 5000
 DEAR = "an LU factorisation in 3-D would take much time and memory"
 
 # Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
@@ -17,7 +15,7 @@ RESOLVED = 25.0
 
 @dataclass(frozen=True)
 class Method:
-    """How the linear systems are solved."""
+    """The choice of the linear solver."""
 
     name: str  # one of `fluid.solvers.SOLVERS`, or "two-level"
     reason: str  # in words
@@ -43,6 +41,8 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     if scene.is_empty_box:
         why = "the block preconditioner does not converge in a closed box"
         return Method("direct", f"{why}; an LU factorisation takes much time and memory")
+    if upwinds(setup) and setup.is_averaged:
+        return Method("block", "factors of the flow, of low rank, then those of its turbulence")
     if upwinds(setup):
         return Method("block", f"{DEAR}; with upwinding none is needed")
     if scene.time is None and largest_peclet(setup) <= RESOLVED:

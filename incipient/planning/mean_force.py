@@ -35,6 +35,5 @@ def _force(profile: MeanProfile, height: Any) -> Any:
 
 
 def _constants(place: Any, *values: float) -> list[Any]:
-    """Constants on the mesh of an expression."""
     (domain,) = extract_domains(place)
     return [dolfinx.fem.Constant(domain, PETSc.ScalarType(value)) for value in values]

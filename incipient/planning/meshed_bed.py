@@ -1,4 +1,4 @@
-"""Where a 3-D bed is meshed as it is, and where a planar far bed takes its place."""
+"""Extent of the resolved part of a 3-D bed, and of the planar far bed around it."""
 
 import numpy as np
 

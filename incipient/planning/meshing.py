@@ -81,28 +81,28 @@ def _grid_layout(setup: Setup, plan: Plan, grid: Grid) -> Layout:
 def _closed_layout(setup: Setup, plan: Plan) -> Layout:
     """The layout where the space next to the contacts of a resting grain is closed."""
     geometry = setup.geometry
-    made, domain, resting = geometry.closing, geometry.domain, geometry.placement
-    lines = (made.left, made.right)
+    closing, domain, resting = geometry.closing, geometry.domain, geometry.placement
+    lines = (closing.left, closing.right)
     bottom = _bottom(
         geometry, ((domain.left, lines[0].start[0]), (lines[1].start[0], domain.right))
     )
-    standing = {"body": made.outline} | {
+    standing = {"body": closing.outline} | {
         name: (line,) for name, line in zip(CLOSED, lines, strict=True)
     }
     region = Region(bottom, setup.ceiling, {}, setup.sides.around, standing)
     ends = tuple(end for line in lines for end in (line.start, line.end))
     finer = (
-        *_finer(setup, plan.order, made.outline, Stance(resting, resting)),
-        Near(GAP_CELL[plan.order] * made.width, GAP_GROWTH, points=ends, needed=True),
+        *_finer(setup, plan.order, closing.outline, Stance(resting, resting)),
+        Near(GAP_CELL[plan.order] * closing.width, GAP_GROWTH, points=ends, needed=True),
     )
-    stance = Stance(resting, resting, made.width, (made.left.start, made.left.end))
+    stance = Stance(resting, resting, closing.width, (closing.left.start, closing.left.end))
     return replace(
-        _layout(setup, plan, stance, region, _sizes(setup, plan.order, finer)), closing=made
+        _layout(setup, plan, stance, region, _sizes(setup, plan.order, finer)), closing=closing
     )
 
 
 def _stance(setup: Setup, moved: Placement | None) -> Stance:
-    """Where the grain is, in the scene or where it has `moved`, and what it is nearest to."""
+    """The grain's placement, in the scene or after it has `moved`, and its nearest boundary."""
     stance = setup.geometry.stance if moved is None else Stance(moved, moved)
     if not setup.geometry.moves or stance.placement is None:
         return stance

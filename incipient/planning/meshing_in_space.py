@@ -45,7 +45,7 @@ def box_grid(geometry: Geometry, names: SideNames, cell: float) -> Grid:
 
 
 def region(setup: Setup, placement: Placement | None) -> SolidRegion:
-    """What is meshed: the domain above the bed, less the placed grain."""
+    """The meshed geometry: the domain above the bed, less the placed grain."""
     geometry, names = setup.geometry, setup.sides
     domain = geometry.domain
     return SolidRegion(
@@ -61,7 +61,7 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
 
 
 def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
-    """Where the bed is meshed as it is; None: everywhere, as where a grain moves."""
+    """The region where the bed is resolved; None: everywhere, as for a moving grain."""
     if setup.geometry.moves:
         return None
     return resolved_bed(setup.geometry, placement, setup.base_flow.datum)

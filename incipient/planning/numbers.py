@@ -1,4 +1,4 @@
-"""The dimensionless numbers of a scene, by which effects are decided."""
+"""The dimensionless numbers of a scene, on which decisions on effects are based."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..scene import Domain, Scene
-from ..scene.expression import expressions
+from ..scene import Scene
+from ..scene.expression import of_time
 from ..scene.model import Time
 from ..scene.units import nominal_diameter
 from .base_flow import BaseFlow
@@ -17,22 +17,22 @@ from .base_flow import BaseFlow
 if TYPE_CHECKING:
     from .flow_setup import Setup
 
-SAMPLES = 33  # of times and of heights at which a given flow is looked at
+SAMPLES = 33  # of times and of heights at which a given flow is sampled
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """A scene's dimensionless numbers; None where the scene has nothing of the kind."""
+    """A scene's dimensionless numbers; None where a number does not apply."""
 
     # Speed of the flow past the grain times its largest diameter over the viscosity
     grain_reynolds: float | None
     flow_reynolds: float  # reference velocity times height of the domain over the viscosity
     # Speed at the height of the bed's relief above the datum times that height over the viscosity
     bed_reynolds: float | None
-    reach: float  # how far the grain's disturbance goes before a wall stops it, in grain sizes
+    reach: float  # extent of the grain's disturbance up to a wall, in grain sizes
     strouhal: float | None  # grain size over speed times the time in which the flow changes
     density_ratio: float | None  # density of a free or weighing grain over the fluid's
-    # Density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
+    # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
     stokes: float | None
     froude: float | None  # reference velocity over sqrt(g height)
     # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
@@ -63,7 +63,7 @@ class Numbers:
 
 
 def grain_size(scene: Scene) -> str:
-    """The diameters of a scanned grain, or of one whose units are known, in words; else nothing."""
+    """The diameters of a scanned grain, or of one with known units, in words; otherwise empty."""
     grain, body, scales = scene.grain, scene.body, scene.scales
     if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):
         return ""
@@ -113,7 +113,7 @@ def numbers_of(setup: Setup) -> Numbers:
 
 
 def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
-    """Times at which a flow that changes is looked at, those of a gust among them."""
+    """Times at which an unsteady flow is sampled, including those of a gust."""
     if time is None:
         return np.zeros(1)
     knots = np.empty(0) if base_flow.gust is None else base_flow.gust.knots()
@@ -141,10 +141,9 @@ def _own_speed(setup: Setup) -> float:
     if body is None or not body.moves:
         return 0.0
     if body.course is not None:
-        course = expressions(body.course, "body.course")
-        origin = np.zeros((3, 1))
+        course = of_time(body.course, "body.course")
         times = _times(setup.base_flow, scene.time, SAMPLES)
-        velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
+        velocities = np.abs([course(float(t)) for t in times])
         turning = 3 if scene.gdim == 3 else 1
         weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
         return float((velocities @ weights).max())
@@ -155,10 +154,12 @@ def _own_speed(setup: Setup) -> float:
 
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    """Reynolds number of the bed's forms, by the base flow up to their height above its datum; None for a plane."""
+    """Reynolds number of the bedforms, from the base flow up to their height above its datum; None for a plane."""
     if base_flow.bed is None:
         return None
-    heights = base_flow.bed.height(_along_bed(base_flow.domain))
+    domain = base_flow.domain
+    along = domain.grid(*(20 * SAMPLES, 2 * SAMPLES)[: len(domain.spans)])
+    heights = base_flow.bed.height(along if domain.gdim == 3 else along[:, 0])
     relief = float(heights.max() - heights.min())
     if relief == 0.0:
         return None
@@ -167,17 +168,8 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
     return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.viscosity
 
 
-def _along_bed(domain: Domain) -> np.ndarray:
-    """Abscissae (n,) at which the bed is looked at; in 3-D points (n, 2)."""
-    x = np.linspace(domain.left, domain.right, 20 * SAMPLES)
-    if domain.width is None:
-        return x
-    y = np.linspace(*domain.across, 2 * SAMPLES)
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
 def wall_distance(setup: Setup) -> float:
-    """The distance from the grain to the next wall above or below, in grain sizes; else the height of the domain."""
+    """Distance [grain sizes] from the grain to the next wall above or below; without one the height of the domain."""
     geometry, base_flow = setup.geometry, setup.base_flow
     placement, domain, top = geometry.placement, geometry.domain, geometry.top
     assert placement is not None

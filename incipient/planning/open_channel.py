@@ -25,8 +25,8 @@ def wave_of(setup: Setup) -> StokesWave | None:
     Raises:
         SceneError: it is too high for what is known of it.
     """
-    asked, base_flow = setup.surface.wave, setup.base_flow
-    if asked is None:
+    settings, base_flow = setup.surface.wave, setup.base_flow
+    if settings is None:
         return None
     from .waves import HIGHEST, stokes_wave
 
@@ -37,7 +37,7 @@ def wave_of(setup: Setup) -> StokesWave | None:
         return np.asarray(base_flow.velocity(places, 0.0)[0])
 
     wave = stokes_wave(
-        asked.amplitude, 2.0 * math.pi / asked.period, base_flow.depth, gravity, speed
+        settings.amplitude, 2.0 * math.pi / settings.period, base_flow.depth, gravity, speed
     )
     if wave.second > HIGHEST * wave.amplitude:
         raise SceneError(

@@ -22,9 +22,9 @@ class VelocityOrder:
 def velocity_order(setup: Setup) -> VelocityOrder:
     """The scene's own order, or the best in measurements (docs/contribute/defaults.md). Not collective."""
     scene = setup.scene
-    asked, steady = scene.numerics.order, scene.time is None
-    if asked != "auto":
-        return VelocityOrder(asked)
+    order, steady = scene.numerics.order, scene.time is None
+    if order != "auto":
+        return VelocityOrder(order)
     if scene.gdim == 3:
         past_grain = steady and scene.numerics.accuracy is None and scene.body is not None
         if past_grain and not setup.inertia.present:

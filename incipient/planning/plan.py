@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from .datum import Datum
@@ -14,15 +14,11 @@ from .stabilisation import NO_CONVECTION, Stabilisation
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the computation will need, counted on the mesh that will be used, the first one if there are several."""
+    """Expense of the computation, counted on the mesh that will be used, the first one if there are several."""
 
     cells: int
     unknowns: int
     memory_mib: float
-
-    def with_more(self, memory_mib: float) -> Estimate:
-        """The estimate with more memory [MiB]."""
-        return replace(self, memory_mib=self.memory_mib + memory_mib)
 
 
 @dataclass(frozen=True)
@@ -53,20 +49,6 @@ class Plan:
     def has(self, name: EffectName) -> bool:
         """Whether an effect is simulated."""
         return any(effect.present for effect in self.effects if effect.name == name)
-
-    def with_estimate(self, estimate: Estimate) -> Plan:
-        """This plan with its expense counted."""
-        return replace(self, estimate=estimate)
-
-    def warned(self, warning: str) -> Plan:
-        """This plan with one more warning."""
-        return replace(self, warnings=(*self.warnings, warning))
-
-    @property
-    def counted(self) -> Estimate:
-        """The expense of a plan of which it has been counted."""
-        assert self.estimate is not None
-        return self.estimate
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import NearBed, clearance, lifted, touching
+from ..geometry.closest import clearance, lifted, proximity, touching
 from ..geometry.placement import Placement
 from ..geometry.plane.beds import Flat
 from ..geometry.plane.closing import Closing, closing
+from ..geometry.proximity import Proximity
 from ..geometry.space.beds import Plane
 from ..scene import Domain
 
@@ -46,7 +47,7 @@ class Geometry:
     )  # the grain where it touches the bed or is held; None without a grain
     rests: bool  # whether it rests on the bed
     moves: bool  # whether it moves while the flow is computed
-    touches: bool  # whether it goes on moving where it touches the bed
+    touches: bool  # whether it continues to move where it touches the bed
     gap: float  # that stands for contact while the flow is computed
     tolerance: float  # distance that counts as touching [length]
     top: str  # what the upper side is
@@ -97,7 +98,7 @@ class Geometry:
 
     @cached_property
     def closing(self) -> Closing:
-        """How the space below the resting grain is closed.
+        """The closing of the space below the resting grain.
 
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """
@@ -106,11 +107,11 @@ class Geometry:
         return closing(outline, self.bed, self.contacts.points[:, :2], self.gap)
 
     @cached_property
-    def near_bed(self) -> NearBed:
+    def near_bed(self) -> Proximity:
         """Places where the grain is near its bed, or the lower side instead."""
         level = self.domain.bottom
         flat = Flat(level) if self.gdim == 2 else Plane(origin_z=level)
-        return NearBed(self.grain, flat if self.bed is None else self.bed)
+        return proximity(self.grain, flat if self.bed is None else self.bed)
 
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""

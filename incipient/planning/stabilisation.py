@@ -43,17 +43,19 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     """Decide from the scene, its flow `speed` times as fast, and whether it has inertia. Not collective."""
     if not inertia:
         return NO_CONVECTION
-    number, asked = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
-    found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
+    number, option = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
+    reynolds_text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
         return Stabilisation(
-            True, f"streamline upwinding of steady 3-D flow; {found}", number, True
+            True, f"streamline upwinding of steady 3-D flow; {reynolds_text}", number, True
         )
-    if asked == "auto" and _stretches_cells(setup):
-        return Stabilisation(False, f"cells are stretched along walls; {found}", number)
-    if asked != "auto":
-        return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
-    bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
+    if option == "auto" and _stretches_cells(setup):
+        return Stabilisation(False, f"cells are stretched along walls; {reynolds_text}", number)
+    if option != "auto":
+        return Stabilisation(
+            option == "on", f'numerics.stabilisation = "{option}"; {reynolds_text}', number
+        )
+    bound = f"{reynolds_text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
 
 
@@ -74,11 +76,11 @@ def upwinds(setup: Setup) -> bool:
     In a box with a grid that does harm, and the block preconditioner does not converge there.
     """
     scene = setup.scene
-    asked = scene.numerics.stabilisation
+    option = scene.numerics.stabilisation
     return (
         scene.gdim == 3
         and scene.time is None
-        and (asked == "on" or (asked == "auto" and not scene.is_empty_box))
+        and (option == "on" or (option == "auto" and not scene.is_empty_box))
     )
 
 
@@ -91,10 +93,8 @@ def cell_reynolds(setup: Setup) -> float:
 
 def largest_peclet(setup: Setup) -> float:
     """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow. Not collective."""
-    domain, cells, base_flow = setup.geometry.domain, setup.far_cells, setup.base_flow
-    sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))
-    axes = [np.linspace(low, high, PLACES) for low, high in sides]
-    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3).T
+    cells, base_flow = setup.far_cells, setup.base_flow
+    points = setup.geometry.domain.grid(PLACES, PLACES, PLACES).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
     size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
     return 0.5 * fastest * size / float(base_flow.viscosity)

@@ -1,4 +1,4 @@
-"""The free surface of a scene: where it is pinned, and how deep the fluid below it is."""
+"""The free surface of a scene: pinned sides, and depth of the fluid below."""
 
 import numpy as np
 
@@ -15,9 +15,9 @@ def sticking(setup: Setup) -> tuple[str, ...]:
 
 
 def depths(geometry: Geometry, places: np.ndarray) -> tuple[np.ndarray, str]:
-    """The depth (n,) below the still level at places (n, 3), down to bed or resting grain, and which in words.
+    """The depth (n,) below the still level at positions (n, 3), down to bed or resting grain, and which in words.
 
-    A 3-D grain is left to the mesh, whose cells above it fold before the surface touches it. Not collective.
+    A 3-D grain does not count: the mesh above it folds before the surface touches it. Not collective.
     """
     domain, bed = geometry.domain, geometry.bed
     floor = np.full(len(places), domain.bottom)

@@ -34,33 +34,33 @@ ABSORBED = 5.0
 
 
 def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
-    """What a free surface decides of the conditions at the ends, below and above; without it under a rigid `lid`.
+    """Conditions of a free surface at the ends, below and above; under a rigid `lid` without the surface's own.
 
-    Places of which it decides nothing are missing. Not collective.
+    Boundaries that the surface leaves to other conditions are missing. Not collective.
     """
-    asked, sides, up, found = (
+    surface, sides, up, conditions = (
         setup.surface,
         setup.sides,
         setup.geometry.up,
         dict[str, list[Condition]](),
     )
-    if setup.scene.domain.kind != "channel" and asked.ends == "wall":
-        found["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
-    if asked.bottom == "slip":
-        found["below"] = [Slip(sides.bottom, axis=up)]
+    if setup.scene.domain.kind != "channel" and surface.ends == "wall":
+        conditions["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
+    if surface.bottom == "slip":
+        conditions["below"] = [Slip(sides.bottom, axis=up)]
     if lid:
-        return found
+        return conditions
     if setup.scene.domain.kind == "channel":
-        found["ends"] = ends(setup)
-    return found | {"above": [free_surface(setup)]}
+        conditions["ends"] = ends(setup)
+    return conditions | {"above": [free_surface(setup)]}
 
 
 def free_surface(setup: Setup) -> FreeSurface:
     """The condition on top of a scene whose top is a free surface. Not collective."""
-    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
-    # Where the still level meets the right end, the pressure without the hydrostatic part is zero.
+    surface, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    # The pressure without the hydrostatic part is zero where the still level meets the right end.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
-    pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
+    pressure = None if surface.pressure == "0" else Expression(surface.pressure, "surface.pressure")
     top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
     return FreeSurface(top, gravity, origin, pressure, sticking(setup), sponge(setup))
 
@@ -82,13 +82,13 @@ def ends(setup: Setup) -> list[Condition]:
 
 def sponge(setup: Setup) -> Sponge | None:
     """The zone before the right end of a channel in which waves die out; None: there is none. Not collective."""
-    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
-    if asked.sponge == 0.0:
+    surface, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    if surface.sponge == 0.0:
         return None
-    # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end in the mean.
+    # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average.
     rate = 3.0 * ABSORBED * math.sqrt(abs(scene.gravity_vector[scene.up]) * domain.height)
-    start = domain.right - asked.sponge
-    return Sponge(start, domain.right, rate / asked.sponge, setup.base_flow.velocity)
+    start = domain.right - surface.sponge
+    return Sponge(start, domain.right, rate / surface.sponge, setup.base_flow.velocity)
 
 
 def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
@@ -96,21 +96,21 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
 
     It is counted by the area as the mesh was made.
     """
-    stream, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
+    base_velocity, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
 
     def along(x: Floats, t: float) -> Floats:
-        """Velocities (n,) along the channel at places (3, n) of the inflow as the mesh was made."""
+        """Velocities (n,) along the channel at positions (3, n) of the inflow as the mesh was made."""
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
         places[up] = datum + (x[up] - datum) * deeper
         waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
-        return np.asarray((stream(places, t)[0] + waving) * deeper)
+        return np.asarray((base_velocity(places, t)[0] + waving) * deeper)
 
     return along
 
 
 def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     """Base flow and wave at the inflow, and the elevation there."""
-    stream, left, datum, up = (
+    base_velocity, left, datum, up = (
         base_flow.velocity,
         base_flow.domain.left,
         base_flow.datum,
@@ -118,10 +118,10 @@ def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     )
 
     def velocity(x: Floats, t: float) -> Floats:
-        """Velocities (gdim, n) of base flow and wave at places (3, n)."""
-        found = stream(x, t)
+        """Velocities (gdim, n) of base flow and wave at positions (3, n)."""
+        total = base_velocity(x, t)
         for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
-            found[axis] += waving
-        return found
+            total[axis] += waving
+        return total
 
     return IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))

@@ -1,10 +1,10 @@
-"""How well the algebraic equations of a steady flow are solved, where the scene leaves it open."""
+"""Default tolerances of the algebraic equations of a steady flow."""
 
 from typing import Literal
 
-# What steady iterations may leave where nothing is known of the error: Newton's method then has left far less.
+# Tolerance of steady iterations without an error estimate: the error after Newton's method is then far less.
 STEADY = 1e-6
-# Likewise where each of Newton's corrections is a rough one, and loads err far more by the cells.
+# The same where each Newton update is inexact, and the discretisation error of the loads is far larger.
 BY_TWO_LEVELS = 1e-5
 
 # Likewise of a flow with its turbulence: limiters of the k-omega model switch at single nodes.

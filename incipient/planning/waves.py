@@ -1,4 +1,4 @@
-"""Stokes's wave of second order on a current: what a wave maker lets in."""
+"""Second-order Stokes wave on a current: the inflow of a wave maker."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats
 
-# Second harmonic over the first from which on a wave of second order has a second crest in its trough.
+# Second harmonic over the first from which on a second-order wave has a second crest in its trough.
 HIGHEST = 0.25
 HEIGHTS = 201  # at which a flow profile is sampled
 
@@ -30,13 +30,13 @@ class StokesWave:
     frequency: float  # in the frame of the bed, 2 pi over the period
     number: float  # of waves, 2 pi over the length
     depth: float  # of the still layer
-    stream: float  # speed as the wave feels it in the mean
+    current: float  # depth-weighted speed of the current (Kirby & Chen)
     surface: float  # speed of the flow on the surface
     # The first harmonic's velocity upwards over that on the surface, by the height above the bottom
     rise: Any
 
     def begun(self, t: float) -> float:
-        """What there is of the amplitude at a time."""
+        """The fraction of the amplitude reached at a time."""
         return float(1.0 - np.exp(-((t * self.frequency / (2.0 * np.pi)) ** 2)))
 
     @property
@@ -62,7 +62,7 @@ class StokesWave:
         phase, whole = k * x - self.frequency * t, 1.0 - np.exp(-2.0 * k * H)
         first, own = (
             grown * a * (self.frequency - k * self.surface),
-            self.frequency - k * self.stream,
+            self.frequency - k * self.current,
         )
         second = grown**2 * 6.0 * a**2 * own * k * np.exp(-2.0 * k * H) / whole**4
         up, down = np.exp(2.0 * k * (y - H)), np.exp(-2.0 * k * (y + H))
@@ -85,7 +85,7 @@ def stokes_wave(
 
     With U(y) the flow's `speed`, a function of heights (n,) above the bottom, and c = w/k, the velocity upwards
     solves Rayleigh's equation (U - c) (f'' - k^2 f) = U'' f, f(0) = 0, with (U - c)^2 f' = ((U - c) U' + g) f on the
-    surface. A uniform flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The speed felt in the mean is weighted
+    surface. A uniform flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The mean speed of the current is weighted
     by 2 k cosh(2 k y)/sinh(2 k H) (Kirby & Chen 1989, J. Geophys. Res. 94, 1013).
     """
     y = np.linspace(0.0, depth, HEIGHTS)
@@ -98,10 +98,10 @@ def stokes_wave(
         def slopes(height: float, f: Floats) -> list[float]:
             return [f[1], (k**2 + profile(height, 2) / (profile(height) - frequency / k)) * f[0]]
 
-        found = solve_ivp(
+        solution = solve_ivp(
             slopes, (0.0, depth), [0.0, k], t_eval=y, rtol=1e-10, atol=1e-12, method="DOP853"
         ).y
-        return found[0] / found[0, -1], found[1] / found[0, -1]
+        return solution[0] / solution[0, -1], solution[1] / solution[0, -1]
 
     def missed(k: float) -> float:
         relative = frequency / k - surface

@@ -1,6 +1,6 @@
-"""One HTML page of what a directory or the file of a sweep holds, to be read anywhere, without a network.
+"""One self-contained HTML page of a result directory or the file of a sweep.
 
-Templates say what stands on a page, one for each kind of result; `results` and `sweep` prepare what they need.
+Each kind of result has a template; `results` and `sweep` prepare its context.
 """
 
 from __future__ import annotations
@@ -17,37 +17,22 @@ from markupsafe import Markup
 from ..errors import OutputError, SceneError
 from ..files import require_ending, require_own, write_text_atomically
 from ..pictures.apart import draw_apart
+from ..results.kinds import KINDS
 from . import results, sweep
 from .page import TEMPLATES, rendered
 
-# What commands leave in a directory, with the pictures that are always drawn of it; each has a template of its name.
-RECORDS = {
-    "result.json": ("flow.png", "pressure.png", "mesh.png"),
-    **{
-        f"{name}.json": (f"{name}.png",)
-        for name in ("threshold", "gusts", "entrainment", "survey", "judgement", "series", "cost")
-    },
-}
-TITLES = {
-    "gusts.json": "Critical gusts",
-    "entrainment.json": "Motion in a fluctuating flow",
-    "survey.json": "A bed of grains",
-    "judgement.json": "A case",
-    "series.json": "A series of loads",
-    "cost.json": "What accuracy costs",
-}
 NAME = "report.html"
 
 
 def write(path: Path, target: Path | None = None) -> Path:
-    """Write the page of a directory of results, or of the file of a sweep; return its path. Not collective.
+    """Write the page of a result directory, or of the file of a sweep; returns its path. Not collective.
 
-    Pictures that are missing, or older than the numbers, are drawn, in a process of their own. One that fails is
-    named on the page. `target` is the page, by default DIRECTORY/report.html or, beside the sweep, SWEEP_report.html.
+    Missing and outdated pictures are drawn in a separate process; the page names failed ones. Default of `target`:
+    DIRECTORY/report.html or, beside the sweep, SWEEP_report.html.
 
     Raises:
-        SceneError: there is no such directory or file, or no result in it.
-        OutputError: a result is damaged or incomplete, or the page cannot be written.
+        SceneError: no such directory or file, or no result in it.
+        OutputError: a damaged or incomplete result, or a page that is not writable.
     """
     if target is not None:
         require_ending(target, ".html")
@@ -62,14 +47,17 @@ def write(path: Path, target: Path | None = None) -> Path:
 
 
 def of_directory(directory: Path) -> str:
-    """The page of all results in a directory; missing pictures are drawn. Not collective; raises as `write`."""
-    records = [directory / name for name in RECORDS if (directory / name).is_file()]
-    if not records:
+    """The page of a result directory; missing pictures are drawn. Not collective; raises as `write`."""
+    kinds = [kind for kind in KINDS if (directory / kind.record).is_file()]
+    if not kinds:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
         remedy = "give the directory that a run was written to, or a sweep's file"
         raise SceneError(f"{directory}: {why}; {remedy}")
-    parts = [part(record) for record in records]  # damage is reported before anything is drawn
-    pictures = [(directory / name, record) for record in records for name in RECORDS[record.name]]
+    records = [directory / kind.record for kind in kinds]
+    parts = [part(record) for record in records]  # damaged records are reported before drawing
+    pictures = [
+        (directory / name, directory / kind.record) for kind in kinds for name in kind.pictures
+    ]
     if not all(one.is_file() and _time(one) >= _time(record) for one, record in pictures):
         complaint = draw_apart(directory).complaint
         missing = f"Pictures that are missing here: {complaint}." if complaint else ""
@@ -80,18 +68,18 @@ def of_directory(directory: Path) -> str:
     scenes = [scene.read_text(encoding="utf-8")] if scene.is_file() else []
     scenes += [tomli_w.dumps(result["case"]) for result in stored if result.get("case")]
     computed = [_versions(result) for result in stored]
-    title = contexts[0]["title"] or TITLES.get(records[0].name) or directory.resolve().name
+    title = contexts[0]["title"] or kinds[0].title or directory.resolve().name
     return _page(title, [text for text, _ in parts], scenes, list(filter(None, computed)))
 
 
 def of_sweep(file: Path) -> str:
-    """The page of the file of a sweep, its pictures drawn again. Not collective; raises OutputError for other files."""
+    """The page of the file of a sweep, with new pictures. Not collective; raises OutputError for other files."""
     context = sweep.context_of(file)
     return _page(context["title"], [rendered("sweep.html", **context)], [], context["versions"])
 
 
 def part(record: Path, note: str = "") -> tuple[Markup, dict[str, Any]]:
-    """What the page says of a record, and the context of its template; raises OutputError for a damaged one."""
+    """The part of the page for a record, and the context of its template. Raises OutputError for a damaged one."""
     try:
         context = results.context_of(record)
         context["notes"] = [*context.get("notes", ()), note]
@@ -118,7 +106,6 @@ def _time(path: Path) -> int:
 
 
 def _versions(stored: dict[str, Any]) -> str:
-    """The versions of the programs behind a result."""
     cost = stored.get("cost")
-    found = cost.get("versions", {}) if isinstance(cost, dict) else {}
-    return ", ".join(f"{name} {number}" for name, number in found.items())
+    versions = cost.get("versions", {}) if isinstance(cost, dict) else {}
+    return ", ".join(f"{name} {number}" for name, number in versions.items())

@@ -1,6 +1,6 @@
-"""Jinja2 templates of pages, and how numbers, vectors and pictures stand on them.
+"""Jinja2 templates of pages, and the format of numbers, vectors and pictures.
 
-Everything that a reader's browser needs stands in the page itself: style and pictures.
+Pages contain their style and pictures.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from PIL import Image
 
 from ..errors import OutputError
 
-WIDEST, QUALITY = 1400, 88  # of a picture on the page: pixels; of its compression, per cent
-LONG = 30  # letters: a text that needs a wide column
-LOST = 1e-9  # of a vector: a component below it is round-off
+WIDEST, QUALITY = 1400, 88  # of a picture: width in pixels, quality of compression in per cent
+LONG = 30  # characters: a longer text needs a wide column
+LOST = 1e-9  # of a vector's norm: a smaller component is round-off
 TEMPLATES = Path(__file__).parent / "templates"
 
 
 @dataclass(frozen=True)
 class Bounded:
-    """A number with the ends of its error bar."""
+    """A number with both ends of its error bar."""
 
     value: float
     low: float
@@ -45,57 +45,43 @@ class Erring:
 
 
 def rendered(template: str, **context: Any) -> Markup:
-    """A template filled in; text is escaped. Raises jinja2.UndefinedError: it names what the context lacks."""
+    """A rendered template; text is escaped. Raises jinja2.UndefinedError for a missing key of the context."""
     return Markup(environment(**context).get_template(template).render())
 
 
 def environment(**context: Any) -> Environment:
-    """Templates with what they need; as global names, since macros see no others."""
-    found = Environment(
+    """Templates with a context of global names, which macros require."""
+    templates = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    filters = (cell, look, components, turning, embedded, compact, error_cell, error_size)
-    found.filters |= {function.__name__: function for function in filters}
-    found.globals |= {"erring": erring, **context}
-    return found
+    filters = (cell, look, components, turning, embedded, compact)
+    templates.filters |= {function.__name__: function for function in filters}
+    templates.globals |= {"erring": erring, **context}
+    return templates
 
 
 def erring(value: float, error: float | None) -> float | Erring:
-    """A number with its error if that is known."""
+    """A number, with its error if known."""
     return value if error is None else Erring(value, error)
 
 
 def components(vector: Sequence[float], planar: bool) -> tuple[float, ...]:
-    """The components of a vector (3,) that are shown."""
+    """The displayed components of a vector (3,)."""
     return tuple(float(part) for part in vector[: 2 if planar else 3])
 
 
 def turning(torque: Sequence[float], planar: bool) -> float | tuple[float, ...]:
-    """A torque (3,), in 2-D its one component."""
+    """A torque (3,), in 2-D its third component."""
     return float(torque[2]) if planar else components(torque, planar)
 
 
-def error_cell(errors: Sequence[float | None], key: str, planar: bool) -> Any:
-    """Errors of a force, a torque or of numbers of which the largest counts, as a cell."""
-    known = [math.nan if error is None else error for error in errors]
-    if key not in ("force", "couple"):
-        return error_size(errors, key)
-    return components(known, planar) if key == "force" else turning(known, planar)
-
-
-def error_size(errors: Sequence[float | None], key: str) -> float:
-    """The norm of the error of a load, the largest of other errors."""
-    known = [error or 0.0 for error in errors]
-    return float(np.linalg.norm(known)) if key in ("force", "couple") else max(known, default=0.0)
-
-
 def embedded(path: Path) -> str:
-    """A picture as WebP in a URI, made smaller where it is very wide; raises OutputError for what is none."""
-    stream = io.BytesIO()
+    """A picture as a URI in WebP, of limited width. Raises OutputError for an invalid picture."""
+    buffer = io.BytesIO()
     try:
         with Image.open(path) as image:
             shown = image.convert("RGB")
@@ -105,25 +91,25 @@ def embedded(path: Path) -> str:
     if shown.width > WIDEST:
         size = WIDEST, round(shown.height * WIDEST / shown.width)
         shown = shown.resize(size, Image.Resampling.LANCZOS)
-    shown.save(stream, "WEBP", quality=QUALITY)
-    return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    shown.save(buffer, "WEBP", quality=QUALITY)
+    return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
 def compact(text: str) -> str:
     """TOML with short lists on one line each."""
     spread = r"\[\s+([^][]{1,80}?),?\s+\]"
-    return re.sub(spread, lambda found: f"[{' '.join(found[1].split())}]", text)
+    return re.sub(spread, lambda match: f"[{' '.join(match[1].split())}]", text)
 
 
 def look(value: Any) -> str:
-    """The class of a cell in the page's style: of numbers, of long texts, or none."""
+    """The style class of a cell: numbers, long texts, or none."""
     if isinstance(value, str | bool):
         return "long" if isinstance(value, str) and len(value) > LONG else ""
     return "number"
 
 
 def cell(value: Any) -> Markup:
-    """A cell as HTML: numbers with six digits, in full for programs; what is not known is a dash."""
+    """A cell as HTML: numbers with six digits, and in full for programs; unknown values as a dash."""
     if value is None:
         return Markup("–")
     if isinstance(value, bool | np.bool_):
@@ -142,14 +128,14 @@ def cell(value: Any) -> Markup:
 
 
 def _vector(parts: Sequence[float]) -> Markup:
-    """Components in brackets; those lost in round-off are shown as zero."""
+    """Components in brackets, round-off as zero."""
     size = max((abs(part) for part in parts if math.isfinite(part)), default=0.0)
     shown = (_number(part, ".6g", abs(part) <= LOST * size) for part in parts)
     return Markup("({})").format(Markup(", ").join(shown))
 
 
 def _number(value: float, digits: str, lost: bool = False) -> Markup:
-    """A number for readers, zero where it is lost in round-off, and in full for programs."""
+    """A number for display, round-off as zero, and in full for programs."""
     if isinstance(value, int):
         return Markup('<data value="{}">{}</data>').format(value, value)
     if not math.isfinite(value):

@@ -1,25 +1,27 @@
-"""What the templates of a page need of a result besides the result itself."""
+"""Context of the templates of results."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..effects import known
+from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
-from ..pictures.record import parsed_json
+from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_sentence, with_motion
 from ..planning.effects import percent
+from ..results.errorbars import ALL
+from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
-from ..results.safetybar import SafetyBar
-from ..results.si import FLOW
+from ..results.quantity import OutputQuantity, at, gdim_of
+from ..results.si import si_loads, si_rows
 from ..results.trajectory import trajectory_sentence
-from ..scene import load
-from .page import Bounded
+from .page import Bounded, components, erring, turning
 
 Context = dict[str, Any]
 
@@ -35,15 +37,16 @@ CAPTIONS = {
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
 }
-FORCES = {
-    "flow": "flow, without buoyancy",
-    "computed": "flow as computed, without corrections",
-    "surface_integral": "flow as a surface integral, a check",
-    "buoyancy": "buoyancy",
-    "weight": "weight",
-    "total": "total",
+# Column headings of the error budget, by the keys of errors in result.json.
+ERRORS = {
+    "force": "of the force",
+    "torque": "of the torque",
+    "elevation": "of elevations, at most",
+    "level": "of elevations at the end",
+    "shear_velocity": "of u*, at most",
+    "centreline": "of velocities on centrelines",
 }
-# What makes an error smaller, by the name of its term.
+# Remedies for errors by the name of the term.
 REMEDIES = {
     "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",
     "time step": "a smaller time.step, or a smaller time.tolerance",
@@ -60,40 +63,40 @@ REMEDIES = {
 
 
 def context_of(record: Path) -> Context:
-    """Everything that the template of a record needs.
+    """The context of a record's template.
 
     Raises:
         OutputError: the record or its verdict is damaged.
-        KeyError, TypeError, ValueError: it lacks something.
+        KeyError, TypeError, ValueError: the record is incomplete.
     """
     stored = parsed_json(record)
     shared = {"stored": stored, "directory": record.parent, "title": stored.get("title") or ""}
     shared |= {"sentence": sentence, "pressed": pressed, "states": STATES, "percent": percent}
-    shared |= {"corrected": _corrected, "remedies": REMEDIES, "si_of_flow": FLOW}
+    shared |= {"remedies": REMEDIES, "in_si": _in_si}
     special = _SPECIAL.get(record.name)
     return shared if special is None else shared | special(stored, record)
 
 
 def _of_run(stored: Context, record: Path) -> Context:
     case = None if stored["verdict"] is None else judged(stored["verdict"], record)
-    found = (effect.findings(stored) for effect in known.EFFECTS)
     bars = stored["error_bars"], stored["without_error_bars"]
     return {
-        "planar": stored["scene"]["domain"].get("width") is None,
+        "planar": gdim_of(stored) == 2,
+        "budget": partial(_budget, gdim_of(stored) == 2),
         "case": case,
         "statements": _statements(stored, case),
         "certainty": certainty(*bars) if case else "",
         "notes": _notes(stored),
         "captions": CAPTIONS,
-        "forces": FORCES,
-        "quantities": partial(_quantities, stored),
-        "findings": [finding for finding in found if finding is not None],
+        "quantities": partial(_rows, stored, known.quantities()),
+        "loads": partial(_loads, stored),
+        "turbulence": findings(stored),
         "omissions": [Omission(**omission) for omission in stored["omitted"]],
     }
 
 
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
-    """The verdict in sentences, the exact criterion's first; without one the path of the grain."""
+    """The verdict in sentences, the exact criterion first; without a verdict the path of the grain."""
     if case is not None:
         note = stored["verdict"].get("note")
         return (*case.sentences, sentence(note) if note else "")
@@ -105,7 +108,7 @@ def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
 
 
 def _notes(stored: Context) -> list[str]:
-    """What is to be known before anything else."""
+    """Notes at the top of the page."""
     notes = []
     if stored["status"] != "complete":
         why = stored["error"] or "its numbers are preliminary"
@@ -116,21 +119,88 @@ def _notes(stored: Context) -> list[str]:
     return notes
 
 
-def _quantities(stored: Context, heading: str) -> list[tuple[str, Any]]:
-    """Labels and values, with error bars, of the quantities under a heading that the run has."""
+def _rows(
+    stored: Context, quantities: Sequence[OutputQuantity], heading: str
+) -> list[tuple[str, Any]]:
+    """Labels and values, with error bars, of a result's quantities under a heading."""
     rows: list[tuple[str, Any]] = []
-    for quantity in known.quantities():
+    for quantity in quantities:
         if quantity.heading == heading and (value := quantity.value(stored)) is not None:
             bar = quantity.bar(stored)
             rows.append((quantity.label, value if bar is None else Bounded(value, *bar)))
     return rows
 
 
+def _loads(stored: Context, unit: str) -> list[list[Any]]:
+    """Name and components, with errors, of all forces or torques."""
+    gdim = gdim_of(stored)
+    axes = range(gdim) if gdim == 3 or unit == "force" else (2,)
+    rows = []
+    for load in known.quantities():
+        if load.heading == unit and (value := load.shown(stored)) is not None:
+            errors = (at(stored, load.error) if load.error else None) or [None] * 3
+            rows.append([load.words, *(erring(value[axis], errors[axis]) for axis in axes)])
+    return rows
+
+
+def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
+    """Headings and rows of the errors of all terms and their parts, and of the sum of several terms."""
+    keys = [key for key in ERRORS if bars.get(key) is not None]
+    whole = _size(bars, keys[0]) if keys else 0.0
+    terms = [
+        named
+        for term in bars["terms"]
+        for named in (term, *({**part, "name": f"· {part['name']}"} for part in term["parts"]))
+    ]
+    if len(bars["terms"]) > 1:
+        terms.append({**bars, "name": "all", "how": ALL})
+    rows = []
+    for term in terms:
+        cells = [term["name"], *(_error(term, key, planar) for key in keys)]
+        known = whole and term[keys[0]] is not None
+        cells.append(f"{100 * _size(term, keys[0]) / whole:.0f} %" if known else "–")
+        remedy = REMEDIES.get(term["name"].removeprefix("· "), "")
+        rows.append([*cells, term["how"] + _corrected(term), remedy])
+    heads = ["error", *(ERRORS[key] for key in keys), "fraction", "estimated by", "reduced by"]
+    return heads, rows
+
+
+def _error(term: Context, key: str, planar: bool) -> Any:
+    """The error of a force or torque, or the largest of other errors, as a cell."""
+    if term[key] is None:
+        return ""
+    known = [math.nan if error is None else error for error in term[key]]
+    if key == "force":
+        return components(known, planar)
+    return turning(known, planar) if key == "torque" else _size(term, key)
+
+
+def _size(term: Context, key: str) -> float:
+    """The norm of the error of a load, the largest of other errors."""
+    known = [error or 0.0 for error in term[key]]
+    return math.hypot(*known) if key in ("force", "torque") else max(known, default=0.0)
+
+
+def _in_si(values: Context | None) -> list[tuple[str, Any, str]]:
+    """Label, value and unit of flow, loads and units of a result in SI units."""
+    if values is None:
+        return []
+    loads = [
+        (f"{name.replace('_', ' ')} of the flow", words, unit)
+        for name, words, unit in si_loads(values)
+    ]
+    named = (("length", "m"), ("time", "s"), ("velocity", "m/s"), ("stress", "Pa"))
+    units = [(f"one unit of {name} of the scene", values["units"][name], u) for name, u in named]
+    return [*si_rows(values), *loads, *units]
+
+
 def _of_threshold(stored: Context, record: Path) -> Context:
-    scene = load(record.parent / "scene.toml")
+    scene = scene_of(record.parent)
     return {
         "title": scene.title,
         "planar": scene.gdim == 2,
+        "budget": partial(_budget, scene.gdim == 2),
+        "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
         "case": judged(with_motion(stored, scene.body, scene.placement), record),
         "statements": [critical_sentence(stored), *(f"{note}." for note in stored["notes"])],
         "certainty": _certainty_of_threshold(stored),
@@ -150,23 +220,12 @@ _SPECIAL: dict[str, Callable[[Context, Path], Context]] = {
 
 
 def certainty(stored: Context | None, without: str) -> str:
-    """How sure a verdict is, in words, by the error bars of a result."""
+    """The certainty of a verdict as text, from the error bars of a result."""
     if stored is None:
         return sentence(f"not known: {without or 'error bars were not asked for'}")
     bar = stored["safety_factor"]
-    return sentence(safety_bar(bar).sentence()) if bar is not None else ""
-
-
-def safety_bar(stored: Context) -> SafetyBar:
-    """The range of safety factors as a result holds it, where null is infinite."""
-
-    def ends(found: list[float | None] | None) -> tuple[float, float] | None:
-        return None if found is None else (_finite(found[0]), _finite(found[1]))
-
-    numbers = {name: _finite(stored[name]) for name in ("value", "low", "high")}
-    ranges = {name: ends(stored[name]) for name in ("some", "every")}
-    words_of = {name: tuple(stored[name]) for name in ("modes", "unknown")}
-    return SafetyBar(**{**stored, **numbers, **ranges, **words_of})
+    # Results of earlier versions have no sentence.
+    return sentence(bar["sentence"]) if bar is not None and "sentence" in bar else ""
 
 
 def _finite(value: float | None) -> float:
@@ -188,9 +247,9 @@ def _certainty_of_threshold(stored: Context) -> str:
 
 
 def _corrected(term: Context) -> str:
-    """By what the loads are corrected for a term, in words; nothing where they are not."""
-    if (found := term.get("correction")) is None:
+    """The correction of the loads for a term as text; empty without one."""
+    if (correction := term.get("correction")) is None:
         return ""
-    sizes = {"force": math.hypot(*found["force"]), "torque": math.hypot(*found["couple"])}
+    sizes = {"force": math.hypot(*correction["force"]), "torque": math.hypot(*correction["torque"])}
     said = " and ".join(f"the {name} by {size:.2g}" for name, size in sizes.items() if size)
     return f"; it corrects {said}, and this is what remains"

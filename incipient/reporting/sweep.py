@@ -1,4 +1,4 @@
-"""What the template of a page needs of the file of a sweep."""
+"""Context of the template of sweeps."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..sweep.store import DONE, FAILED, Store
 from ..sweep.table import rows
 from .page import Bounded
 
-# Columns that say what came out, where there are any.
-FOUND = (
+# Columns of results, if present.
+RESULTS = (
     *("mode", "safety_factor", "certain", "factor"),
     *("shields", "shields_nominal", "reynolds", "shear_reynolds"),
     *(*(f"{name}_si" for name in FLOW), "paper", "note"),
 )
-FIRST = 300  # cases of a large sweep that a page has
+FIRST = 300  # number of cases on a page
 LAST = ("wall", "cpu", "peak_mib")
 HEADS = {
     "wall": "wall time [s]",
@@ -36,28 +36,30 @@ Row = Mapping[str, Any]
 
 
 def context_of(file: Path) -> dict[str, Any]:
-    """What the page of a sweep needs, its pictures drawn anew. Raises OutputError for a bad or empty file."""
+    """The context of a sweep's page, with new pictures. Raises OutputError for an invalid or empty file."""
     with Store(file) as store:
         keys, scenes = store.keys(), _scenes(store)
     every = rows(file)
     if not every:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
-    drawn, found = draw_sweep_apart(file), every[:FIRST]
-    done, failed = ([row for row in found if row["status"] == state] for state in (DONE, FAILED))
+    drawn, first_rows = draw_sweep_apart(file), every[:FIRST]
+    done, failed = (
+        [row for row in first_rows if row["status"] == state] for state in (DONE, FAILED)
+    )
     counts = Counter(row["status"] for row in every)
-    named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
-    sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
+    named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in first_rows}) > 1]
+    sources = ", ".join(dict.fromkeys(str(row["source"]) for row in first_rows))
     rest = len(every) - counts[DONE] - counts[FAILED]
     counted = f"{len(every)} cases: {counts[DONE]} computed, {counts[FAILED]} failed"
     counted += f", {rest} not computed yet." if rest else "."
     counted += f" Tables are of the first {FIRST}." if len(every) > FIRST else ""
-    columns = [name for name in (*FOUND, *LAST) if any(name in row for row in done)]
+    columns = [name for name in (*RESULTS, *LAST) if any(name in row for row in done)]
     return {
         "title": f"Sweep of {sources}",
         "counted": counted,
         "notes": [f"Pictures that are missing here: {drawn.complaint}."] if drawn.complaint else [],
         "pictures": {path: _caption(path, file) for path in drawn.paths},
-        "varied": [_varied(key, found) for key in named],
+        "varied": [_varied(key, first_rows) for key in named],
         "named": named,
         "heads": ["case", *named, *(HEADS.get(name, name.replace("_", " ")) for name in columns)],
         "cases": [
@@ -87,8 +89,8 @@ def _caption(path: Path, file: Path) -> str:
     return NAMES.get(name, name.capitalize())
 
 
-def _varied(key: str, found: Sequence[Row]) -> tuple[str, str, int]:
-    values = list(dict.fromkeys(row.get(key) for row in found))
+def _varied(key: str, cases: Sequence[Row]) -> tuple[str, str, int]:
+    values = list(dict.fromkeys(row.get(key) for row in cases))
     shown = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
     listed = ", ".join(shown) if len(shown) <= 8 else f"{', '.join(shown[:4])} … {shown[-1]}"
     return key, listed, len(values)

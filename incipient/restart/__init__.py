@@ -1,1 +1,1 @@
-"""Checkpoints: all that a run needs to resume, written, read and put back on any number of ranks."""
+"""Checkpoints: written, read and restored on any number of ranks."""

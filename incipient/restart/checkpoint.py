@@ -1,15 +1,13 @@
-"""All that a run needs to resume, in one file: written whole or not at all, read whole or refused.
+"""The checkpoint file of a run, written and read atomically.
 
-An HDF5 file: every array a dataset, every other value one of the bytes of JSON text, parts as groups. The attributes
-of the file are its `format`, `version` and the `program` that wrote it. Arrays are whole: on rank 0 when they are
-written, on every rank when they are read; the file is in reach of all of them.
+HDF5: arrays are datasets, other values are datasets of JSON text, dataclasses are groups. The file's attributes are
+`format`, `version` and the `program` that wrote it. Rank 0 writes complete arrays; every rank reads them.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
@@ -19,7 +17,7 @@ import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
-from ..files import cause_of, write_hdf5
+from ..files import opened_hdf5, write_hdf5
 from ..parallel import Comm, collectively
 
 T = TypeVar("T")
@@ -32,9 +30,9 @@ ANEW = "start a new run with: incipient run"
 class Progress:
     """Time reached by a run, and its cost.
 
-    number:      number of time steps done
-    next_length: length of the step to come, where steps adapt
-    error:       error of the last step, by which the next one's tolerance goes; None where it is unknown
+    number:      number of completed time steps
+    next_length: length of the next step, for adaptive steps
+    error:       error of the last step, which sets the tolerance of the next; None: not known
     total:       wall time of all sessions [s]
     """
 
@@ -52,10 +50,10 @@ class Progress:
 class StoredMesh:
     """A mesh with its named boundaries.
 
-    nodes:  (n, gdim) places
+    nodes:  (n, gdim) positions
     cells:  (cells, nodes per cell) rows of `nodes`, in the library's order within a cell
-    facets: (facets, gdim) rows of `nodes`, ascending: the corners of each named facet
-    tags:   (facets,) numbers of their names
+    facets: (facets, gdim) rows of `nodes`, ascending: the vertices of each named facet
+    tags:   (facets,) indices of their names
     """
 
     degree: int
@@ -88,14 +86,14 @@ class StoredValues:
 class StoredBody:
     """A moving grain, its coupling to the fluid and its mesh. States are place, angle or quaternion, velocities.
 
-    made, weights:   places (nodes, 3) of the mesh when made, and how each node follows the grain (nodes, gdim + 1)
-    made_for:        state for which it was made
-    states, times:   of the grain, now and a step before (n, 6 or 13), (n,)
-    places:          places of the mesh's nodes then (nodes, n, 3)
+    made, weights:   initial node positions (nodes, 3), and weights of the grain's motion (nodes, gdim + 1)
+    made_for:        state at meshing
+    states, times:   of the grain, present and previous (n, 6 or 13), (n,)
+    places:          node positions then (nodes, n, 3)
     mean_load:       load in the last step (k,), None before the first; with the order and length of that step
     load, flow_load: at the end of the last step (k,)
-    velocities:      velocities of the grain as they limit the steps' length, one row for each past state of the flow
-    on_bed:          contacts with the bed and what the grain has done there; None where it does not go on there
+    velocities:      of the grain, for the limit of the step, one row for each past state of the flow
+    on_bed:          contacts with the bed and the motion there; None if contact ends the run
     """
 
     made: Floats
@@ -121,9 +119,9 @@ class StoredBody:
 class StoredSurface:
     """A free surface and its mesh, the present state first.
 
-    made:       places (nodes, 3) of the mesh when made
-    elevations: at the mesh's nodes, zero off the surface (nodes, states), at `times` (states,)
-    places:     of the mesh's nodes now and a step before (nodes, n, 3)
+    made:       initial node positions (nodes, 3)
+    elevations: at the nodes, zero off the surface (nodes, states), at `times` (states,)
+    places:     present and previous node positions (nodes, n, 3)
     """
 
     made: Floats
@@ -134,7 +132,7 @@ class StoredSurface:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A run between two steps. `times` (states,) are those of the flow's states, the present one first."""
+    """A run between two steps. `times` (states,): of the flow's states, the present one first."""
 
     scene: str
     progress: Progress
@@ -147,15 +145,15 @@ class Checkpoint:
 
     @property
     def time(self) -> float:
-        """The time that the run has reached."""
+        """The time reached by the run."""
         return float(self.times[0])
 
 
 def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
-    """Write what rank 0 has, so that at any moment there is the old file or the new one. Collective.
+    """Write the checkpoint of rank 0, replacing the old file atomically. Collective.
 
     Raises:
-        OutputError: on all ranks, it cannot be written; the old one is as it was.
+        OutputError: on all ranks, writing failed; the old file is unchanged.
     """
     program = f"incipient {metadata.version('incipient')}"
     about = {"format": FORMAT, "version": VERSION, "program": program}
@@ -165,32 +163,20 @@ def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
 
 
 def read(path: Path, comm: Comm) -> Checkpoint:
-    """Read a file written by `write`, whole on any number of ranks. Collective.
+    """Read a checkpoint on every rank. Collective.
 
     Raises:
-        OutputError: on all ranks, there is none, it is damaged, of another version, or something is missing in it.
+        OutputError: on all ranks, the file is missing, damaged, incomplete or of another version.
     """
     with collectively(comm):
         if not path.is_file():
             raise OutputError(
                 f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one"
             )
-        with _opened(path) as file:
+        with opened_hdf5(path, ANEW) as file:
             _require_readable(path, file)
-            found = _got(Checkpoint, file, path)
-    return found
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """The file, to be read."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            yield file
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        raise OutputError(f"{path}: cannot be read: {cause_of(error)}; {ANEW}") from error
+            checkpoint = _got(Checkpoint, file, path)
+    return checkpoint
 
 
 def _require_readable(path: Path, file: Any) -> None:
@@ -205,7 +191,7 @@ def _require_readable(path: Path, file: Any) -> None:
 
 
 def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    """What a dataclass and those within it hold, with full names: arrays, and bytes of JSON text."""
+    """The datasets of a dataclass and its parts, with full names: arrays, and bytes of JSON text."""
     for field in fields(part):
         name, value = f"{within}/{field.name}", getattr(part, field.name)
         if is_dataclass(value):
@@ -217,16 +203,16 @@ def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _got(kind: type[T], group: Any, path: Path) -> T:
-    """A dataclass from its stored fields, of which none may be missing."""
-    found: dict[str, Any] = {}
+    """A dataclass from its stored fields. Raises OutputError for a missing one."""
+    parts: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         if name not in group:
             raise OutputError(f"{path}: {f'{group.name}/{name}'.strip('/')} is missing; {ANEW}")
         stored = group[name]
         if hasattr(stored, "keys"):
             kind_of_part = next(one for one in (hint, *get_args(hint)) if is_dataclass(one))
-            found[name] = _got(kind_of_part, stored, path)  # type: ignore[arg-type]
+            parts[name] = _got(kind_of_part, stored, path)  # type: ignore[arg-type]
         else:
             values = stored[()]
-            found[name] = json.loads(values.tobytes()) if values.dtype == np.uint8 else values
-    return kind(**found)
+            parts[name] = json.loads(values.tobytes()) if values.dtype == np.uint8 else values
+    return kind(**parts)

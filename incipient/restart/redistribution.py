@@ -1,7 +1,7 @@
-"""A mesh and the values on its nodes: brought together on rank 0, and spread again over any number of ranks.
+"""Mesh and nodal values: gathered on rank 0, and distributed over any number of ranks.
 
-Nothing of what is stored depends on how the library numbers or distributes: the mesh comes in the order in which it was
-first given, values with the positions of their nodes, by which those of the mesh made again find them.
+Stored data are independent of the library's numbering and distribution: the mesh has its original order, and values are
+stored with the positions of their nodes.
 """
 
 from __future__ import annotations
@@ -18,22 +18,23 @@ from .. import compat
 from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..fluid import Fluid
+from ..fluid.transient import Past, Transient
 from ..mesh.cells import cell_facets
 from ..mesh.domain import Domain, named_facets
 from ..parallel import NumberedRows, collectively, joined
-from .checkpoint import StoredFlow, StoredMesh, StoredValues
+from .checkpoint import Checkpoint, StoredFlow, StoredMesh, StoredValues
 
-# How far, relative to the mesh's size, a node may be from where its value was stored.
+# Largest distance of a node from its stored position, relative to the mesh's size.
 SAME_PLACE = 1e-10
 
 
 def numbered_nodes(mesh: Any) -> NumberedRows:
-    """The rows of `mesh.geometry.x`, numbered in the order in which the mesh's nodes were given. Collective."""
+    """The rows of `mesh.geometry.x`, numbered in the original order of the nodes. Collective."""
     return NumberedRows(mesh.comm, _given(mesh))
 
 
 def stored_mesh(domain: Domain) -> StoredMesh:
-    """The mesh as it is now, whole on rank 0. Collective."""
+    """The present mesh, complete on rank 0. Collective."""
     mesh, given = domain.mesh, _given(domain.mesh)
     nodes = numbered_nodes(mesh)
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
@@ -50,7 +51,7 @@ def stored_mesh(domain: Domain) -> StoredMesh:
 
 
 def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> StoredFlow:
-    """States (local unknowns,) of a fluid, and where its nodes are now, whole on rank 0. Collective."""
+    """States (local unknowns,) of a fluid and its node positions, complete on rank 0. Collective."""
     space = fluid.space
     velocities = [state[space.velocity_map].reshape(-1, space.gdim) for state in states]
     pressures = [state[space.pressure_map] for state in states]
@@ -63,13 +64,13 @@ def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> StoredFlow:
 
 
 def stored_values(space: Any, states: Sequence[Floats]) -> StoredValues:
-    """States (local unknowns,) of both logarithms of turbulence on their space, whole on rank 0. Collective."""
+    """States (local unknowns,) of both logarithms of turbulence, complete on rank 0. Collective."""
     values = np.stack([state.reshape(-1, 2) for state in states], axis=1)
     return StoredValues(_owned(space, space.tabulate_dof_coordinates()), _owned(space, values))
 
 
 def _given(mesh: Any) -> Integers:
-    """Numbers with which the local nodes were given when the mesh was made."""
+    """Original numbers of the local nodes."""
     return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
 
 
@@ -78,7 +79,7 @@ def _owned(space: Any, values: np.ndarray) -> np.ndarray:
 
 
 def _tagged(domain: Domain, owned: int) -> tuple[NDArray[np.int32], Integers]:
-    """Geometry rows (n, gdim) of the corners of named facets of owned cells, and the facets' tags (n,)."""
+    """Geometry rows (n, gdim) of the vertices of named facets of owned cells, and the facets' tags (n,)."""
     facets, corners = cell_facets(domain.mesh, owned)
     tag_of = np.full(int(max(facets.max(initial=0), domain.facets.indices.max(initial=0))) + 1, -1)
     tag_of[domain.facets.indices] = domain.facets.values
@@ -87,10 +88,10 @@ def _tagged(domain: Domain, owned: int) -> tuple[NDArray[np.int32], Integers]:
 
 
 def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
-    """The mesh and its named boundaries over all ranks, each of which knows the whole. Collective.
+    """Distribute a mesh and its named boundaries, known on every rank. Collective.
 
     Raises:
-        OutputError: on all ranks, when a named facet is not one of the mesh.
+        OutputError: on all ranks, a named facet is not in the mesh.
     """
     gdim = stored.nodes.shape[1]
     cells, nodes = (
@@ -99,23 +100,23 @@ def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
     mesh = compat.create_mesh(comm, cells, nodes, stored.degree)
     facets = named_facets(mesh, stored.facets, stored.tags)
     owned = mesh.topology.index_map(gdim - 1).size_local
-    known, found = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
-    if found != known:
-        why = f"{found} of them are facets of the stored mesh"
+    known, matched = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
+    if matched != known:
+        why = f"{matched} of them are facets of the stored mesh"
         raise OutputError(f"{known} boundary facets are stored, {why}")
     return Domain(mesh, facets, dict(stored.names))
 
 
 def spread_nodes(mesh: Any, stored: Floats) -> Floats:
-    """The values at the rows of `mesh.geometry.x` of those (nodes, ...) of the stored mesh. Not collective."""
+    """Values at the rows of `mesh.geometry.x` from stored nodal values (nodes, ...). Not collective."""
     return stored[_given(mesh)]
 
 
 def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
-    """The states (local unknowns,) on a fluid whose mesh is where it was when they were stored. Collective.
+    """Stored states (local unknowns,) on a fluid whose mesh has the stored positions. Collective.
 
     Raises:
-        OutputError: on all ranks, when a node of the fluid is not where a stored one is.
+        OutputError: on all ranks, a node of the fluid is at no stored position.
     """
     space, comm = fluid.space, fluid.domain.comm
     pressure_points = space.pressure.tabulate_dof_coordinates()
@@ -131,10 +132,10 @@ def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
 
 
 def spread_values(space: Any, stored: StoredValues) -> list[Floats]:
-    """The states (local unknowns,) of both logarithms on a space of theirs. Collective.
+    """Stored states (local unknowns,) of both logarithms on their space. Collective.
 
     Raises:
-        OutputError: on all ranks, when a node of the space is not where a stored one is.
+        OutputError: on all ranks, a node of the space is at no stored position.
     """
     points = space.tabulate_dof_coordinates()
     values = _fetched(space.mesh.comm, stored.points, stored.logarithms, points)
@@ -142,10 +143,35 @@ def spread_values(space: Any, stored: StoredValues) -> list[Floats]:
 
 
 def _fetched(comm: MPI.Comm, places: Floats, values: Floats, points: Floats) -> Floats:
-    """The values (m, ...) stored at places (m, 3) for this rank's points (n, 3), each at one of them. Collective."""
+    """Values at this rank's points (n, 3), from values (m, ...) stored at positions (m, 3). Collective."""
     distances, rows = KDTree(places).query(points)
     tolerance = SAME_PLACE * np.ptp(places, axis=0).max()
     with collectively(comm):
         if distances.max(initial=0.0) > tolerance or len(np.unique(rows)) < len(points):
             raise OutputError("the stored flow has other nodes than the stored mesh")
     return values[rows]
+
+
+def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
+    """The mesh at its initial positions. Collective."""
+    domain = spread_mesh(comm, kept.mesh)
+    moving = kept.body or kept.surface
+    if moving is not None:
+        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, moving.made)
+    return domain
+
+
+def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
+    """Restore the fluid's state and the past states of the time integration. Collective."""
+    fluid = transient.fluid
+    present, *past = spread_flow(fluid, kept.flow)
+    fluid.state.x.array[:], fluid.time = present, kept.time
+    velocities = np.zeros((len(past), 0)) if kept.body is None else kept.body.velocities
+    pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
+    meshes = [] if kept.body is None else kept.body.remeshings
+    new_mesh = meshes[-1]["time"] if meshes else -np.inf
+    transient.resume(
+        kept.progress.number, kept.progress.next_length, pasts, kept.progress.error, new_mesh
+    )
+    for name, number in kept.progress.linear.items():
+        setattr(fluid.solver.statistics, name, number)

@@ -1,1 +1,1 @@
-"""What a run gives back, as data: loads, verdict, error bars, timing."""
+"""Results of a run as data: loads, verdict, error bars, timing."""

@@ -1,8 +1,8 @@
-"""Which effect the run's work was for: corrections of Newton's method, time steps, unknowns.
+"""Cost by effect: Newton updates, time steps, unknowns.
 
-A linear flow needs one correction where it is steady, and two in a time step (the second shows that the factors kept
-from earlier steps still hold). Corrections beyond those are inertia's, and so is the way to the Reynolds number and to
-the order; time steps after the first are unsteadiness's. All are measured one by one.
+A steady linear flow needs one Newton update, a time step two (the second confirms the reused LU factorisation). Further
+updates, and the continuation in Reynolds number and order, count for inertia; time steps after the first count for
+unsteadiness.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LINEAR_CORRECTIONS = 2  # of a time step
 
 
 class Corrections:
-    """Books corrections of Newton's method, within the stage "flow", on the effects they are for."""
+    """Attributes Newton updates within the stage "flow" to effects."""
 
     def __init__(self, ledger: Ledger, plan: Plan):
         self._ledger = ledger
@@ -34,29 +34,29 @@ class Corrections:
 
     @contextmanager
     def begun(self) -> Iterator[None]:
-        """Within the block corrections are booked; what has passed before is not theirs. Not collective."""
+        """Record the Newton updates of the block. Not collective."""
         self._ledger.lap(EffectName.FLOW)
         self._laps = []
         yield
 
     def record(self, iteration: int, size: float = 0.0) -> None:
-        """The correction of this number in its solve, from zero, has been made."""
+        """Record a Newton update by its number in the solve, from zero."""
         self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
 
     def watched_by(
         self, watch: Callable[[float, int, float], Any]
     ) -> Callable[[float, int, float], None]:
-        """What to call after each correction of a steady solve, so that `watch` is called, too."""
+        """A callback for the updates of a steady solve that also calls `watch`."""
 
         def record_and_pass_on(share: float, iteration: int, size: float) -> None:
-            """Book the correction, then pass it on."""
+            """Record the update, then call `watch`."""
             self.record(iteration, size)
             watch(share, iteration, size)
 
         return record_and_pass_on
 
     def book_steady(self, steps: Sequence[Step]) -> None:
-        """A steady solve by these steps is over: its first correction at the last order is the flow's own."""
+        """Attribute the updates of a steady solve: the first one at the last order belongs to the flow."""
         before = sum(step.report.iterations for step in steps if step.order != steps[-1].order)
         laps, self._laps = self._laps, []
         for number, (_, share) in enumerate(laps):
@@ -64,7 +64,7 @@ class Corrections:
                 self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
 
     def book_step(self, number: int) -> None:
-        """The time step of this number, from one, is over."""
+        """Attribute the updates of a time step by its number, from one."""
         laps, self._laps = [*self._laps, (0, self._ledger.lap(EffectName.FLOW))], []
         for iteration, share in laps:
             if self._inertia and iteration >= LINEAR_CORRECTIONS:
@@ -74,7 +74,7 @@ class Corrections:
 
 
 def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:
-    """What each effect has cost, the dearest first, for a reader; what took less than a thousandth is left out."""
+    """Cost of each effect as text, the costliest first; shares below a thousandth are omitted."""
     total = sum(share["wall_time"] for share in effects.values()) or 1.0
     dearest = sorted(effects.items(), key=lambda item: -item[1]["wall_time"])
     return [

@@ -1,4 +1,4 @@
-"""Elevations of a free surface in the course of a run, and how far those of two runs are apart, as data."""
+"""Elevations of a free surface over time, and the differences between two runs, as data."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ..arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class Elevations:
-    """Elevations at the stations in the course of a run."""
+    """Elevations at the stations over time."""
 
-    times: Floats  # (n,), ascending; that of the start is the first, of a resumed run that of its checkpoint
+    times: Floats  # (n,), ascending, from the start or the checkpoint
     values: Floats  # (n, stations)
-    largest: float  # the largest size of an elevation anywhere on the surface within these times
+    largest: float  # largest absolute elevation on the surface within these times
 
     @classmethod
     def of(cls, readings: list[ElevationReading]) -> Elevations:
-        """What has been read, of which there is one at least."""
+        """The elevations of one or more readings."""
         times, values = (
             np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True)
         )
@@ -29,20 +29,20 @@ class Elevations:
 
     @property
     def step(self) -> float:
-        """The mean time step; zero where there is none."""
+        """The mean time step; zero for a single time."""
         return float((self.times[-1] - self.times[0]) / max(len(self.times) - 1, 1))
 
     @property
     def sharpness(self) -> float:
-        """The largest second difference from time to time over the largest value; of a wave about (w dt)^2."""
+        """Largest second difference in time over the largest value; about (w dt)^2 for a wave."""
         largest = float(np.abs(self.values).max(initial=0.0))
         bent = float(np.abs(np.diff(self.values, 2, axis=0)).max(initial=0.0))
         return bent / largest if largest > 0.0 else 0.0
 
     def apart(self, other: Elevations) -> Floats:
-        """(stations,) the largest distances from those of another run, at the times of the one with fewer of them.
+        """(stations,) largest differences from another run at the times of the run with fewer of them.
 
-        The other's are a cubic spline between its times. Zero where there are no common times.
+        The other run is interpolated by a cubic spline. Zero without common times.
         """
         few, many = sorted((self, other), key=lambda one: len(one.times))
         slack = 1e-9 * (many.times[-1] - many.times[0])
@@ -52,11 +52,11 @@ class Elevations:
         return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
 
     def apart_at_the_end(self, other: Elevations) -> Floats:
-        """(stations,) the distances from those of another run at the last time of each."""
+        """(stations,) differences from another run at the last time of each."""
         return np.abs(self.values[-1] - other.values[-1])
 
     def at(self, times: Floats) -> Floats:
-        """(k, stations) elevations at times (k,) within those of the run."""
+        """(k, stations) interpolated elevations at times (k,) of the run."""
         if len(self.times) == 1:
             return np.repeat(self.values, len(times), axis=0)
         from scipy.interpolate import CubicSpline
@@ -66,7 +66,7 @@ class Elevations:
 
 @dataclass(frozen=True)
 class ElevationReading:
-    """Elevations at the stations at a time, and the largest size of one anywhere on the surface."""
+    """Elevations at the stations at a time, and the largest absolute elevation on the surface."""
 
     time: float
     values: list[float]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,62 +12,69 @@ import numpy as np
 from ..arrays import Floats
 from ..geometry.placement import Placement
 from .elevations import Elevations
-from .loads import Couples, Forces, loads_words
+from .loads import Forces, Torques, loads_words
+from .quantity import STORED_NAMES, as_stored
 from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .wall_report import WallReport
 
-# Force and torque where there is no grain.
+# Force and torque without a grain.
 NO_GRAIN: Floats = np.zeros(0)
-MOST_SPANS = 4  # of reverse flow, listed in words
+ALL = "the sum: an error bar is not a standard deviation"
+MOST_SPANS = 4  # of reverse flow in the text
+# Quantities of a term's errors.
+ERRORS = (
+    *("force", "torque", "place", "elevation", "level"),
+    *("shear", "separated", "centreline"),
+)
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Force and torque (3,) of the flow on a grain, and what else errors are estimated of."""
+    """Force and torque (3,) of the flow on a grain, and the other quantities with error estimates."""
 
-    # force, couple: (0,) without a grain
+    # force, torque: (0,) without a grain
     force: Floats
-    couple: Floats
-    place: Floats | None = None  # of a grain that moves, with its angle or quaternion: (3 or 7,)
+    torque: Floats
+    place: Floats | None = None  # position of a moving grain with angle or quaternion: (3 or 7,)
     elevations: Elevations | None = None  # of a free surface
     # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     shear: Floats | None = None
-    # (n, 2) x at which the flow along the bed separates and reattaches, of each place, the longest first
+    # (n, 2) x of separation and reattachment along the bed, the longest interval first
     separated: Floats | None = None
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
-    moved: bool = False  # whether they were computed on the mesh of another run, moved
-    # (6,) by how much force and torque still change in the last steps of a flow that has not converged
+    moved: bool = False  # whether they were computed on the moved mesh of another run
+    # (6,) changes of force and torque in the last steps of a flow that is not converged
     unsteady: Floats = field(default_factory=lambda: np.zeros(6))
 
     @classmethod
     def at_the_end(
         cls,
         force: Forces | None,
-        couple: Couples | None,
+        torque: Torques | None,
         place: Floats | None,
         elevations: Elevations | None,
         walls: WallReport | None = None,
         size: float = 1.0,
         upstream: Sequence[Sequence[float]] | None = None,
     ) -> Loads:
-        """The loads on a grain of a size, with what else there is; without a grain none, but u* at walls.
+        """The loads on a grain of a size, and the other quantities; u* at walls only without a grain.
 
         upstream: intervals of x of reverse laminar flow along the bed
         """
-        of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
+        of_force, of_torque = (NO_GRAIN if one is None else one.plain for one in (force, torque))
         shear = None if walls is None or force is not None else walls.shear_velocities
         upstream = upstream if walls is None else walls.backward
         separated = None if upstream is None else longest_first(upstream)
-        found = cls(of_force, of_couple, place, elevations, shear, separated)
+        loads = cls(of_force, of_torque, place, elevations, shear, separated)
         spread = 0.0 if walls is None or force is None else walls.spread
-        return replace(found, unsteady=found.part(spread, size)) if spread else found
+        return replace(loads, unsteady=loads.part(spread, size)) if spread else loads
 
     def where_separates(self, other: Loads) -> Loads:
-        """These, with the interval of reverse flow that overlaps the other's longest one most put first."""
+        """The loads with the interval of reverse flow first that overlaps most with the other's longest one."""
         mine, theirs = self.separated, other.separated
         if mine is None or theirs is None or not len(mine) or not len(theirs):
             return self
@@ -74,96 +82,92 @@ class Loads:
         return replace(self, separated=mine[np.argsort(-shared, kind="stable")])
 
     def part(self, share: float, size: float) -> Floats:
-        """(6,) a share of the loads on a grain of a size, in each component that does not vanish by symmetry."""
-        whole = float(np.linalg.norm([*self.force, *(self.couple / size)]))
+        """(6,) a fraction of the loads on a grain of a size, in components that do not vanish because of symmetry."""
+        whole = float(np.linalg.norm([*self.force, *(self.torque / size)]))
         units = np.repeat([1.0, size], 3)
         return np.asarray(
-            share * whole * units * (np.concatenate([self.force, self.couple]) != 0.0)
+            share * whole * units * (np.concatenate([self.force, self.torque]) != 0.0)
         )
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What is added to the computed force and torque (3,) for errors whose sign is known."""
+    """Correction of the computed force and torque (3,) for errors of known sign."""
 
     force: Floats
-    couple: Floats
+    torque: Floats
 
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force, torque (3,) and other quantities, and how they were estimated."""
+    """One source of error: absolute errors of force, torque (3,) and other quantities, and their method of estimation.
+
+    force, torque: remaining errors after a correction; (0,) without a grain
+    place: (3,), in 3-D (6,), of position and rotation of a moving grain, in radians, in 3-D about x, y and z
+    power: exponent of the gap in the error; parts: terms whose sum this term is
+    elevation, level: (stations,) of a free surface: largest error within the run, and error at the end
+    shear: (2,) of u* at the outflow, and of its mean along the walls
+    separated: (2,) of x of separation and reattachment along the bed
+    centreline: (3,) of the extreme velocities on the centrelines of a lid-driven box
+    doubt: why the errors may be more than twice as large; empty without a reason
+    correction: of force and torque for this error; None without one
+    """
 
     name: str
-    # force, couple: what a correction leaves of them, if there is one; (0,) without a grain
     force: Floats
-    couple: Floats
+    torque: Floats
     how: str
-    # Errors of place and turn of a moving grain (3,), in 3-D (6,), the turn in radians, in 3-D about x, y and z
     place: Floats | None = None
-    power: float = 1.0  # exponent of the gap with which its error is expected to fall
-    parts: tuple[Term, ...] = ()  # terms that this one is the sum of, if any
-    elevation: Floats | None = (
-        None  # (stations,) of a free surface, the largest ones within the run
-    )
-    level: Floats | None = None  # (stations,) of these at the end
-    shear: Floats | None = None  # (2,) of u* at the outflow, and of its mean along the walls
-    separated: Floats | None = (
-        None  # (2,) of x at which the flow along the bed separates and reattaches
-    )
-    centreline: Floats | None = (
-        None  # (3,) of the extreme velocities on the centrelines of a lid-driven box
-    )
-    doubt: str = (
-        ""  # why the errors may be more than twice as large; nothing where they are not known to be
-    )
-    # Correction of force and torque for this error; None where they are not corrected
+    power: float = 1.0
+    parts: tuple[Term, ...] = ()
+    elevation: Floats | None = None
+    level: Floats | None = None
+    shear: Floats | None = None
+    separated: Floats | None = None
+    centreline: Floats | None = None
+    doubt: str = ""
     correction: Correction | None = None
 
     def corrected(self, change: Floats, left: Floats) -> Term:
-        """The term with a correction of the force, of the torque, or of both: of what has shown that it is worth it.
+        """The term with a correction of force, torque, or both, where the estimates agree well enough.
 
         Args:
-            change: (6,) what is to be added to force and torque, estimated in one way.
-            left: (6,) what it differs by from the change estimated in another way: the error that remains. No
-                component is taken to be better known, relative to its change, than the vector that it belongs to.
+            change: (6,) estimated correction of force and torque.
+            left: (6,) difference from a second estimate of the correction: the remaining error. The relative error of
+                a component is at least that of its vector.
         """
-        found, errors = np.zeros(6), np.concatenate([self.force, self.couple])
+        added, errors = np.zeros(6), np.concatenate([self.force, self.torque])
         for part in (slice(3), slice(3, 6)):
             size, doubt = (float(np.linalg.norm(one[part])) for one in (change, left))
             if doubt < size:
-                found[part] = change[part]
+                added[part] = change[part]
                 errors[part] = np.maximum(np.abs(left[part]), doubt / size * np.abs(change[part]))
             else:
                 errors[part] = np.maximum(errors[part], np.abs(left[part]))
-        if not found.any():
-            return replace(self, force=errors[:3], couple=errors[3:])
-        correction = Correction(found[:3], found[3:])
-        return replace(self, force=errors[:3], couple=errors[3:], correction=correction)
+        if not added.any():
+            return replace(self, force=errors[:3], torque=errors[3:])
+        correction = Correction(added[:3], added[3:])
+        return replace(self, force=errors[:3], torque=errors[3:], correction=correction)
 
     @property
     def uncorrected(self) -> Term:
-        """The term without its correction: the errors that it has estimated."""
+        """The term without its correction."""
         if self.correction is None:
             return self
-        pairs = (self.correction.force, self.force), (self.correction.couple, self.couple)
-        force, couple = (np.maximum(np.abs(change), left) for change, left in pairs)
-        return replace(self, force=force, couple=couple, correction=None)
+        pairs = (self.correction.force, self.force), (self.correction.torque, self.torque)
+        force, torque = (np.maximum(np.abs(change), left) for change, left in pairs)
+        return replace(self, force=force, torque=torque, correction=None)
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
-        """The sum of terms."""
-        force, couple = (
-            np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple")
-        )
-        place, elevation, level, shear, separated = (
-            _sum_of(parts, of) for of in ("place", "elevation", "level", "shear", "separated")
-        )
-        return cls(name, force, couple, how, place, 1.0, parts, elevation, level, shear, separated)
+        """The sum of terms; NaN for force and torque without any."""
+        if not parts:
+            return cls(name, np.full(3, np.nan), np.full(3, np.nan), how)
+        return cls(name, how=how, parts=parts, **{of: _sum_of(parts, of) for of in ERRORS})  # type: ignore[arg-type]
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
-        """The error that is a share of what two runs differ by, and of what each of them still changes by."""
+        """The error as a fraction of the difference between two runs, unconverged changes of both included."""
         place = elevation = level = shear = separated = centreline = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
@@ -175,29 +179,29 @@ class Term:
         if one.separated is not None and len(one.separated):
             separated = share * _apart(one.separated[0], other.separated)
         if one.centreline is not None and other.centreline is not None:
-            # A single one of them may be the same on two meshes by chance.
+            # A single value may agree on two meshes by chance.
             apart = np.abs(one.centreline - other.centreline)
             centreline = np.full(len(apart), share * apart.max())
         number, still = len(one.force), one.unsteady + other.unsteady
         force = np.abs(one.force - other.force) + still[:number]
-        couple = np.abs(one.couple - other.couple) + still[3 : 3 + number]
-        of_loads = share * force, share * couple
+        torque = np.abs(one.torque - other.torque) + still[3 : 3 + number]
+        of_loads = share * force, share * torque
         others = elevation, level, shear, separated, centreline
         return cls(name, *of_loads, how, place, 1.0, (), *others)
 
     def with_components_alike(self) -> Term:
-        """The term with errors of components, unless they vanish, as large as those of the vectors, and of both u*."""
-        force, couple = (
-            float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple)
+        """The term with errors of nonzero components as large as those of vectors, and equal errors of both u*."""
+        force, torque = (
+            float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.torque)
         )
         shear = None if self.shear is None else np.full_like(self.shear, np.max(self.shear))
-        return replace(self, force=force, couple=couple, shear=shear)
+        return replace(self, force=force, torque=torque, shear=shear)
 
     def with_changes(self, unsteady: Floats) -> Term:
-        """The term with errors larger by what loads (6,) of a flow that has not converged still change by."""
+        """The term with errors enlarged by the changes (6,) of the loads of a flow that is not converged."""
         number = len(self.force)
-        couple = self.couple + unsteady[3 : 3 + number]
-        return replace(self, force=self.force + unsteady[:number], couple=couple)
+        torque = self.torque + unsteady[3 : 3 + number]
+        return replace(self, force=self.force + unsteady[:number], torque=torque)
 
     def with_elevations_times(self, factor: float) -> Term:
         """The term with errors of elevations enlarged by a factor."""
@@ -206,132 +210,80 @@ class Term:
         return replace(self, elevation=factor * self.elevation, level=factor * self.level)
 
     def at_least(self, other: Term) -> Term:
-        """The term with errors that are nowhere below those of another one, of the same quantities."""
-        names = (
-            "force",
-            "couple",
-            "place",
-            "elevation",
-            "level",
-            "shear",
-            "separated",
-            "centreline",
-        )
-        pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
+        """The term with errors at least as large as those of another term."""
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in ERRORS}
         known = {n: (a, b) for n, (a, b) in pairs.items() if a is not None and b is not None}
         return replace(self, **{n: np.maximum(a, b) for n, (a, b) in known.items()})
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json: null for what there is not."""
-        found = {**asdict(self), "parts": [part.to_dict() for part in self.parts]}
-        found["shear_velocity"] = found.pop("shear")
-        return found | {name: _if_any(found[name]) for name in ("force", "couple")}
 
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """The error terms of a run, and what they mean for the verdict."""
+    """The error terms of a run, and their consequence for the verdict.
+
+    left_out: terms that do not apply or are not estimated, with the reason
+    failed: terms whose estimate failed, with the reason
+    """
 
     terms: tuple[Term, ...]
-    # Terms that do not apply or are not estimated, with the reason
     left_out: dict[str, str] = field(default_factory=dict)
-    # Terms that should be there, with what kept them from being computed
     failed: dict[str, str] = field(default_factory=dict)
     safety: SafetyBar | None = None
 
-    @property
-    def correction(self) -> Correction | None:
-        """What is added to the computed force and torque (3,); None where no term is corrected."""
-        found = [term.correction for term in self.terms if term.correction is not None]
-        if not found:
-            return None
-        force, couple = (
-            np.sum([getattr(one, of) for one in found], axis=0) for of in ("force", "couple")
-        )
-        return Correction(force, couple)
-
-    def corrected(self, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
-        """Forces and torques with the corrections added; as they are without one."""
-        change = self.correction
-        if change is None:
-            return force, couple
-        return force.corrected(change.force), couple.corrected(change.couple)
+    @cached_property
+    def total(self) -> Term:
+        """The sum of all terms."""
+        return Term.of_parts("all", self.terms, ALL)
 
     @property
     def force(self) -> Floats:
         """(3,) absolute error of the force, (0,) without a grain."""
-        return (
-            np.sum([term.force for term in self.terms], axis=0)
-            if self.terms
-            else np.full(3, np.nan)
-        )
+        return self.total.force
 
     @property
-    def couple(self) -> Floats:
+    def torque(self) -> Floats:
         """(3,) absolute error of the torque, (0,) without a grain."""
-        return (
-            np.sum([term.couple for term in self.terms], axis=0)
-            if self.terms
-            else np.full(3, np.nan)
-        )
+        return self.total.torque
 
     @property
-    def place(self) -> Floats | None:
-        """(3,), in 3-D (6,), absolute error of place and turn of a moving grain at the end of its path."""
-        return _sum_of(self.terms, "place")
+    def correction(self) -> Correction | None:
+        """The total correction of force and torque (3,); None without one."""
+        corrections = [term.correction for term in self.terms if term.correction is not None]
+        if not corrections:
+            return None
+        parts = zip(*((one.force, one.torque) for one in corrections), strict=True)
+        return Correction(*(np.sum(changes, axis=0) for changes in parts))
 
-    @property
-    def elevation(self) -> Floats | None:
-        """(stations,) absolute error of the elevations of a free surface, the largest within the run."""
-        return _sum_of(self.terms, "elevation")
+    def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
+        """Forces and torques with the total correction."""
+        change = self.correction
+        if change is None:
+            return force, torque
+        return force.corrected(change.force), torque.corrected(change.torque)
 
     @property
     def doubtful(self) -> str:
-        """The name of the first term that may be more than twice as large; nothing where there is none."""
+        """The name of the first term with a doubt; empty without one."""
         return next((term.name for term in self.terms if term.doubt), "")
-
-    @property
-    def level(self) -> Floats | None:
-        """(stations,) absolute error of the elevations of a free surface at the end."""
-        return _sum_of(self.terms, "level")
-
-    @property
-    def shear(self) -> Floats | None:
-        """(2,) absolute error of u* at the outflow, and of its mean along the walls."""
-        return _sum_of(self.terms, "shear")
-
-    @property
-    def separated(self) -> Floats | None:
-        """(2,) absolute error of x at which the flow along the bed separates and reattaches."""
-        return _sum_of(self.terms, "separated")
-
-    @property
-    def centreline(self) -> Floats | None:
-        """(3,) absolute error of the extreme velocities on the centrelines of a lid-driven box."""
-        return _sum_of(self.terms, "centreline")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
+        total = as_stored(self.total)
         return {
-            "force": _if_any(self.force),
-            "couple": _if_any(self.couple),
-            "place": self.place,
-            "elevation": self.elevation,
-            "level": self.level,
-            "shear_velocity": self.shear,
-            "separated": self.separated,
-            "centreline": self.centreline,
-            "terms": [term.to_dict() for term in self.terms],
+            **{name: total[name] for name in (STORED_NAMES.get(of, of) for of in ERRORS)},
+            "terms": as_stored(self.terms),
             "left_out": self.left_out,
             "failed": self.failed,
-            "safety_factor": None if self.safety is None else asdict(self.safety),
+            "safety_factor": as_stored(self.safety),
         }
 
     def lines(self, gdim: int = 2) -> list[str]:
-        """Errors and where they come from, for a reader, of a scene of a dimension."""
-        lines = [f"error bars          {_errors(self, gdim) if self.terms else 'not known'}"]
+        """Errors and their sources as text."""
+        lines = [f"error bars          {_errors(self.total, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
+            if (change := term.correction) is not None:
+                by = loads_words(change.force + 0.0, change.torque + 0.0, gdim, "+.2g")
+                lines.append(f"    {'corrected by':<16}{by}")
             if term.doubt:
                 lines.append(
                     f"    {'not certain':<16}may be more than twice as large: {term.doubt}"
@@ -344,9 +296,8 @@ class ErrorBars:
 
 
 def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
-    """The sum of an error over the terms that have it; None if none has."""
-    found = [error for term in terms if (error := getattr(term, name)) is not None]
-    return np.sum(found, axis=0) if found else None
+    errors = [error for term in terms if (error := getattr(term, name)) is not None]
+    return np.sum(errors, axis=0) if errors else None
 
 
 def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
@@ -355,9 +306,9 @@ def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
 
 
 def _apart(one: Floats, others: Floats | None) -> Floats:
-    """(2,) how far the ends of an interval are from those of the one that shares most with it; else its own length.
+    """(2,) distance of the ends of an interval from those of the one with the largest overlap; without one its length.
 
-    One end may be the same on coarse meshes, as next to a corner that they do not resolve: it errs like the other one.
+    Both ends get the larger distance: one end may agree by chance at a corner that coarse meshes do not resolve.
     """
     others = np.empty((0, 2)) if others is None else others
     shared = _shared(one, others)
@@ -367,16 +318,12 @@ def _apart(one: Floats, others: Floats | None) -> Floats:
 
 
 def _shared(one: Floats, others: Floats) -> Floats:
-    """Lengths (n,) that an interval shares with each of some (n, 2); negative: how far away it is."""
+    """Overlap (n,) of an interval with each of (n, 2); negative: their distance."""
     return np.asarray(np.minimum(one[1], others[:, 1]) - np.maximum(one[0], others[:, 0]))
 
 
-def _if_any(errors: Floats) -> Floats | None:
-    return errors if len(errors) else None
-
-
-def _errors(term: Term | ErrorBars, gdim: int) -> str:
-    said = [loads_words(term.force, term.couple, gdim, ".1e")] if len(term.force) else []
+def _errors(term: Term, gdim: int) -> str:
+    said = [loads_words(term.force, term.torque, gdim, ".1e")] if len(term.force) else []
     if term.place is not None:
         said.append(_end_of_path(term.place))
     if term.elevation is not None and term.level is not None:
@@ -391,9 +338,9 @@ def _errors(term: Term | ErrorBars, gdim: int) -> str:
     return "   ".join(said)
 
 
-def centreline_velocities(found: dict[str, Extremum] | None) -> Floats | None:
+def centreline_velocities(extremes: dict[str, Extremum] | None) -> Floats | None:
     """The extreme velocities (3,) on centrelines, None without them."""
-    return None if found is None else np.array([extreme.value for extreme in found.values()])
+    return None if extremes is None else np.array([extreme.value for extreme in extremes.values()])
 
 
 def _end_of_path(place: Floats) -> str:
@@ -403,7 +350,7 @@ def _end_of_path(place: Floats) -> str:
 
 
 def way(first: Floats, second: Floats) -> Floats:
-    """Way and turn (3,), in 3-D (6,), between two places with an angle (3,) or a quaternion (7,)."""
+    """Displacement and rotation (3,), in 3-D (6,), between two positions with an angle (3,) or a quaternion (7,)."""
     if len(first) == 3:
         return second - first
     one, other = (Placement(tuple(x[:3]), quaternion=tuple(x[3:])) for x in (first, second))

@@ -1,7 +1,6 @@
-"""An effect that was left out and what it would have changed, as data."""
+"""An omitted effect and the change that it would make, as data."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from ..arrays import Floats
 from ..planning.effects import percent
@@ -9,32 +8,29 @@ from ..planning.effects import percent
 
 @dataclass(frozen=True)
 class Omission:
-    """An effect left out."""
+    """An omitted effect.
+
+    relative: change that it would make, relative to the load; None: not known
+    exceeds: whether the change may exceed the requested accuracy
+    force, torque: change of the force and the torque (3,); None: not known
+    """
 
     name: str
-    relative: float | None  # change that it would have made, relative to the load; None: not known
+    relative: float | None
     how: str
-    exceeds: bool  # whether it may be more than the accuracy asked for
+    exceeds: bool
     remedy: str = ""
-    force: Floats | None = (
-        None  # change of the force (3,), and `couple` (3,) of the torque; None: not known
-    )
-    couple: Floats | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
-        return asdict(self)
+    force: Floats | None = None
+    torque: Floats | None = None
 
     def lines(self) -> list[str]:
-        """One line for a reader, and a warning where one is due."""
-        size = (
-            "by an unknown amount"
-            if self.relative is None
-            else f"by about {percent(self.relative)}"
-        )
-        told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
+        """The omission as a line of text, and a warning if it exceeds the accuracy."""
+        size = "by an unknown amount"
+        if self.relative is not None:
+            size = f"by about {percent(self.relative)}"
+        lines = [f"left out            {self.name}: would change the result {size} ({self.how})"]
         if self.exceeds:
-            told.append(
+            lines.append(
                 f"WARNING             {self.name} may matter at the accuracy asked for: {self.remedy}"
             )
-        return told
+        return lines

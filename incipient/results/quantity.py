@@ -1,77 +1,154 @@
-"""One number of a run's outcome, described once: read alike by history, result.json, text, page and tables."""
+"""Quantities of results: the single description used by files, terminal, page, SI values and tables of sweeps."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-LOW, HIGH = "_low", "_high"  # of the columns that hold the ends of a quantity's error bar
+import numpy as np
+
+LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error bar
 AXES = ("x", "y", "z")
+STORED_NAMES = {"shear": "shear_velocity"}  # names of fields in files
 
 
 @dataclass(frozen=True)
 class OutputQuantity:
-    """A number, or a vector of three, of a run's outcome."""
+    """A number, or a vector (3,), of a result: its label, unit, error bar and positions in files and on pages."""
 
-    key: str  # where result.json has it, such as "coefficients.drag"
-    words: str  # its name for a reader
-    unit: str = ""  # in units of the scene, such as "velocity"; empty: it has none
-    column: str = ""  # its name in history.csv and in tables of sweeps; empty: it is in neither
-    error: str = ""  # where result.json has its absolute error; empty: there is none
-    # Low and high end of its error bar by result.json as plain data, where these are not value -+ error
+    key: str  # its key in the JSON file, such as "coefficients.drag"
+    words: str  # its label
+    unit: str = ""  # in units of the scene, such as "velocity"; empty: dimensionless
+    column: str = ""  # in history.csv and in tables of sweeps; empty: none
+    error: str = ""  # key of its absolute error in the JSON file; empty: none
+    # Ends of its error bar from the JSON file's plain data; None: value -+ error
     ends: Callable[[Mapping[str, Any]], tuple[float, float] | None] | None = None
-    heading: str = ""  # of the table of the page in which it stands; empty: in none
-    # Its value in a run, which result.json then has under the key; None: it is part of something else there
+    heading: str = ""  # of its table on the page; empty: none
+    # Its value in a run, stored under the key; None: stored as part of another value
     measure: Callable[[Any], Any] | None = None
-    at_steps: bool = False  # whether it is measured after each step for history.csv
-    in_text: bool = False  # whether a line of the text says it
+    # Its value from the rest of result.json, stored under the key; None: not derived
+    derive: Callable[[Mapping[str, Any]], Any] | None = None
+    at_steps: bool = False  # whether history.csv contains it
+    line: str = ""  # of the terminal output; empty: none
+    short: str | None = None  # its label on that line; None: its words
+    detail: bool = False  # whether the terminal shows it only with details
+    unlike: str = ""  # key of another value; shown only if both differ
+    unbounded: bool = False  # whether null means infinity
 
     @property
     def label(self) -> str:
         """Words and unit."""
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
+    @property
+    def is_load(self) -> bool:
+        """Whether it is a force or a torque."""
+        return self.unit in ("force", "torque")
+
     def value(self, stored: Mapping[str, Any]) -> Any:
-        """The value in result.json as plain data; None where there is none."""
-        return at(stored, self.key)
+        """The value in plain data; None without one."""
+        value = at(stored, self.key)
+        if value is not None or not self.unbounded:
+            return value
+        within, _, _ = self.key.rpartition(".")
+        return math.inf if not within or at(stored, within) is not None else None
+
+    def shown(self, stored: Mapping[str, Any]) -> Any:
+        """The value for display; None without one, or if it equals the value at `unlike`."""
+        value = self.value(stored)
+        if self.unlike and np.array_equal(value, at(stored, self.unlike)):
+            return None
+        return value
 
     def bar(self, stored: Mapping[str, Any]) -> tuple[float, float] | None:
-        """The ends of a number's error bar; None where they are not known."""
+        """The ends of a number's error bar; None: not known."""
         if self.ends is not None:
             return self.ends(stored)
         value, error = self.value(stored), at(stored, self.error) if self.error else None
         return None if value is None or error is None else (value - error, value + error)
 
     def columns(self, stored: Mapping[str, Any]) -> dict[str, Any]:
-        """Columns of a sweep's table; of a vector those of its components that are not zero."""
-        value = self.value(stored)
-        if value is None or not self.column:
+        """Columns of a sweep's table; for a vector its nonzero components."""
+        if not self.column or (value := self.value(stored)) in (None, ""):
             return {}
         if isinstance(value, str) or not hasattr(value, "__len__"):
             return {self.column: value} | _with_ends(self.column, self.bar(stored))
         errors = at(stored, self.error) if self.error else None
-        found: dict[str, Any] = {}
-        for place, axis in enumerate(AXES):
-            name, one = f"{self.column}_{axis}", value[place]
-            if one:
-                ends = None if errors is None else (one - errors[place], one + errors[place])
-                found |= {name: one} | _with_ends(name, ends)
-        return found
+        columns: dict[str, Any] = {}
+        for place, (axis, part) in enumerate(zip(AXES, value, strict=False)):
+            name = f"{self.column}_{axis}"
+            if part:
+                ends = None if errors is None else (part - errors[place], part + errors[place])
+                columns |= {name: part} | _with_ends(name, ends)
+        return columns
 
-    def line(self, stored: Mapping[str, Any]) -> str:
-        """What the text says of a number that is there."""
-        value, bar = self.value(stored), self.bar(stored)
-        within = "" if bar is None else f", between {bar[0]:.6g} and {bar[1]:.6g}"
-        return f"{self.label:<20}{value:.6g}{within}"
+    def text(self, stored: Mapping[str, Any]) -> str:
+        """Label, value and error bar as text."""
+        value, bar = self.value(stored), None if self.is_load else self.bar(stored)
+        shown = load_words(value, self.unit, gdim_of(stored)) if self.is_load else f"{value:.6g}"
+        within = "" if bar is None else f" +- {0.5 * (bar[1] - bar[0]):.1e}"
+        name = self.label if self.short is None else self.short
+        return f"{name} {shown}{within}".lstrip()
+
+
+def screen_lines(
+    quantities: Iterable[OutputQuantity], stored: Mapping[str, Any], details: bool = False
+) -> list[str]:
+    """The lines of the terminal output with these quantities, in their order."""
+    parts: dict[str, list[str]] = {}
+    for quantity in quantities:
+        wanted = quantity.line and (details or not quantity.detail)
+        if wanted and quantity.shown(stored) is not None:
+            parts.setdefault(quantity.line, []).append(quantity.text(stored))
+    return [f"{line:<20}{'   '.join(texts)}" for line, texts in parts.items()]
 
 
 def at(stored: Any, key: str) -> Any:
-    """The value at a key such as ``fluid.reynolds`` of plain data, rows of a list by number; None without one."""
+    """The value at a key such as ``fluid.reynolds`` of plain data, list items by index; None without one."""
     for part in key.split("."):
-        if isinstance(stored, Mapping):
+        if isinstance(stored, dict):
             stored = stored.get(part)
+        elif stored is None:
+            return None
         else:
-            stored = stored[int(part)] if part.isdigit() and stored is not None else None
+            stored = stored[int(part)] if part.isdigit() else None
     return stored
+
+
+def put(stored: dict[str, Any], key: str, value: Any) -> None:
+    """Store a value at a key such as ``force.pressure`` of plain data if the section exists."""
+    section, _, name = key.rpartition(".")
+    within = at(stored, section) if section else stored
+    if within is not None:
+        within[name] = value
+
+
+def gdim_of(stored: Mapping[str, Any]) -> int:
+    """Dimension of the scene of a result."""
+    return 2 if at(stored, "scene.domain.width") is None else 3
+
+
+def load_words(vector: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
+    """A force or torque (3,) as text: (x, y), in 3-D (x, y, z); a torque in 2-D by its third component."""
+    if unit == "torque" and gdim == 2:
+        return format(float(vector[2]), digits)
+    return f"({', '.join(format(float(part), digits) for part in vector[:gdim])})"
+
+
+def as_stored(value: Any) -> Any:
+    """Data classes as dictionaries with the names of files; empty arrays as None."""
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if is_dataclass(value):
+        parts = {field.name: getattr(value, field.name) for field in fields(value)}
+        return {STORED_NAMES.get(name, name): as_stored(part) for name, part in parts.items()}
+    if isinstance(value, dict):
+        return {key: as_stored(part) for key, part in value.items()}
+    if isinstance(value, tuple | list):
+        return [as_stored(part) for part in value]
+    return None if isinstance(value, np.ndarray) and not value.size else value
 
 
 def _with_ends(name: str, ends: tuple[float, float] | None) -> dict[str, float]:

@@ -1,10 +1,10 @@
-"""What a run gives back: forces, torques, contacts, verdict, and what they cost."""
+"""The result of a run: forces, torques, contacts, verdict, cost."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,23 +20,18 @@ from .cost_of_effects import cost_lines
 from .elevations import Elevations
 from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
-from .loads import Coefficients, Couples, Forces, Gap, loads_words
-from .quantity import OutputQuantity
-from .si import si_lines
-from .steady import Steadied
+from .loads import Coefficients, Forces, Gap, Torques, loads_words
+from .quantity import OutputQuantity, as_stored, put, screen_lines
+from .si import si_lines, with_loads
 from .trajectory import number_words, place_words, trajectory_lines
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .wall_report import WallReport
 
-SCHEMA_VERSION = 1
-ROUNDING = 1e-12  # of the length of an interval, below which its start is zero in words
-# What result.json has under the name and in the form that the result has it.
-AS_THEY_ARE = (
-    *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
-    *("without_error_bars", "surface", "si"),
-)
+SCHEMA_VERSION = 2
+IN_MEMORY = {"stored": False}  # metadata of fields that result.json omits
+ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
 
 
 @dataclass(frozen=True)
@@ -49,36 +44,60 @@ class FlowAt:
 
 @dataclass(frozen=True)
 class Traction:
-    """The fluid's traction on the grain: points (n, gdim) on its surface, in no order, and vectors (n, gdim) there.
+    """The fluid's traction on the grain: unordered points (n, gdim) on its surface, and vectors (n, gdim) there.
 
-    Of a scene of which half was computed they are those of that half.
+    Of a symmetric scene they cover the computed half.
     """
 
     points: Floats
     vectors: Floats
 
 
+@dataclass(frozen=True)
+class Steadied:
+    """The end of a run until steady flow.
+
+    time: at the end; change: relative change of the flow in the last step, per unit of time
+    asked: the change below which the flow counts as steady
+    """
+
+    reached: bool
+    time: float
+    change: float
+    asked: float
+
+    def line(self) -> str:
+        """The outcome as a line of text."""
+        if self.reached:
+            return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
+        return (
+            f"NOT steady          at t = {self.time:.6g}: it changes by {self.change:.1e} per unit of time, "
+            f"{self.asked:.1e} is asked for: use a later time.end"
+        )
+
+
 @dataclass(frozen=True, repr=False)
 class Result:
-    """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored.
+    """The outcome of a run. Vectors have three components in scene units.
 
-    without_error_bars:     why error bars that are wanted are not there
-    surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
-    elevations:             those at the stations in the course of the run, which history.csv has
+    without_error_bars:     why requested error bars are missing
+    surface:                elevations of a free surface at the stations at the end, and a channel's inflow
+    elevations:             elevations at the stations over time, as in history.csv
     separated:              intervals of x of reverse laminar flow along the bed, between separation and
-                            reattachment; None where that is not looked at
-    turbulence:             at the walls of a turbulent flow, None without turbulence
-    steady:                 whether a flow became steady that was to, None where that is not asked
-    si:                     flow and loads in SI units (`results.si`), None without [units]
+                            reattachment; None: not determined
+    turbulence:             report on the walls of a turbulent flow, None without turbulence
+    steady:                 the end of a run until steady flow, otherwise None
+    si:                     the flow in SI units (`results.si`), None without [units]
     traction:               of the fluid on the grain at the end, None without a grain
-    measured:               values of the quantities that the effects measure, None of an effect that is absent
+    quantities:             the quantities of runs; measured: values that effects measure, by key, None of an
+                            absent effect
     """
 
     title: str
     plan: Plan
     scene: dict[str, Any]
     force: Forces | None
-    couple: Couples | None
+    torque: Torques | None
     coefficients: Coefficients | None
     grain: dict[str, Any] | None
     gap: Gap | None
@@ -98,33 +117,34 @@ class Result:
     omitted: tuple[Omission, ...] = ()
     status: str = "complete"
     error: str = ""
-    elevations: Elevations | None = field(default=None, repr=False)
-    velocity: Any = field(default=None, repr=False)
-    pressure: Any = field(default=None, repr=False)
-    traction: Traction | None = field(default=None, repr=False)
-    measured: dict[OutputQuantity, Any] = field(default_factory=dict, repr=False)
+    elevations: Elevations | None = field(default=None, metadata=IN_MEMORY)
+    velocity: Any = field(default=None, metadata=IN_MEMORY)
+    pressure: Any = field(default=None, metadata=IN_MEMORY)
+    traction: Traction | None = field(default=None, metadata=IN_MEMORY)
+    quantities: tuple[OutputQuantity, ...] = field(default=(), metadata=IN_MEMORY)
+    measured: dict[str, Any] | None = field(default=None, metadata=IN_MEMORY)
 
     def __repr__(self) -> str:
         """The outcome on one line."""
-        told = [self.title or "untitled", self.status]
+        parts = [self.title or "untitled", self.status]
         if self.verdict is not None:
             factor = self.verdict["safety_factor"]
-            told.append(
+            parts.append(
                 f"{self.verdict['mode']}, safety factor {math.inf if factor is None else factor:.4g}"
             )
-        if self.force is not None and self.couple is not None:
-            told.append(
-                f"force of the flow {loads_words(self.force.flow, self.couple.flow, self.gdim)}"
+        if self.force is not None and self.torque is not None:
+            parts.append(
+                f"force of the flow {loads_words(self.force.flow, self.torque.flow, self.gdim)}"
             )
-        return f"<Result: {'; '.join(' '.join(one.split()) for one in told)}>"
+        return f"<Result: {'; '.join(' '.join(one.split()) for one in parts)}>"
 
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
-        """The flow at points (n, gdim), or at one (gdim,); None for each that is outside the fluid. Collective.
+        """The flow at points (n, gdim), or at one (gdim,); None outside the fluid. Collective.
 
-        Where half of a scene was computed the other half is its mirror image.
+        A half of a symmetric scene that was not computed is the mirror image of the other.
 
         Raises:
-            SceneError: the points have not as many coordinates as the scene, or the result has no fields.
+            SceneError: points of another dimension than the scene, or a result without fields.
         """
         given = np.atleast_2d(np.asarray(points, dtype=float))
         if given.ndim != 2 or given.shape[1] != self.gdim:
@@ -148,7 +168,7 @@ class Result:
         return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
 
     def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
-        """The flow at points of the half that was not computed; nan where there is none."""
+        """The flow at points of the half that was not computed; nan outside the fluid."""
         scene = Scene(**self.scene)
         if not Setup(scene).symmetric:
             return np.full(points.shape, np.nan), np.full(len(points), np.nan)
@@ -158,7 +178,7 @@ class Result:
 
     @property
     def ended_early(self) -> bool:
-        """Whether the run ended because of what its grain had done; with a checkpoint it may resume."""
+        """Whether an event of the grain ended the run; it may resume from a checkpoint."""
         return self.trajectory is not None and self.trajectory["ended"]["by"] != "time"
 
     @property
@@ -167,55 +187,43 @@ class Result:
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
 
     def loads_at_end(self) -> Loads:
-        """The loads, the place and the elevations that the run has come to."""
+        """Loads, position and elevations at the end of the run."""
         place, path = None, self.trajectory
         if path is not None:
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
         size = 1.0 if self.grain is None else self.grain["size"]
-        found = Loads.at_the_end(
-            self.force, self.couple, place, self.elevations, self.turbulence, size, self.separated
+        loads = Loads.at_the_end(
+            self.force, self.torque, place, self.elevations, self.turbulence, size, self.separated
         )
-        return replace(found, centreline=centreline_velocities(self.centrelines))
+        return replace(loads, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything but the fields, as result.json holds it."""
-        stored: dict[str, Any] = {
-            "schema_version": SCHEMA_VERSION,
-            **{n: getattr(self, n) for n in AS_THEY_ARE},
-            **{quantity.key: value for quantity, value in self.measured.items()},
-        }
-        stored["plan"] = self.plan.to_dict()
-        for name in ("force", "couple", "coefficients", "gap", "steady"):
-            part = getattr(self, name)
-            stored[name] = None if part is None else asdict(part)
-        if self.force is not None and self.couple is not None:
-            stored["force"] |= {"total": self.force.total, "computed": self.force.plain}
-            stored["couple"]["computed"] = self.couple.plain
-        stored["error_bars"] = None if self.error_bars is None else self.error_bars.to_dict()
-        stored["adaptation"] = None if self.adaptation is None else self.adaptation.to_dict()
-        stored["turbulence"] = None if self.turbulence is None else self.turbulence.to_dict()
+        """The content of result.json: everything but the fields."""
+        kept = [one.name for one in fields(self) if one.metadata.get("stored", True)]
+        stored = {name: as_stored(getattr(self, name)) for name in kept}
+        stored["schema_version"] = SCHEMA_VERSION
         stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
-        stored["omitted"] = [omission.to_dict() for omission in self.omitted]
-        if self.gap is not None:
-            stored["gap"]["resolved"] = self.gap.resolved
-        stored["centrelines"] = self.centrelines and {
-            k: asdict(e) for k, e in self.centrelines.items()
-        }
+        for key, value in (self.measured or {}).items():
+            put(stored, key, value)
+        for quantity in self.quantities:
+            if quantity.derive is not None:
+                put(stored, quantity.key, quantity.derive(stored))
+        loads = {one.column: one.value(stored) for one in self.quantities if one.is_load}
+        known = {name: load for name, load in loads.items() if name and load is not None}
+        stored["si"] = with_loads(self.si, known)
         return stored
 
-    def text(self) -> str:
-        """The outcome in a few lines for a reader."""
-        return "\n".join(_lines(self))
+    def text(self, details: bool = False) -> str:
+        """The outcome as a few lines of text."""
+        return "\n".join(_lines(self, details))
 
 
-def _lines(result: Result) -> list[str]:
-    lines, gdim, stored = [], result.gdim, result.to_dict()
-    if result.force is not None and result.couple is not None:
-        flow = loads_words(result.force.flow, result.couple.flow, gdim)
-        lines.append(f"force of the flow   {flow} about the centre of mass")
-        lines += _computed(result)
-    lines += si_lines(result.si)
+def _lines(result: Result, details: bool) -> list[str]:
+    gdim, stored = result.gdim, result.to_dict()
+    lines = _verdict(result)
+    lines += screen_lines(result.quantities, stored, details)
+    lines += si_lines(stored["si"])
     if result.error_bars is not None:
         lines += result.error_bars.lines(gdim)
     elif result.without_error_bars:
@@ -223,19 +231,11 @@ def _lines(result: Result) -> list[str]:
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
-        bars = result.error_bars or ErrorBars(())
-        lines += result.turbulence.lines(bars.shear, bars.separated)
+        bars = result.error_bars
+        errors = () if bars is None else (bars.total.shear, bars.total.separated)
+        lines += result.turbulence.lines(*errors)
     if result.steady is not None:
         lines.append(result.steady.line())
-    if result.coefficients is not None:
-        k = result.coefficients
-        lines.append(
-            f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}"
-        )
-    numbers = result.plan.numbers
-    if numbers is not None and numbers.shields is not None:
-        of_shear = f"shear Reynolds number {numbers.shear_reynolds:.4g}"
-        lines.append(f"flow over the bed   Shields number {numbers.shields:.4g}, {of_shear}")
     if result.gap is not None and np.isfinite(result.gap.width):
         lines.append(result.gap.line())
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
@@ -245,72 +245,50 @@ def _lines(result: Result) -> list[str]:
         lines += _levels(result.surface, result.error_bars)
     if result.separated is not None:
         lines.append(_separation(result.separated, result.error_bars))
-    for name, extreme in (result.centrelines or {}).items():
-        lines.append(f"{name:<20}{extreme.value:.6f}{_within(result)} at {extreme.position:.4f}")
-    lines += [
-        one.line(stored)
-        for one, value in result.measured.items()
-        if one.in_text and value is not None
-    ]
-    if result.verdict is not None:
-        said = result.verdict["sentence"].split("; ", 1)
-        lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
-        if "note" in result.verdict:
-            lines.append(f"{'':<20}{result.verdict['note']}")
-        elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
-            lines.append(f"{'':<20}{_without_rest((result.scene.get('body') or {}).get('settle'))}")
-    if result.error_bars is not None and result.error_bars.safety is not None:
-        lines.append(f"{'':<20}{result.error_bars.safety.sentence()}")
-    for omission in result.omitted:
-        lines += omission.lines()
+    lines += [line for omission in result.omitted for line in omission.lines()]
     return lines + cost_lines(result.cost.get("effects", {}))
 
 
-def _computed(result: Result) -> list[str]:
-    """The loads as computed, and what they are corrected for."""
-    force, couple, bars = result.force, result.couple, result.error_bars
-    if force is None or couple is None or bars is None or bars.correction is None:
+def _verdict(result: Result) -> list[str]:
+    """The verdict of both criteria, and its certainty."""
+    if result.verdict is None:
         return []
-    for_each = [
-        f"{term.name} {loads_words(term.correction.force + 0.0, term.correction.couple + 0.0, result.gdim, '+.2g')}"
-        for term in bars.terms
-        if term.correction is not None
-    ]
-    plain = loads_words(force.plain, couple.plain, result.gdim)
-    return [f"{'':<20}computed {plain}", *(f"{'':<20}corrected for {one}" for one in for_each)]
-
-
-def _within(result: Result) -> str:
-    """The error bar of a velocity on the centrelines, where it is known."""
-    error = None if result.error_bars is None else result.error_bars.centreline
-    return "" if error is None else f", within {float(error.max()):.1e},"
+    said = result.verdict["sentence"].split("; ", 1)
+    if "note" in result.verdict:
+        said.append(result.verdict["note"])
+    elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
+        said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
+    if result.error_bars is not None and result.error_bars.safety is not None:
+        said.append(result.error_bars.safety.sentence())
+    return [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
 
 
 def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
-    """Where the flow along the bed separates and reattaches, of the longest place with the errors."""
-    errors = None if bars is None else bars.separated
-    found = []
+    """Intervals of separation along the bed, with the errors of the longest one."""
+    errors = None if bars is None else bars.total.separated
+    intervals = []
     for start, end in longest_first(spans)[:MOST_SPANS]:
         start = start if abs(start) > ROUNDING * (end - start) else 0.0
-        found.append(f"x = {place_words(start)} to {place_words(end)}")
-    if found and errors is not None:
-        found[0] += " (within {:.1e} and {:.1e})".format(*errors)
-    return f"{'separation':<20}{', '.join(found) or 'none along the bed'}"
+        intervals.append(f"x = {place_words(start)} to {place_words(end)}")
+    if intervals and errors is not None:
+        intervals[0] += " (within {:.1e} and {:.1e})".format(*errors)
+    return f"{'separation':<20}{', '.join(intervals) or 'none along the bed'}"
 
 
 def _without_rest(settled: Any) -> str:
-    """What to do about a grain that its weight alone moves."""
+    """The remedy for a grain that moves under its weight alone."""
     if settled:
         return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
     return "with body.settle = true it first rolls and tips to a place where it rests"
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
-    """Elevations of a free surface, their errors within the run, and the inflow below it."""
+    """Elevations of a free surface with their errors, and the inflow below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
     lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
-    if bars is not None and bars.elevation is not None and bars.level is not None:
-        errors = zip(lines, bars.level, bars.elevation, strict=True)
+    total = None if bars is None else bars.total
+    if total is not None and total.elevation is not None and total.level is not None:
+        errors = zip(lines, total.level, total.elevation, strict=True)
         lines = [
             f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors
         ]

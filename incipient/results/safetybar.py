@@ -1,10 +1,10 @@
-"""The range of safety factors over all loads within the error bars, and what is certain of them, as data."""
+"""The range of safety factors over all loads within the error bars, and its certainty, as data."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ..contact.robustness import Interval
@@ -12,36 +12,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SafetyBar:
-    """The safety factor over all loads within the error bars, what is certain of them, and what to improve."""
+    """The safety factor over all loads within the error bars, its certainty, and the decisive error."""
 
     value: float
-    # low, high: the smallest and the largest safety factor of a load within the bars
+    # low, high: smallest and largest safety factor of a load within the bars
     low: float
     high: float
-    # Whether it is proved that all of these loads are held, or that none is: rest, or motion; with wall layers only
-    # where the law of the wall holds
+    # Whether rest under all of these loads, or motion under all, is proved; with wall layers only within the range of
+    # the law of the wall
     certain: bool
-    # What loads within the bars do, with `complete`; otherwise what those that were asked do
+    # Modes of the loads within the bars if `complete`, otherwise of the loads examined
     modes: tuple[str, ...]
-    # Whether it is proved that no load within the bars does anything else; one mode is then certain
+    # Whether other modes within the bars are excluded; a single mode is then certain
     complete: bool
-    decisive: str  # the term without which the range of safety factors would shrink most
-    # some, every: the smallest and largest multiple of the flow's load with which some load within the bars is held,
-    # and with which all are; None where there is none
+    decisive: str  # the term whose removal shrinks the range of safety factors most
+    # some, every: smallest and largest multiple of the flow's load that the contacts balance for some load within the
+    # bars, and for all of them; None without one
     some: Interval | None
     every: Interval | None
-    # Terms that should be there but could not be computed, and the model of the mean flow
+    # Terms whose estimate failed, and the model of the mean flow
     unknown: tuple[str, ...] = ()
-    # How much the load of the flow may change, relative, as the grain rocks: low and high are about so far away, and
-    # nothing is proved. None: the grain does not rock
+    # Relative change of the load of the flow as the grain rocks, which sets low and high; nothing is then proved.
+    # None: the grain does not rock
     frozen: float | None = None
 
     @property
     def relative(self) -> float:
-        """The width of the range over the safety factor, infinite where only one of its ends is.
+        """The width of the range over the safety factor, infinite for one infinite end.
 
-        Where the weight alone is not held, so that all safety factors are zero: by how much the ends of `every` differ
-        from those of `some`, relative.
+        If the contacts do not balance the weight alone, and all safety factors are zero: the relative difference
+        between the ends of `every` and `some`.
         """
         if self.high > 0.0 or self.some is None:
             return _ratio(self.low, self.high, self.value)
@@ -50,8 +50,12 @@ class SafetyBar:
         lower = _ratio(self.some[0], self.every[0], self.every[0])
         return lower + _ratio(self.every[1], self.some[1], self.some[1])
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return asdict(self) | {"sentence": self.sentence()}
+
     def sentence(self) -> str:
-        """What the error bars mean for the verdict."""
+        """The consequence of the error bars for the verdict, as a sentence."""
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
             from ..contact.robustness import held_words
@@ -69,7 +73,7 @@ class SafetyBar:
         return f"certain within the error bars: {self._outcome()}; {between}"
 
     def _outcome(self) -> str:
-        """Rest or motion, and the mode where that is proved as well."""
+        """Rest or motion, and the mode if proved."""
         if self.modes == ("rest",):
             return "it rests"
         modes = [mode for mode in self.modes if mode != "moves"]
@@ -81,7 +85,7 @@ class SafetyBar:
 
 
 def _ratio(low: float, high: float, scale: float) -> float:
-    """(high - low) / scale, with zero for equal ends and infinity where only one end is infinite."""
+    """(high - low) / scale; zero for equal ends, infinite for one infinite end."""
     if low >= high:
         return 0.0
     return math.inf if math.isinf(high) or scale == 0.0 else (high - low) / scale

@@ -1,5 +1,8 @@
-"""Flow and loads in SI units, of scenes that say what their units are, as data and in words."""
+"""Flow and loads in SI units, for scenes with [units], as data and as text."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -7,70 +10,82 @@ import numpy as np
 from ..planning.flow_setup import WITH_BED_STRESS, Setup
 from ..scene import Scene
 from ..scene.units import nominal_diameter
-from .loads import couple_words, force_words
+from .quantity import load_words
 
-# Numbers of a flow, with their units and names for a reader.
+# Quantities of a flow with units and labels.
 FLOW = {
     "shear_rate": ("1/s", "shear rate"),
     "velocity": ("m/s", "velocity"),
     "bed_stress": ("Pa", "stress on the bed"),
     "shear_velocity": ("m/s", "shear velocity"),
 }
+UNITS = {"force": ("N/m", "N"), "torque": ("N", "N m")}  # in 2-D per unit depth, and in 3-D
+OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 
 
-def in_si(
-    scene: Scene,
-    factor: float = 1.0,
-    force: np.ndarray | None = None,
-    couple: np.ndarray | None = None,
-) -> dict[str, Any] | None:
-    """The flow of a scene, made faster by a factor, and loads (3,) on its grain in SI units; None without [units].
+def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
+    """The flow of a scene, multiplied by a factor, in SI units; None without [units]. Not collective.
 
-    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque
-    [N m] is, the last two in 2-D per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
-    datum. Not collective.
+    `units`: the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque [N m], the
+    last two in 2-D per unit depth; `bed_stress`: of the undisturbed flow at its datum.
     """
     scales, units = scene.scales, scene.units
     if scales is None or units is None:
         return None
-    names = ("length", "time", "velocity", "stress", "force", "couple")
-    found: dict[str, Any] = {
+    scalars = {name: getattr(scales, name) for name in ("length", "time", "velocity", "stress")}
+    values: dict[str, Any] = {
         "dimension": scene.gdim,
-        "units": {name: getattr(scales, name) for name in names},
+        "units": scalars | {"force": scales.force, "torque": scales.torque},
         "nominal_diameter": scales.length * nominal_diameter(scene.grain),
     }
     for name in ("shear_rate", "velocity"):
         if getattr(units, name) is not None:
-            found[name] = factor * getattr(units, name)
+            values[name] = factor * getattr(units, name)
     if scene.flow.kind in WITH_BED_STRESS:
-        found["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
-        found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
-    if force is not None and couple is not None:
-        found |= {
-            "force": (scales.force * force).tolist(),
-            "couple": (scales.couple * couple).tolist(),
-        }
+        values["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
+        values["shear_velocity"] = float(np.sqrt(values["bed_stress"] / scales.density))
     if scene.time is not None:
-        found["end"] = scales.time * scene.time.end
-    return found
+        values["end"] = scales.time * scene.time.end
+    return values
 
 
-def si_lines(found: dict[str, Any] | None) -> list[str]:
-    """The lines of a result in SI units, as `in_si` gives them; none without."""
-    if found is None:
+def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The values of `in_si` with loads (3,), whose names end in force or torque."""
+    if values is None:
+        return None
+    scaled = {n: values["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
+    return values | {name: vector.tolist() for name, vector in scaled.items()}
+
+
+def si_rows(values: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
+    """Label, value and unit of the grain size, the flow and the end time."""
+    rows: list[tuple[str, Any, str]] = [("nominal diameter", values["nominal_diameter"], "m")]
+    rows += [(name, values[key], unit) for key, (unit, name) in FLOW.items() if key in values]
+    return rows + ([("end", values["end"], "s")] if "end" in values else [])
+
+
+def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Label, components as text and unit of loads on the grain."""
+    names, gdim = [name for name in values if _unit(name) in UNITS], values["dimension"]
+    return [
+        (name, load_words(values[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
+        for name in names
+    ]
+
+
+def si_lines(values: Mapping[str, Any] | None) -> list[str]:
+    """The values of `in_si` as lines of text."""
+    if values is None:
         return []
-    flow = [f"{name} {found[key]:.4g} {unit}" for key, (unit, name) in FLOW.items() if key in found]
-    head = f"nominal diameter {found['nominal_diameter']:.4g} m"
-    lines = [f"{'in SI units':<20}{', '.join([head, *flow])}"]
-    if "force" in found:
-        gdim = found["dimension"]
-        force, couple = (
-            force_words(found["force"], gdim, ".4g"),
-            couple_words(found["couple"], gdim, ".4g"),
-        )
-        units = ("N/m", "N") if gdim == 2 else ("N", "N m")
-        lines.append(f"{'':<20}force of the flow {force} {units[0]}, torque {couple} {units[1]}")
-    if "end" in found:
-        unit = found["units"]["time"]
-        lines.append(f"{'':<20}ends after {found['end']:.4g} s; one unit of time is {unit:.4g} s")
-    return lines
+    numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(values))
+    loads = ", ".join(
+        f"{name} {words} {unit}" for name, words, unit in si_loads(values) if name in OF_FLOW
+    )
+    lines = [f"{'in SI units':<20}{numbers}"]
+    lines += [f"{'':<20}{loads} of the flow"] if loads else []
+    unit = values["units"]["time"]
+    return lines + ([f"{'':<20}one unit of time is {unit:.4g} s"] if "end" in values else [])
+
+
+def _unit(name: str) -> str:
+    return name.rpartition("_")[2]

@@ -1,7 +1,7 @@
-"""What a run costs: wall time and memory by stage and by effect, iterations, unknowns.
+"""Cost of a run: wall time and memory by stage and by effect.
 
-Stages follow each other and nest. Each moment counts for one stage only, the innermost, and for one effect: that of
-the stage, unless it is transferred to another (`incipient.results.cost_of_effects`).
+Stages nest. Time counts for the innermost stage and for its effect, unless transferred to another effect
+(`incipient.results.cost_of_effects`).
 """
 
 import resource
@@ -14,7 +14,7 @@ from typing import Any
 
 from ..planning.effects import EffectName
 
-# For which effect a stage works, unless it says otherwise.
+# The default effect of each stage.
 EFFECT_OF_STAGE: dict[str, str] = {
     "plan": "program",
     "import": "program",
@@ -36,7 +36,7 @@ EFFECT_OF_STAGE: dict[str, str] = {
 
 @dataclass
 class Share:
-    """What one effect has cost: wall time [s], and the growth of the process's largest memory meanwhile [MiB]."""
+    """Cost of an effect: wall time [s], and growth of the process's peak memory [MiB]."""
 
     wall_time: float = 0.0
     memory_mib: float = 0.0
@@ -44,7 +44,7 @@ class Share:
 
 @dataclass
 class Ledger:
-    """Wall times of named stages in seconds, in the order in which they first ran, and shares of effects."""
+    """Wall times of named stages [s], in the order of their first run, and costs of effects."""
 
     wall_time: dict[str, float] = field(default_factory=dict)
     effects: dict[str, Share] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class Ledger:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the block's wall time to the stage, less that of stages within it. Not collective."""
+        """Add the block's wall time to the stage, without that of nested stages. Not collective."""
         self._settle()
         self._open.append([name, EFFECT_OF_STAGE.get(name, name)])
         try:
@@ -66,14 +66,14 @@ class Ledger:
             self._open.pop()
 
     def lap(self, effect: str) -> Share:
-        """What an effect has been booked since the last lap of it. Not collective."""
+        """Cost of an effect since its last lap. Not collective."""
         self._settle()
         now, before = self.effects.get(effect, Share()), self._laps.get(effect, Share())
         self._laps[effect] = Share(now.wall_time, now.memory_mib)
         return Share(now.wall_time - before.wall_time, now.memory_mib - before.memory_mib)
 
     def transfer(self, source: str, target: str, share: Share) -> None:
-        """Book a share on another effect instead. Not collective."""
+        """Transfer a cost to another effect. Not collective."""
         for effect, sign in ((source, -1), (target, 1)):
             of_effect = self.effects.setdefault(effect, Share())
             of_effect.wall_time += sign * share.wall_time
@@ -85,7 +85,7 @@ class Ledger:
             )
 
     def _settle(self) -> None:
-        """Book what has passed since the last booking on the innermost open stage."""
+        """Add the time since the last call to the innermost open stage."""
         now, peak = time.perf_counter(), peak_memory_mib()
         if self._open:
             name, effect = self._open[-1]
@@ -96,14 +96,11 @@ class Ledger:
         self._since, self._peak = now, peak
 
     def total(self) -> float:
-        """Seconds since the clock was started."""
+        """Seconds since the start of the clock."""
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
-        """Count what an earlier session has taken as well: by stage, and in all.
-
-        What it did for effects within a stage is not known any more: the stage's own effect gets it all.
-        """
+        """Add the times of an earlier session, by stage and in total; stages count for their default effects."""
         for name, taken in wall_time.items():
             self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
             effect = EFFECT_OF_STAGE.get(name, name)
@@ -116,7 +113,7 @@ class Ledger:
         return {**self.wall_time, "total": self.total()}
 
     def by_effect(self, unknowns: dict[str, int]) -> dict[str, dict[str, Any]]:
-        """Wall time, growth of memory and unknowns of each effect that has cost anything."""
+        """Wall time, growth of memory and unknowns of each effect with a cost."""
         self._settle()
         return {
             name: {**asdict(share), "unknowns": unknowns.get(name, 0)}
@@ -125,11 +122,11 @@ class Ledger:
 
 
 def peak_memory_mib() -> float:
-    """Largest resident memory of this process so far, in MiB (Linux counts it in KiB).
+    """Peak resident memory of this process [MiB].
 
-    From /proc where it is there: what `getrusage` tells begins with the memory of the process that started this one.
+    /proc is preferred: the value of `getrusage` includes the memory of the parent process.
     """
-    # Asked several times a step: to read and split the whole table as text takes five times the time.
+    # Called several times a step: parsing the whole table takes five times as long.
     with suppress(OSError, IndexError), Path("/proc/self/status").open("rb", buffering=0) as status:
         _, _, peak = status.read(4096).partition(b"VmHWM:")
         return int(peak.split(maxsplit=1)[0]) / 1024

@@ -1,4 +1,4 @@
-"""The way of a grain that moves, for a reader."""
+"""The path of a moving grain as text."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ def trajectory_sentence(trajectory: dict[str, Any]) -> str:
 
 
 def course_words(course: dict[str, Any]) -> str:
-    """What a grain on its bed has done, since when, and what it does at the end."""
+    """Motion of a grain on its bed: its history, and its state at the end."""
     if course["first_motion"] is None:
         return "has stayed at rest"
     left = (
@@ -58,12 +58,12 @@ def course_words(course: dict[str, Any]) -> str:
 
 
 def number_words(x: Any) -> str:
-    """A number, or a vector, for a reader."""
+    """A number or vector as text."""
     return f"({', '.join(f'{one:.6g}' for one in x)})" if np.ndim(x) else f"{x:.6g}"
 
 
 def place_words(x: float, least: int = 5) -> str:
-    """A coordinate for a reader, in two decimals at least where it is large: map coordinates are."""
+    """A coordinate as text, with at least two decimals, as map coordinates require."""
     return f"{x:.{max(least, len(f'{abs(x):.0f}') + 2)}g}"
 
 
@@ -74,7 +74,7 @@ def _end(ended: dict[str, Any]) -> str:
 
 
 def _on_bed(course: dict[str, Any] | None) -> list[str]:
-    """What a grain that moves on its bed has done there."""
+    """Motion of a grain on its bed, as lines of text."""
     if course is None:
         return []
     works = ", ".join(f"{name} {work:.4g}" for name, work in course["works"].items())
@@ -82,7 +82,7 @@ def _on_bed(course: dict[str, Any] | None) -> list[str]:
 
 
 def _motion_of(trajectory: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
-    """Place, velocity, angle or shortest rotation vector, and spin at the end of a path."""
+    """Position, velocity, angle or shortest rotation vector, and spin at the end of a path."""
     place, turned = trajectory["place"], trajectory.get("angle")
     if turned is None:
         origin = (0.0, 0.0, 0.0)

@@ -1,14 +1,10 @@
-"""Scenes: what a user asks for, checked and complete. Built from these classes, or read by `incipient.scene.file`."""
+"""Scenes, validated and complete: built from these classes, or read by `incipient.scene.file`."""
 
-from .complete import Scene
 from .domain import Domain
-from .effects import Effects
 from .file import dumps, example, load, loads, save, schema
 from .flows import ExpressionFlow, Flow, Lid, LogLaw, OpenChannel, Poiseuille, Shear, Still, Uniform
-from .kinds import Bed, Body
-from .model import Contact, Fluid, Gravity, Output, Time
+from .model import Bed, Body, Contact, Effects, Fluid, Gravity, Output, Scene, Time, register
 from .numerics import Numerics
-from .registration import register
 from .shapes import (
     Disc,
     Discs,
@@ -23,7 +19,17 @@ from .shapes import (
     Star,
     Superellipse,
 )
-from .solids import Box, Cylinder, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
+from .solids import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Mesh,
+    Polyhedron,
+    Sphere,
+    Spheres,
+    Superquadric,
+)
 from .surface import Surface
 from .terrains import HeapBed, HeightMapBed, MeshBed, RidgeBed, SphereBed
 from .turbulence import Turbulence
@@ -33,6 +39,7 @@ __all__ = [
     "Bed",
     "Body",
     "Box",
+    "Capsule",
     "Contact",
     "Cylinder",
     "Disc",

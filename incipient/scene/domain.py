@@ -2,20 +2,27 @@
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from .effects import one_of_three
+from ..arrays import Floats
 from .messages import counted
-from .section import Positive, Section, contradiction, key
+from .section import Choice, Positive, Rule, Section, contradiction, key
 
 Top = Literal["auto", "wall", "slip", "stream", "free-surface"]
 Sides = Literal["slip", "stream", "wall"]
-Symmetry = Literal["auto", True, False]
 Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
+
+
+def _with_width(key: str) -> Rule:
+    return Rule(key, lambda s: s.width is None and getattr(s, key) is not None,
+                "goes with width, which is not given", "add domain.width or leave it out")  # fmt: skip
 
 
 class Domain(Section):
     """The region the fluid may fill."""
+
+    rules = tuple(map(_with_width, ("sides", "symmetric")))
 
     kind: Literal["channel", "box"] = key(
         "Channel: inflow left, open outflow right; box: closed", "channel"
@@ -41,7 +48,7 @@ class Domain(Section):
         None,
         examples=["slip"],
     )
-    symmetric: Symmetry | None = key(
+    symmetric: Choice | None = key(
         "With width: true computes half of a scene that is its own mirror image; by default by the scene",
         None,
         examples=["auto"],
@@ -60,20 +67,6 @@ class Domain(Section):
             raise contradiction(f"has {counted(len(value), 'item')}", remedy)
         return value
 
-    @field_validator("symmetric", mode="before")
-    @classmethod
-    def _is_a_choice(cls, value: Any) -> Any:
-        return value if value is None else one_of_three(value)
-
-    @field_validator("sides", "symmetric")
-    @classmethod
-    def _goes_with_width(cls, value: Any, info: ValidationInfo) -> Any:
-        if value is not None and info.data.get("width") is None and "width" in info.data:
-            raise contradiction(
-                "goes with width, which is not given", "add domain.width or leave it out"
-            )
-        return value
-
     @property
     def gdim(self) -> int:
         """Dimension of space: three with a width."""
@@ -81,12 +74,12 @@ class Domain(Section):
 
     @property
     def up(self) -> int:
-        """Number of the coordinate in which heights are counted, the last one."""
+        """Index of the vertical coordinate, the last one."""
         return self.gdim - 1
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """The least and the largest coordinate along the flow, in 3-D also across it."""
+        """Limits of the coordinate along the flow, in 3-D also of y."""
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
 
@@ -116,6 +109,12 @@ class Domain(Section):
         assert self.width is not None
         return self.origin[1], self.origin[1] + self.width
 
+    def grid(self, *counts: int) -> Floats:
+        """Points (n, k) evenly over the domain, from end to end, of k counts: along the flow, across, and in height."""
+        sides = (*self.spans, (self.bottom, self.ceiling))
+        axes = [np.linspace(*ends, count) for ends, count in zip(sides, counts, strict=False)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
     @property
     def middle(self) -> float:
         """y of the vertical plane through the middle of a 3-D domain."""
@@ -123,7 +122,7 @@ class Domain(Section):
 
     @property
     def entrance(self) -> tuple[float, ...]:
-        """The lowest place of the inflow; in 3-D in its middle."""
+        """The lowest point of the inflow, in 3-D at mid-width."""
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property

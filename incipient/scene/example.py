@@ -7,11 +7,10 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from .complete import Scene
 from .domain import Domain
 from .flows import Shear
 from .messages import discriminator, tag, variants
-from .model import Contact, Fluid, Gravity
+from .model import Contact, Fluid, Gravity, Scene
 from .section import Section, ordered_keys
 from .shapes import Disc, Flat
 from .solids import Sphere

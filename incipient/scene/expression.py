@@ -1,7 +1,8 @@
-"""Formulas in x, y, z and t from a scene, evaluated on arrays without running anything the scene says."""
+"""Formulas in x, y, z and t from a scene, evaluated on arrays without executing code of the scene."""
 
 import ast
 import math
+import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import SceneError
 
 VARIABLES = ("x", "y", "z", "t")
@@ -36,7 +38,6 @@ _OPERATORS: dict[type[ast.AST], str] = {
     ast.GtE: "greater_equal",
     ast.And: "logical_and",
     ast.Or: "logical_or",
-    ast.Not: "logical_not",
 }
 _VOCABULARY = (
     f"use numbers, {', '.join(VARIABLES)}, pi, + - * / **, "
@@ -61,7 +62,7 @@ class Expression:
 
     def __post_init__(self) -> None:
         try:
-            _check_number(self._tree, self.text)
+            self._at(dict.fromkeys((*VARIABLES, "pi"), np.zeros(1)))
         except RecursionError:
             raise _refusal(self.text, "is too deeply nested", "simplify it") from None
 
@@ -70,9 +71,7 @@ class Expression:
 
         Raises SceneError if a value is infinite or not a number.
         """
-        names = {"x": x[0], "y": x[1], "z": x[2], "t": t, "pi": math.pi}
-        with np.errstate(all="ignore"):  # a branch that `where` discards may well be undefined
-            value = _evaluate(self._tree, names, np)
+        value = self._at({"x": x[0], "y": x[1], "z": x[2], "t": t, "pi": math.pi})
         values = np.array(np.broadcast_to(value, x.shape[1:]), dtype=float)
         undefined = np.flatnonzero(~np.isfinite(values))
         if len(undefined):
@@ -93,6 +92,10 @@ class Expression:
         """The variables among x, y, z and t on which the formula depends."""
         names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
         return frozenset(names & set(VARIABLES))
+
+    def _at(self, names: dict[str, Any]) -> Any:
+        with np.errstate(all="ignore"):  # a branch that `where` discards may well be undefined
+            return _number(self._tree, names, self.text)
 
     @cached_property
     def _tree(self) -> ast.expr:
@@ -119,116 +122,79 @@ def _refusal(text: str, why: str, remedy: str = _VOCABULARY, key: str = "") -> S
 
 
 def expressions(texts: Sequence[str], key: str) -> list[Expression]:
-    """The formulas that a scene has in a list under a key."""
+    """The formulas of a list under a key."""
     return [Expression(text, f"{key}[{number}]") for number, text in enumerate(texts)]
 
 
-def _check_number(node: ast.AST, text: str) -> None:
-    """Refuse anything but the vocabulary where a number is expected."""
+def of_time(texts: Sequence[str], key: str) -> Callable[[float], Floats]:
+    """The values (n,) at a time of formulas in t that a scene has in a list under a key."""
+    formulas, origin = expressions(texts, key), np.zeros((3, 1))
+    return lambda time: np.array([float(one(origin, time)[0]) for one in formulas])
+
+
+def _number(node: ast.AST, names: dict[str, Any], text: str) -> Any:
+    """The value of a node, a number or an array (n,). Raises SceneError for anything but the vocabulary."""
     match node:
-        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-            _check_constant(value, text)
-        case ast.Name(id=name):
-            _check_name(name, text)
-        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-            _check_number(operand, text)
+        case ast.Name(id=name) if name in names:
+            return names[name]
         case ast.BinOp(op=operator, left=left, right=right) if type(operator) in _OPERATORS:
-            _check_number(left, text)
-            _check_number(right, text)
+            return _function(operator)(_number(left, names, text), _number(right, names, text))
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+            return _constant(value, text)
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            return _called(name, arguments, names, text)
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() as operator, operand=operand):
+            return _function(operator)(_number(operand, names, text))
+        case ast.Name(id=name) if name in _FUNCTIONS:
+            raise _refusal(text, f"uses the function {name} as a number", f"write {name}(...)")
+        case ast.Name(id=name):
+            raise _refusal(text, f'contains the unknown name "{name}"')
         case ast.BinOp(op=ast.BitXor()):
             raise _refusal(text, "contains ^", "write ** for a power")
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            _check_call(name, arguments, text)
         case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
             raise _refusal(text, "uses a comparison as a number", "write where(condition, a, b)")
-        case _:
-            raise _refusal(text, f'contains "{_source(node)}", which is not understood')
+    raise _refusal(text, f'contains "{_source(node)}", which is not understood')
 
 
-def _check_condition(node: ast.AST, text: str) -> None:
-    """Refuse anything but comparisons where a condition is expected."""
+def _condition(node: ast.AST, names: dict[str, Any], text: str) -> Any:
+    """Whether a comparison holds, a truth value or an array (n,) of them; raises SceneError for anything else."""
     match node:
-        case ast.Compare(ops=operators) if all(
-            type(operator) in _OPERATORS for operator in operators
-        ):
-            for side in (node.left, *node.comparators):
-                _check_number(side, text)
-        case ast.BoolOp(values=parts):
-            for part in parts:
-                _check_condition(part, text)
+        case ast.Compare(ops=operators) if all(type(one) in _OPERATORS for one in operators):
+            sides = [_number(side, names, text) for side in (node.left, *node.comparators)]
+            pairs = zip(operators, sides[:-1], sides[1:], strict=True)
+            return reduce(np.logical_and, [_function(one)(a, b) for one, a, b in pairs])
+        case ast.BoolOp(op=operator, values=parts):
+            return reduce(_function(operator), [_condition(part, names, text) for part in parts])
         case ast.UnaryOp(op=ast.Not(), operand=operand):
-            _check_condition(operand, text)
-        case _:
-            raise _refusal(
-                text,
-                f'takes "{_source(node)}" for a condition',
-                "compare two numbers with < <= > or >=",
-            )
+            return np.logical_not(_condition(operand, names, text))
+    remedy = "compare two numbers with < <= > or >="
+    raise _refusal(text, f'takes "{_source(node)}" for a condition', remedy)
 
 
-def _check_constant(value: int | float, text: str) -> None:
-    try:
-        finite = math.isfinite(value)
-    except OverflowError:
-        finite = False
-    if not finite:
+def _constant(value: int | float, text: str) -> np.float64:
+    if not abs(value) <= sys.float_info.max:
         raise _refusal(text, "contains a number too large", "give a smaller number")
+    return np.float64(value)
 
 
-def _check_name(name: str, text: str) -> None:
-    if name in _FUNCTIONS:
-        raise _refusal(text, f"uses the function {name} as a number", f"write {name}(...)")
-    if name not in (*VARIABLES, "pi"):
-        raise _refusal(text, f'contains the unknown name "{name}"')
-
-
-def _check_call(name: str, arguments: list[ast.expr], text: str) -> None:
+def _called(name: str, arguments: list[ast.expr], names: dict[str, Any], text: str) -> Any:
     if name not in _FUNCTIONS:
         raise _refusal(text, f'calls the unknown function "{name}"')
     least, most = _FUNCTIONS[name]
     if len(arguments) < least or (most is not None and len(arguments) > most):
         count = f"{least}" if least == most else f"at least {least}"
         raise _refusal(text, f"gives {name} {len(arguments)} argument(s)", f"give it {count}")
-    if name == "where":
-        _check_condition(arguments[0], text)
-        arguments = arguments[1:]
-    for argument in arguments:
-        _check_number(argument, text)
+    first = _condition if name == "where" else _number
+    values = [first(arguments[0], names, text)]
+    values += [_number(argument, names, text) for argument in arguments[1:]]
+    if name in ("min", "max"):
+        return reduce(np.minimum if name == "min" else np.maximum, values)
+    return getattr(np, name)(*values)
 
 
 def _source(node: ast.AST) -> str:
     return ast.unparse(node)[:40]
 
 
-def _evaluate(node: ast.AST, names: dict[str, Any], np: Any) -> Any:
-    """The value of a checked formula: a number, a condition, or an array (n,) of either."""
-    match node:
-        case ast.Constant(value=value):
-            return np.float64(value)
-        case ast.Name(id=name):
-            return names[name]
-        case ast.UnaryOp(op=operator, operand=operand):
-            return _function(operator, np)(_evaluate(operand, names, np))
-        case ast.BinOp(op=operator, left=left, right=right):
-            return _function(operator, np)(_evaluate(left, names, np), _evaluate(right, names, np))
-        case ast.BoolOp(op=operator, values=parts):
-            return reduce(_function(operator, np), (_evaluate(part, names, np) for part in parts))
-        case ast.Compare(ops=operators):
-            sides = [_evaluate(side, names, np) for side in (node.left, *node.comparators)]
-            pairs = zip(operators, sides[:-1], sides[1:], strict=True)
-            return reduce(
-                np.logical_and, [_function(operator, np)(a, b) for operator, a, b in pairs]
-            )
-        case ast.Call(func=ast.Name(id=name), args=arguments):
-            return _apply(name, [_evaluate(argument, names, np) for argument in arguments], np)
-    raise AssertionError(f"unchecked formula node {node}")
-
-
-def _function(operator: ast.AST, np: Any) -> Callable[..., Any]:
+def _function(operator: ast.AST) -> Callable[..., Any]:
     return getattr(np, _OPERATORS[type(operator)])
-
-
-def _apply(name: str, arguments: list[Any], np: Any) -> Any:
-    if name in ("min", "max"):
-        return reduce(np.minimum if name == "min" else np.maximum, arguments)
-    return getattr(np, name)(*arguments)

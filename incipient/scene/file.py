@@ -15,14 +15,14 @@ from ..errors import SceneError
 from ..files import own, write_text_atomically
 from ..input_files import read_text
 from ..parallel import Comm, from_first
-from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
+from .model import Scene
 from .section import Section, ordered_keys
 
 S = TypeVar("S", bound=Section)
 
-# Sections whose overrides leave the scene what its title says it is.
+# Sections whose overrides do not change the subject of the title.
 _NOT_THE_SCENE = ("title", "numerics", "output", "time")
 
 # What TOML cannot mean otherwise may stand on the command line without quotes.
@@ -55,16 +55,16 @@ def loads(
 
 
 def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
-    """What a TOML file describes, a scene or another model; as `load`."""
+    """The scene, or another model, in a TOML file; as `load`."""
     path, kind = Path(path), model.__name__.lower()
     text = read_text(path, f"give the name of a {kind} file")
     return parse(model, text, path.parent, overrides, str(path))
 
 
 def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str], name: str) -> S:
-    """What TOML text describes, a scene or another model; as `loads`."""
+    """The scene, or another model, in TOML text; as `loads`."""
     data = _parsed(text, name)
-    data.pop("sweep", None)  # what `incipient sweep` varies is not part of the scene
+    data.pop("sweep", None)  # the section of `incipient sweep` is not part of the scene
     places = {_override(data, override): override for override in overrides}
     _retitle(data, places)
     try:
@@ -75,7 +75,7 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
 
 
 def _dimension(model: type[Section], data: dict[str, Any]) -> int | None:
-    """The dimension of the scene that data are meant for; None for another model."""
+    """The dimension of the scene in data; None for another model."""
     if model is not Scene:
         return None
     domain = data.get("domain")
@@ -105,16 +105,16 @@ def example(in_space: bool = False) -> str:
 
 def schema() -> dict[str, Any]:
     """The JSON schema (draft 7, which TOML editors know) of scene files."""
-    found = Scene.model_json_schema(ref_template="#/definitions/{model}")
-    found["definitions"] = found.pop("$defs")
+    document = Scene.model_json_schema(ref_template="#/definitions/{model}")
+    document["definitions"] = document.pop("$defs")
     for section, key in (
         ("Fluid", "reynolds"),
         ("Gravity", "acceleration"),
     ):  # which may follow from [units]
-        found["definitions"][section]["required"].remove(key)
+        document["definitions"][section]["required"].remove(key)
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
-        **_for_editors(found),
+        **_for_editors(document),
         "title": "incipient scene",
         "description": "A rigid grain on a rigid bed in a viscous flow: what to simulate, and how",
     }
@@ -138,7 +138,7 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
 
 
 def _override(data: dict[str, Any], override: str) -> Key:
-    """Put the value of one override into the data; the key it went to."""
+    """Put the value of one override into the data; returns its key."""
     if override != (readable := override.encode(errors="replace").decode()):
         raise _wrong(readable, "is not UTF-8 text; write it in a terminal that is set to UTF-8")
     path, equals, text = override.partition("=")
@@ -158,7 +158,7 @@ def _override(data: dict[str, Any], override: str) -> Key:
 
 
 def _retitle(data: dict[str, Any], places: dict[Key, str]) -> None:
-    """Let the title say what was changed about the scene itself; one that the user sets stays as it is."""
+    """Append the overrides of the scene to its title; a title that the user sets is kept."""
     changes = [override for key, override in places.items() if key[0] not in _NOT_THE_SCENE]
     title = data.get("title")
     if changes and ("title",) not in places and isinstance(title, str) and title:
@@ -197,7 +197,7 @@ def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
 
 
 def _plain(section: Section) -> dict[str, Any]:
-    """A section as plain data: what it is first, then its own keys; keys without a value left out."""
+    """A section as plain data: kind or shape first, then its own keys; keys without a value are left out."""
     values = {name: getattr(section, name) for name in ordered_keys(type(section))}
     return {
         name: _plain(value) if isinstance(value, Section) else value

@@ -1,49 +1,47 @@
-"""The flows of a scene: what a user writes about what drives the fluid."""
+"""The flows of a scene: the kinds of the section [flow]."""
 
 import sys
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, field_validator
+from pydantic import Field, field_validator
 
 from .expression import Expression
 from .gust import Gust
-from .messages import counted, shown
-from .section import NotNegative, Positive, Section, contradiction, is_number, key, require_formula
+from .section import (
+    NotNegative,
+    Positive,
+    Section,
+    allowed,
+    is_number,
+    key,
+    of_length,
+    require_formula,
+)
 
-
-def _components(value: Any) -> Any:
-    """Refuse what is neither two nor three formulas."""
-    if isinstance(value, list | tuple) and len(value) not in (2, 3):
-        raise contradiction(
-            f"has {counted(len(value), 'item')}", "give two, as in [x, y]; in space three"
-        )
-    return value
-
-
-Words = Annotated[tuple[str, ...], Field(strict=False), BeforeValidator(_components)]
-
-
+Words = Annotated[
+    tuple[str, ...],
+    Field(strict=False),
+    of_length((2, 3), "give two, as in [x, y]; in 3-D three"),
+]
 LEVELS = ("auto", "effective", "crest", "mean")
 _LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
+Datum = Annotated[
+    float | Literal["auto", "effective", "crest", "mean"],
+    allowed(
+        lambda value: value in LEVELS or (is_number(value) and abs(value) <= sys.float_info.max),
+        f"use {_LEVELS} or a height above the bed's base line",
+    ),
+]
 
 
 class Profile(Section):
-    """What flows of a given profile have in common."""
+    """Common keys of flows with a given profile."""
 
-    datum: float | Literal["auto", "effective", "crest", "mean"] = key(
+    datum: Datum = key(
         "Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "
         "base line [length]",
         "auto",
     )
-
-    @field_validator("datum", mode="before")
-    @classmethod
-    def _is_a_level(cls, value: Any) -> Any:
-        if value in LEVELS or (is_number(value) and abs(value) <= sys.float_info.max):
-            return value
-        raise contradiction(
-            f"is {shown(value)}", f"use {_LEVELS} or a height above the bed's base line"
-        )
 
 
 class Driven(Profile):
@@ -108,7 +106,7 @@ class ExpressionFlow(Section):
 
     kind: Literal["expression"] = key("Kind of flow", "expression")
     components: Words = key(
-        "Two formulas in x, y and t for the velocity; in space three, in z as well [length/time]"
+        "Two formulas in x, y and t for the velocity; in 3-D three, in z as well [length/time]"
     )
     velocity: Positive = key("Reference velocity V [length/time]", 1.0)
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field
 
-from .messages import either, shown
-from .points import file_key, read_points, with_file_read
-from .section import SMALLEST, Pair, Positive, Section, contradiction, is_number, key
+from .messages import either
+from .points import FromFile, file_key, read_points
+from .section import SMALLEST, Pair, Positive, Rule, allowed, is_number, key, rises
 
 FEWEST, FEWEST_EVENTS = 100, 20  # points of a measured series; gusts that were counted
 GIVEN = ("measured", "events")  # laws of data
@@ -22,14 +21,86 @@ ENDLESS = (
 )
 
 
-class Gusts(Section):
+def _size(*words: str) -> BeforeValidator:
+    return allowed(
+        lambda value: (
+            value in (None, *words) or (is_number(value) and SMALLEST <= value < math.inf)
+        ),
+        f"give a number above zero, or {either(words)}",
+    )
+
+
+Intensity = Annotated[Positive | Literal["near-wall", "model"] | None, _size(NEAR_WALL, MODEL)]
+ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
+
+
+def _of_data(s: Any) -> str | None:
+    """The first key whose value the data have."""
+    keys = ("intensity", "microscale", *(("integral_time",) if s.law == "events" else ()))
+    return next((key for key in keys if s.law in GIVEN and getattr(s, key) is not None), None)
+
+
+def _fewest(s: Any) -> int:
+    return {"measured": FEWEST, "events": FEWEST_EVENTS}.get(s.law, 0)
+
+
+def _lasted(s: Any) -> float:
+    return math.fsum(duration for _, duration in s.points) if s.law == "events" else 0.0
+
+
+def _flat(s: Any) -> bool:
+    """Whether a series has no mean or no fluctuation."""
+    speeds = [speed for _, speed in s.points]
+    return s.law == "measured" and (not math.fsum(speeds) > 0.0 or min(speeds) == max(speeds))
+
+
+def _too_short(s: Any) -> bool:
+    """Whether the integral time is less than a correlation of the microscale has."""
+    times = (s.integral_time, s.microscale)
+    return not any(isinstance(t, str) or t is None for t in times) and (
+        s.integral_time < math.sqrt(2.0) * s.microscale
+    )
+
+
+class Gusts(FromFile):
     """A random factor, of mean one, that multiplies the velocity at the grain."""
+
+    rules = (
+        Rule("points", lambda s: s.law not in GIVEN and (s.points or s.file),
+             'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
+        Rule("intensity", lambda s: s.law not in GIVEN and s.intensity is None,
+             "is missing", 'give a number, "near-wall" or "model"'),
+        Rule(lambda s: str(_of_data(s)), _of_data, 'is that of the data with law = "{s.law}"', "leave it out"),
+        Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
+             "is that of the series with a measured law", "leave it out"),
+        Rule("points", lambda s: len(s.points) < _fewest(s),
+             lambda s: f"are {len(s.points)}", lambda s: f"give {_fewest(s)} or more"),
+        Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
+             "have a strength or duration that is not above zero", "leave it out"),
+        Rule("record", lambda s: s.record is not None and _lasted(s) > s.record,
+             lambda s: f"is {s.record:g}, less than the {_lasted(s):g} that the events last together",
+             "enlarge it, or merge events that overlap"),
+        Rule("points", lambda s: s.law == "measured" and not rises(s.points),
+             "their times do not rise", "give one after the other"),
+        Rule("points", _flat, "have no mean above zero, or no fluctuation", "give velocities downstream"),
+        Rule("record", lambda s: s.law == "events" and s.record is None,
+             "is missing, the time in which the events came", "give it"),
+        Rule("record", lambda s: s.law != "events" and s.record is not None,
+             'is read only with law = "events"', "leave it out"),
+        Rule("depth", lambda s: s.depth is not None and s.intensity != NEAR_WALL,
+             'is read only with intensity = "near-wall"', "leave it out"),
+        Rule("integral_time", lambda s: s.law not in GIVEN and s.integral_time is not None and s.microscale is None,
+             *ENDLESS),
+        Rule("integral_time", lambda s: s.law not in GIVEN and _too_short(s),
+             "is {s.integral_time:g}, less than the microscale times the square root of two",
+             "enlarge it, or reduce gusts.microscale"),
+    )  # fmt: skip
 
     law: Literal["lognormal", "normal", "measured", "events"] = key(
         "Distribution of the factor; measured: that of a series; events: of gusts that were counted",
         "lognormal",
     )
-    intensity: Positive | Literal["near-wall", "model"] | None = key(
+    intensity: Intensity = key(
         "Root mean square of the velocity's fluctuation over its mean at the grain [-]; near-wall: by a law of the "
         "wall region; model: by the inflow's k",
         None,
@@ -40,12 +111,12 @@ class Gusts(Section):
         None,
         examples=[20.0],
     )
-    microscale: Positive | Literal["model"] | None = key(
+    microscale: ModelTime = key(
         "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; model: by the inflow",
         None,
         examples=[0.5],
     )
-    integral_time: Positive | Literal["model"] | None = key(
+    integral_time: ModelTime = key(
         "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]; "
         "model: by the inflow",
         None,
@@ -63,88 +134,12 @@ class Gusts(Section):
         (),
     )
 
-    @field_validator("intensity", "microscale", "integral_time", mode="before")
     @classmethod
-    def _is_a_size(cls, value: Any, info: ValidationInfo) -> Any:
-        words = (NEAR_WALL, MODEL) if info.field_name == "intensity" else (MODEL,)
-        if value is None or value in words or (is_number(value) and SMALLEST <= value < math.inf):
-            return value
-        raise contradiction(f"is {shown(value)}", f"give a number above zero, or {either(words)}")
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """Laws of data."""
+        return data.get("law") in GIVEN
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace the file by its points."""
-        if not isinstance(data, dict) or data.get("law") not in GIVEN:
-            return data
-        return with_file_read("Gusts", "points", data, info, _series, "give one of them")
-
-    @model_validator(mode="after")
-    def _is_whole(self) -> Gusts:
-        if self.law in GIVEN:
-            self._check_data()
-        elif self.points or self.file:
-            raise self.refused(
-                "points",
-                f'are not read with law = "{self.law}"',
-                'set law = "measured" or "events"',
-            )
-        elif self.intensity is None:
-            raise self.refused("intensity", "is missing", 'give a number, "near-wall" or "model"')
-        if (self.law == "events") != (self.record is not None):
-            why, remedy = "is missing, the time in which the events came", "give it"
-            if self.record is not None:
-                why, remedy = 'is read only with law = "events"', "leave it out"
-            raise self.refused("record", why, remedy)
-        if self.depth is not None and self.intensity != NEAR_WALL:
-            raise self.refused("depth", 'is read only with intensity = "near-wall"', "leave it out")
-        if self.law not in GIVEN and self.integral_time is not None:
-            self._check_times(self.integral_time)
-        return self
-
-    def _check_data(self) -> None:
-        of_events = self.law == "events"
-        for name in ("intensity", "microscale", *(("integral_time",) if of_events else ())):
-            if getattr(self, name) is not None:
-                raise self.refused(
-                    name, f'is that of the data with law = "{self.law}"', "leave it out"
-                )
-        if self.integral_time == MODEL:
-            raise self.refused(
-                "integral_time", "is that of the series with a measured law", "leave it out"
-            )
-        if len(self.points) < (fewest := FEWEST_EVENTS if of_events else FEWEST):
-            raise self.refused("points", f"are {len(self.points)}", f"give {fewest} or more")
-        (self._check_events if of_events else self._check_series)()
-
-    def _check_events(self) -> None:
-        lasted = math.fsum(duration for _, duration in self.points)
-        if min(map(min, self.points)) <= 0.0:
-            raise self.refused(
-                "points", "have a strength or duration that is not above zero", "leave it out"
-            )
-        if self.record is not None and lasted > self.record:
-            why = f"is {self.record:g}, less than the {lasted:g} that the events last together"
-            raise self.refused("record", why, "enlarge it, or merge events that overlap")
-
-    def _check_series(self) -> None:
-        times, speeds = zip(*self.points, strict=True)
-        if any(later <= earlier for earlier, later in pairwise(times)):
-            raise self.refused("points", "their times do not rise", "give one after the other")
-        if not math.fsum(speeds) > 0.0 or min(speeds) == max(speeds):
-            raise self.refused(
-                "points", "have no mean above zero, or no fluctuation", "give velocities downstream"
-            )
-
-    def _check_times(self, integral: float | str) -> None:
-        if self.microscale is None:
-            raise self.refused("integral_time", *ENDLESS)
-        if isinstance(integral, str) or isinstance(self.microscale, str):
-            return
-        if integral < math.sqrt(2.0) * self.microscale:
-            why = f"is {integral:g}, less than the microscale times the square root of two"
-            raise self.refused("integral_time", why, "enlarge it, or reduce gusts.microscale")
-
-
-def _series(path: Path) -> dict[str, Any]:
-    return {"points": read_points(path, 1, "Gusts")}
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """Rows of two numbers."""
+        return {"points": read_points(path, 1, "Gusts")}

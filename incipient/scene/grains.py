@@ -1,17 +1,16 @@
-"""What the grain of a scene is in 2-D and in 3-D alike: how dense it is, whether it moves, what must fit."""
+"""Common keys of grains in 2-D and 3-D: density and motion, and their rules."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from ..geometry.placement import Placement
 from ..geometry.shape import Shape
-from .messages import Problem, problem, refusal, shown
-from .section import NotNegative, Section, contradiction, require_formula
+from .section import NotNegative, Rule, Section, allowed, formula
 
 # Keys that grains have in 2-D and in 3-D.
 Density = Annotated[
@@ -29,6 +28,7 @@ Motion = Annotated[
     ),
 ]
 FRICTIONLESS = "frictionless"
+LEVEL = "level"
 # Keys that only a grain with this motion reads.
 READ_ONLY_BY = {
     "velocity": "free",
@@ -37,16 +37,19 @@ READ_ONLY_BY = {
     "on_contact": "free",
     "course": "prescribed",
 }
-SETTLES = 'on the bed, by contact.friction; "frictionless": without'
+OfTime = Annotated[str, formula("t")]
+SETTLES = (
+    'on the bed, by contact.friction; "frictionless": without; "level": as if bed.slope were zero'
+)
 
 
-def _settles(value: Any) -> Any:
-    if not isinstance(value, bool) and value != FRICTIONLESS:
-        raise contradiction(f"is {shown(value)}", f'give true, false or "{FRICTIONLESS}"')
-    return value
-
-
-Settle = Annotated[bool | Literal["frictionless"], BeforeValidator(_settles)]
+Settle = Annotated[
+    bool | Literal["frictionless", "level"],
+    allowed(
+        lambda value: isinstance(value, bool) or value in (FRICTIONLESS, LEVEL),
+        f'give true, false, "{FRICTIONLESS}" or "{LEVEL}"',
+    ),
+]
 OnContact = Annotated[
     Literal["stop", "touch"],
     Field(
@@ -56,50 +59,64 @@ OnContact = Annotated[
 ]
 
 
-class BodySection(Section):
-    """A grain, in 2-D or in 3-D."""
+def _read_only(key: str, motion: str) -> Rule:
+    return Rule(key, lambda s: s.motion != motion and s.changed(key),
+                f'is read only with motion = "{motion}", but the motion is "{{s.motion}}"',
+                f'leave it out, or set motion = "{motion}"')  # fmt: skip
 
-    gdim: ClassVar[int]  # dimension of the space it lives in
+
+def _weightless(s: Any) -> bool:
+    return s.density is None and s.mass is None
+
+
+class BodySection(Section):
+    """A grain, in 2-D or in 3-D.
+
+    Attributes:
+        gdims: dimensions of the spaces it lives in.
+        shape_key: the key that is refused where there is no such grain.
+        made_of: the grain's geometry, and the keys that it is made of; without it a section has its own `new_grain`.
+    """
+
+    gdim: ClassVar[int]
     gdims: ClassVar[tuple[int, ...]]
+    shape_key: ClassVar[str] = "shape"
+    made_of: ClassVar[tuple[Any, ...]]
+    rules = (
+        Rule("course", lambda s: s.motion == "prescribed" and s.course is None,
+             "is missing though the motion is prescribed", "add it, or hold the grain"),
+        Rule("x", lambda s: s.motion in ("free", "prescribed") and s.centre is None,
+             "a moving grain starts away from the bed",
+             'give centre instead of x, or motion = "released" for one that starts from its rest'),
+        Rule("centre", lambda s: s.motion == "released" and s.x is None,
+             "a released grain starts from its rest on the bed", "give x instead of centre"),
+        *(_read_only(key, motion) for key, motion in READ_ONLY_BY.items()),
+        Rule("mass", lambda s: s.density is not None and s.mass is not None,
+             "is given beside density, from which it follows", "leave one of them out"),
+        Rule("density", lambda s: s.is_free and _weightless(s),
+             "a {s.motion} grain needs a mass and a moment of inertia, which may be zero",
+             "give density, or mass and inertia"),
+        Rule("inertia", lambda s: s.inertia is not None and _weightless(s),
+             "is given without a mass", "give density or mass as well, or leave it out"),
+        Rule("x", lambda s: s.x is None and s.centre is None,
+             "neither x nor centre is given", "give x to rest on the bed, or centre"),
+        Rule("x", lambda s: s.x is not None and s.centre is not None, "both x and centre are given", "leave one out"),
+        Rule("settle", lambda s: s.settle and s.x is None, "a grain held at its centre does not settle",
+             "give x instead of centre, or leave settle out"),
+    )  # fmt: skip
 
     if TYPE_CHECKING:
         x: float | None
         centre: Any
         density: float | None
-        settle: Settle
         motion: str
         mass: float | None
         inertia: Any
-        velocity: Any
-        spin: Any
-        locked: tuple[str, ...]
-        course: tuple[str, ...] | None
         on_contact: str
 
-    @field_validator("course", check_fields=False)
-    @classmethod
-    def _are_formulas_of_time(cls, course: tuple[str, ...] | None) -> tuple[str, ...] | None:
-        for text in course or ():
-            require_formula(text, "t")
-        return course
-
     @model_validator(mode="after")
-    def _moves_consistently(self) -> BodySection:
-        if found := [*_missing(self), *_ignored(self), *_of_mass(self)]:
-            raise refusal(type(self).__name__, found)
-        return self
-
-    @model_validator(mode="after")
-    def _placed_once(self) -> BodySection:
-        if self.x is None and self.centre is None:
-            raise self.refused(
-                "x", "neither x nor centre is given", "give x to rest on the bed, or centre"
-            )
-        if self.x is not None and self.centre is not None:
-            raise self.refused("x", "both x and centre are given", "leave one out")
-        if self.settle and self.x is None:
-            why = "a grain held at its centre does not settle"
-            raise self.refused("settle", why, "give x instead of centre, or leave settle out")
+    def _has_a_shape(self) -> Self:
+        self.require(self.shape_key, self.grain)
         return self
 
     @property
@@ -135,46 +152,6 @@ class BodySection(Section):
         return self.new_grain()
 
     def new_grain(self) -> Shape:
-        """A new grain of this shape."""
-        raise NotImplementedError
-
-
-def _missing(body: BodySection) -> Iterator[Problem]:
-    if body.motion == "prescribed" and body.course is None:
-        yield problem(
-            "course", "is missing though the motion is prescribed", "add it, or hold the grain"
-        )
-    if body.motion in ("free", "prescribed") and body.centre is None:
-        why = "a moving grain starts away from the bed"
-        yield problem(
-            "x",
-            why,
-            'give centre instead of x, or motion = "released" for one that starts from its rest',
-        )
-    if body.motion == "released" and body.x is None:
-        yield problem(
-            "centre", "a released grain starts from its rest on the bed", "give x instead of centre"
-        )
-
-
-def _ignored(body: BodySection) -> Iterator[Problem]:
-    for key, motion in READ_ONLY_BY.items():
-        if body.motion != motion and getattr(body, key) != type(body).model_fields[key].default:
-            why = f'is read only with motion = "{motion}", but the motion is "{body.motion}"'
-            yield problem(key, why, f'leave it out, or set motion = "{motion}"')
-
-
-def _of_mass(body: BodySection) -> Iterator[Problem]:
-    if body.density is not None and body.mass is not None:
-        yield problem(
-            "mass", "is given beside density, from which it follows", "leave one of them out"
-        )
-    if body.density is not None or body.mass is not None:
-        return
-    if body.is_free:
-        why = f"a {body.motion} grain needs a mass and a moment of inertia, which may be zero"
-        yield problem("density", why, "give density, or mass and inertia")
-    elif body.inertia is not None:
-        yield problem(
-            "inertia", "is given without a mass", "give density or mass as well, or leave it out"
-        )
+        """A new grain of this shape in its body frame, lengths in scene units."""
+        shape, *keys = self.made_of
+        return shape(*(getattr(self, key) for key in keys))

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field
 
-from .points import file_key, read_points, with_file_read
-from .section import NotNegative, Pair, Positive, Section, key
+from .points import FromFile, file_key, read_points
+from .section import NotNegative, Pair, Positive, Rule, key, rises
 
 RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, where none is given
 
 
-class Gust(Section):
+class Gust(FromFile):
     """A factor that multiplies the flow in time: 1 before and after a gust, `strength` in it."""
+
+    rules = (
+        Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
+             "their times do not rise", "give two or more, one after the other"),
+        Rule("points", lambda s: s.shape != "points" and s.points,
+             'are not read with shape = "{s.shape}"', 'set shape = "points"'),
+        Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",
+             'is read only with shape = "top-hat"', "leave it out"),
+        Rule("rise", lambda s: s.rise is not None and s.rise > s.duration,
+             "is {s.rise:g}, more than the duration", "reduce it"),
+    )  # fmt: skip
 
     shape: Literal["top-hat", "cosine", "points"] = key(
         "Course in time: a plateau with smooth sides, half a cosine wave, or given points",
@@ -38,36 +48,15 @@ class Gust(Section):
         'With shape = "points": time after the start and factor, straight between [time, -]', ()
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace the file by its points."""
-        if not isinstance(data, dict) or data.get("shape") != "points":
-            return data
-        return with_file_read(
-            "Gust", "points", data, info, lambda path: {"points": _course(path)}, "give one of them"
-        )
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """A course of points."""
+        return data.get("shape") == "points"
 
-    @model_validator(mode="after")
-    def _is_whole(self) -> Gust:
-        if self.shape == "points":
-            times = [time for time, _ in self.points]
-            if len(times) < 2 or any(later <= earlier for earlier, later in pairwise(times)):
-                raise self.refused(
-                    "points", "their times do not rise", "give two or more, one after the other"
-                )
-        elif self.points:
-            raise self.refused(
-                "points", f'are not read with shape = "{self.shape}"', 'set shape = "points"'
-            )
-        if self.rise is not None and (self.shape != "top-hat" or self.rise > self.duration):
-            why = (
-                f"is {self.rise:g}, more than the duration"
-                if self.shape == "top-hat"
-                else 'is read only with shape = "top-hat"'
-            )
-            raise self.refused("rise", why, "reduce it or leave it out")
-        return self
+    @classmethod
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """Times and factors."""
+        return {"points": read_points(path, 2, "Gust")}
 
     @property
     def rising(self) -> float:
@@ -85,7 +74,7 @@ class Gust(Section):
         )
 
     def factor(self, time: float) -> float:
-        """What the flow is multiplied by at a time."""
+        """The factor on the flow at a time."""
         since = time - self.start
         if self.shape == "points":
             times, factors = zip(*self.points, strict=True)
@@ -104,9 +93,5 @@ class Gust(Section):
 
 
 def _smooth(share: float) -> float:
-    """A smooth rise from 0 to 1 between 0 and 1, level at both ends."""
+    """A smooth rise from 0 to 1 between 0 and 1, with zero slope at both ends."""
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
-
-
-def _course(path: Path) -> list[Any]:
-    return read_points(path, 2, "Gust")

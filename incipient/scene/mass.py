@@ -1,11 +1,17 @@
 """Mass and moments of the grain of a scene, which have one source."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..arrays import Floats
-from ..contact.verdict import MassAndInertia
 from ..geometry.placement import Placement
 from .grains import BodySection
+
+if TYPE_CHECKING:
+    from ..contact.verdict import MassAndInertia
 
 
 def mean_density(body: BodySection) -> float | None:
@@ -27,7 +33,7 @@ def moment(body: BodySection) -> float | None:
 
 
 def inertia_tensor(body: BodySection) -> Floats | None:
-    """Inertia (3, 3) about the centroid in the body frame: as given, else of a uniform grain; None without a mass.
+    """Inertia (3, 3) about the centroid in the body frame: as given, otherwise of a uniform grain; None without a mass.
 
     In 2-D, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
     """
@@ -43,7 +49,7 @@ def inertia_tensor(body: BodySection) -> Floats | None:
 def mass_and_inertia(
     body: BodySection, placement: Placement | None = None
 ) -> MassAndInertia | None:
-    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in the plane per unit depth.
+    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in 2-D per unit depth.
 
     None for a grain without one of them. The fluid that moves along (added mass) is left out: it changes neither
     rest nor the safety factor.

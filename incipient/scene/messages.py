@@ -1,4 +1,4 @@
-"""One line for everything that can be wrong with a scene: which key, why, and what to write instead."""
+"""Messages on invalid scenes, one line each: the key, the reason, and the remedy."""
 
 import difflib
 import json
@@ -15,12 +15,13 @@ from . import retired
 
 Key = tuple[str | int, ...]
 
-# Names of the errors that validators raise, about one section or about what several say together.
+# Names of the errors that validators raise, within one section or between several.
 WITHIN: LiteralString = "contradiction"
 BETWEEN: LiteralString = "contradiction_between_sections"
 
 MOST_SHOWN = 4  # problems besides the first
 
+# By pydantic's type of error, with its context.
 _REMEDIES = {
     "float_type": "give a number",
     "finite_number": "give a finite number",
@@ -29,20 +30,20 @@ _REMEDIES = {
     "bool_type": "give true or false",
     "string_type": 'give text in "quotes"',
     "tuple_type": "give a list in [brackets]",
-}
-_BOUNDS = {
-    "greater_than": ("gt", "greater than"),
-    "greater_than_equal": ("ge", "of at least"),
-    "less_than": ("lt", "less than"),
-    "less_than_equal": ("le", "of at most"),
+    "greater_than": "give a number greater than {gt:g}",
+    "greater_than_equal": "give a number of at least {ge:g}",
+    "less_than": "give a number less than {lt:g}",
+    "less_than_equal": "give a number of at most {le:g}",
+    **dict.fromkeys(
+        ("model_type", "model_attributes_type", "dict_type"), "write a section [{key}]"
+    ),
 }
 _NAME = re.compile("'([^']*)'")
-_SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong at one key of a scene, why, and the remedy."""
+    """An invalid key of a scene, the reason, and the remedy."""
 
     key: Key
     why: str
@@ -120,7 +121,7 @@ def discriminator(section: type[BaseModel]) -> str | None:
 
 
 def tag(section: type[BaseModel]) -> str | None:
-    """The value of that key: ``"lid"``."""
+    """The value of `discriminator`, such as ``"lid"``."""
     name = discriminator(section)
     return _single_choice(section, name) if name else None
 
@@ -128,22 +129,22 @@ def tag(section: type[BaseModel]) -> str | None:
 def problems_of(
     error: ValidationError, root: type[BaseModel], gdim: int | None = None
 ) -> list[Problem]:
-    """All problems in a validation error of the section `root`, unknown keys first, each said once.
+    """All problems in a validation error of the section `root`, unknown keys first, without repetitions.
 
     gdim: dimension of the scene, whose grains and beds remedies name; None: those of all
     """
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     places = [_place(root, e["loc"]) for e in details]
-    found: list[Problem] = []
+    problems: list[Problem] = []
     meant: set[Key] = set()
     for detail, (key, section) in zip(details, places, strict=True):
         if detail["type"] == "extra_forbidden" and section is not None:
             close = _closest(str(key[-1]), list(section.model_fields))
             meant.add((*key[:-1], close or ""))
-            found.append(_unknown_key(key, section, close))
+            problems.append(_unknown_key(key, section, close))
         elif not (key in meant or _repeats(detail, details)):
-            found.append(_problem(detail, key, section, gdim))
-    return found
+            problems.append(_problem(detail, key, section, gdim))
+    return problems
 
 
 def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
@@ -192,25 +193,22 @@ def _problem(
     if (retirement := _retired_value(detail, key)) is not None:
         return retirement
     kind, context = detail["type"], detail.get("ctx", {})
-    given = shown(detail["input"])
+    value = shown(detail["input"])
     if kind in (WITHIN, BETWEEN):
         return Problem(key, context["why"], context["remedy"], between=kind == BETWEEN)
     if kind in ("missing", "too_short", "too_long"):
         return _wrong_number(detail, key, section)
-    if kind in _BOUNDS:
-        name, words = _BOUNDS[kind]
-        return Problem(key, f"is {given}", f"give a number {words} {context[name]:g}")
     if kind == "literal_error":
         return Problem(
-            key, f"{given} is not known", f"use {either(_NAME.findall(context['expected']))}"
+            key, f"{value} is not known", f"use {either(_NAME.findall(context['expected']))}"
         )
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_alternative(detail, key, section, gdim)
-    if kind in _SECTION_TYPES:
-        return Problem(key, f"is {given}", f"write a section [{key_text(key)}]")
     if kind in _REMEDIES:
-        return Problem(key, f"is {given}", _REMEDIES[kind])
-    return Problem(key, f"is {given}", detail["msg"][:1].lower() + detail["msg"][1:])
+        return Problem(
+            key, f"is {value}", _REMEDIES[kind].format(**{**context, "key": key_text(key)})
+        )
+    return Problem(key, f"is {value}", detail["msg"][:1].lower() + detail["msg"][1:])
 
 
 def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
@@ -225,7 +223,7 @@ def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Probl
 
 
 def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
-    """Something missing, or too many or too few items in a list."""
+    """A missing key, or a wrong number of items in a list."""
     if detail["type"] == "missing" and isinstance(key[-1], str):
         field = section.model_fields.get(key[-1]) if section else None
         words = f": {field.description}" if field else ""
@@ -237,6 +235,8 @@ def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | Non
             f"has {counted(context['actual_length'], 'item')}",
             f"give {context['min_length']} or more",
         )
+    if detail["type"] == "too_long" and (most := detail["ctx"]["max_length"]) > 3:
+        return Problem(key, f"has {counted(len(detail['input']), 'item')}", f"give {most} at most")
     whole = key[:-1] if isinstance(key[-1], int) and detail["type"] == "missing" else key
     return Problem(whole, f"has {counted(len(detail['input']), 'item')}", "give two, as in [x, y]")
 

@@ -1,4 +1,4 @@
-"""What a user asks for: the sections of a scene, as data that has been checked.
+"""The sections of a scene as validated data.
 
 Scene units: lengths and velocities as written in the scene, fluid density 1. The kinematic viscosity follows
 from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene.file`;
@@ -8,27 +8,35 @@ either way it is complete and free of contradictions once it exists.
 from __future__ import annotations
 
 import math
-from functools import cached_property
-from typing import Annotated, Any, Literal
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import BeforeValidator, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
+from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
-from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
 from .fluctuations import Gusts
-from .grains import FRICTIONLESS
-from .kinds import Bed, Body
+from .grains import FRICTIONLESS, LEVEL
 from .mass import mass, mean_density
+from .messages import discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
-from .section import NotNegative, Positive, Section, contradiction, key
+from .places import misplaced
+from .rules import contradictions
+from .section import Choice, NotNegative, Positive, Rule, Section, key
 from .settling import rested
+from .shapes import PlaneBed, PlaneBody
+from .solids import SolidBody
 from .surface import FREE, Surface
+from .terrains import TerrainBed
 from .turbulence import Turbulence
-from .units import Units
+from .units import Scales, Units, scales_of, with_units
+
+if TYPE_CHECKING:
+    from ..contact.friction import FrictionCone
 
 _TOPS: dict[str, Top] = {
     "shear": "stream",
@@ -65,7 +73,17 @@ class Gravity(Section):
 class Contact(Section):
     """The contact of grain and bed."""
 
+    rules = (
+        Rule("gap", lambda s: s.gap > WIDEST_GAP,
+             "is {s.gap:g}: this gap is too large to represent contact",
+             f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less"),
+    )  # fmt: skip
+
     friction: NotNegative = key("Coefficient of static friction [-]")
+    cohesion: NotNegative = key(
+        "Largest pull of each contact, which adds to the normal force in friction's bound [force]",
+        0.0,
+    )
     gap: Positive = key(
         "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
         "2-D flow the width up to which the space next to contacts is closed [grain sizes]",
@@ -84,17 +102,23 @@ class Contact(Section):
         0.0,
     )
 
-    @field_validator("gap")
-    @classmethod
-    def _is_narrow(cls, gap: float) -> float:
-        if gap > WIDEST_GAP:
-            why = f"is {gap:g}: this gap is too large to represent contact"
-            raise contradiction(why, f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less")
-        return gap
+    @property
+    def law(self) -> FrictionCone:
+        """The law of a contact at rest, which both criteria apply."""
+        from ..contact.friction import FrictionCone
+
+        return FrictionCone.of(self.friction, self.cohesion)
 
 
 class Time(Section):
     """Time dependence; without this section the flow is steady."""
+
+    rules = (
+        Rule("step", lambda s: s.step > s.end,
+             "is {s.step:g} but time ends at {s.end:g}", "reduce step or enlarge end"),
+        Rule("first_step", lambda s: s.first_step < 1.0 and s.tolerance is not None,
+             "is for steps of a fixed length", "leave it out: with tolerance the first steps are short"),
+    )  # fmt: skip
 
     end: Positive = key("Time at which to stop [time]", examples=[10.0])
     step: Positive = key("Time step, the first one if adaptive [time]", examples=[0.05])
@@ -115,22 +139,6 @@ class Time(Section):
         examples=[1e-5],
     )
 
-    @model_validator(mode="after")
-    def _has_a_step(self) -> Time:
-        if self.step > self.end:
-            raise self.refused(
-                "step",
-                f"is {self.step:g} but time ends at {self.end:g}",
-                "reduce step or enlarge end",
-            )
-        if self.first_step < 1.0 and self.tolerance is not None:
-            raise self.refused(
-                "first_step",
-                "is for steps of a fixed length",
-                "leave it out: with tolerance the first steps are short",
-            )
-        return self
-
 
 class Output(Section):
     """What is written besides the result."""
@@ -145,8 +153,36 @@ class Output(Section):
     )
 
 
-class SceneSections(Section):
-    """The sections of a scene, each checked by itself, and what follows from them."""
+class Effects(Section):
+    """Effects to simulate: by default the plan decides from the scene and its dimensionless numbers."""
+
+    inertia: Choice = key("Convection; auto: where it matters for the accuracy asked", "auto")
+    unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
+    gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
+    contact: Choice = key("Contact forces and verdict; auto: where a grain rests on a bed", "auto")
+    moving_mesh: Choice = key(
+        "A mesh that follows grain and surface; auto: with body.motion or a free surface", "auto"
+    )
+    free_body: Choice = key("A grain moved by flow and weight; auto: with body.motion", "auto")
+    free_surface: Choice = key(
+        'A top that moves with the fluid; auto: with domain.top = "free-surface"', "auto"
+    )
+    turbulence: Choice = key(
+        "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
+        "auto",
+    )
+    third_dimension: Choice = key("Flow in 3-D; auto: with domain.width", "auto")
+
+
+Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
+Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
+
+
+class Scene(Section):
+    """A complete scene: its sections, free of contradictions between them, and what follows from them.
+
+    Raises SceneError, one line that names the key, why and the remedy.
+    """
 
     title: str = key("What this scene is about", "")
     domain: Domain = key("The region the fluid may fill")
@@ -167,11 +203,33 @@ class SceneSections(Section):
         "SI units: then fluid.reynolds, gravity and body.density follow, and are left out", None
     )
     time: Time | None = key("Time dependence; without this section the flow is steady", None)
-    effects: Annotated[Effects, BeforeValidator(section_of)] = key(
-        "What to simulate; auto: decided from the scene and its dimensionless numbers", Effects()
+    effects: Annotated[Effects, BeforeValidator(lambda value: {} if value == "auto" else value)] = (
+        key(
+            "What to simulate; auto: decided from the scene and its dimensionless numbers",
+            Effects(),
+        )
     )
     numerics: Numerics = key("How the equations are solved", Numerics())
     output: Output = key("What is written besides the result", Output())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict) or data.get("units") is None:
+            return data
+        return with_units(data, partial(cls.model_validate, context=info.context))
+
+    @model_validator(mode="after")
+    def _free_of_contradictions(self) -> Scene:
+        problems = [*contradictions(self)] or misplaced(self)
+        if problems:
+            raise refusal("Scene", problems, between=True)
+        return self
+
+    @property
+    def scales(self) -> Scales | None:
+        """SI values of the scene's units; None without [units]."""
+        return None if self.units is None else scales_of(self, self.units)
 
     @property
     def gdim(self) -> int:
@@ -180,12 +238,12 @@ class SceneSections(Section):
 
     @property
     def up(self) -> int:
-        """Number of the coordinate in which heights over the bed are counted, the last one."""
+        """Index of the vertical coordinate, the last one."""
         return self.gdim - 1
 
     @property
     def is_empty_box(self) -> bool:
-        """Whether the scene is a closed box without grain and bed; in 3-D without a free surface, too."""
+        """Whether the scene is a closed box without grain and bed; in 3-D also without a free surface."""
         empty = self.domain.kind == "box" and self.body is None and self.bed is None
         return empty and (self.gdim == 2 or not self.has_surface)
 
@@ -204,14 +262,14 @@ class SceneSections(Section):
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether the result is to have error bars: where they are wanted and there is something to have them."""
+        """Whether error bars are requested and the result has quantities with error bars."""
         of = self.body is not None or self.has_surface or self.is_averaged
         steady = self.time is None and (self.has_centrelines or self.has_separation)
         return self.numerics.error_bars and (of or steady)
 
     @property
     def no_error_bars(self) -> str:
-        """Why a result is without error bars that are wanted; empty: none are wanted, or it has them."""
+        """Reason for missing error bars; empty if the result has them or none are requested."""
         if not self.numerics.error_bars or self.has_error_bars:
             return ""
         return (
@@ -221,7 +279,7 @@ class SceneSections(Section):
 
     @property
     def top(self) -> Top:
-        """The upper boundary: what the scene says, or for "auto" what suits the flow."""
+        """The upper boundary; "auto" follows from the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
     @property
@@ -238,14 +296,14 @@ class SceneSections(Section):
     @property
     def accuracy_of(self) -> str:
         """The quantity whose accuracy `numerics.accuracy` is."""
-        asked = self.numerics.accuracy_of
-        if asked != "auto" or self.body is not None:
-            return asked if asked != "auto" else "force"
+        quantity = self.numerics.accuracy_of
+        if quantity != "auto" or self.body is not None:
+            return quantity if quantity != "auto" else "force"
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property
     def no_gusts(self) -> str:
-        """Why gusts that move the grain are not searched in the flow; empty: they are."""
+        """Reason why critical gusts are not searched in the flow; empty if they are."""
         return (
             "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
@@ -300,9 +358,9 @@ class SceneSections(Section):
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether no fluid passes a grain's contacts, as none does in 2-D: about them the space is closed.
+        """Whether the space about a grain's contacts is closed, so that no fluid passes them.
 
-        It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
+        It is closed in 2-D turbulent flow. Laminar flow through a gap is so slow that the loads are near their limit.
         """
         return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
 
@@ -311,15 +369,15 @@ class SceneSections(Section):
         """The bed's shape, a Bed of the plane or a Terrain; None without a bed."""
         if self.bed is None:
             return None
-        made = self.bed.surface if self.gdim == 2 else self.bed.terrain
-        return made(self.domain.bottom)
+        build = self.bed.surface if self.gdim == 2 else self.bed.terrain
+        return build(self.domain.bottom)
 
-    @cached_property  # it is asked for at every step and takes longer than a step's solution
+    @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
         """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
-        With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
-        does not.
+        With body.settle it then rolls and tips until it rests, by the scene's friction or none, or as on a level bed.
+        Raises SceneError if it does not.
         """
         body = self.body
         if body is None:
@@ -328,7 +386,7 @@ class SceneSections(Section):
             return body.placed(body.centre)
         if body.x is None or self.bed is None:
             return None
-        # From the domain's corner: far from the origin numbers are too far apart for a grain that settles.
+        # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
         corner, over = self.domain.origin, [body.x]
         if self.gdim == 2:
             bed: Any = self.bed.surface(0.0, corner[0])
@@ -337,18 +395,17 @@ class SceneSections(Section):
             over.append(self.domain.middle if body.aside is None else body.aside)
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
-            down, friction = (
-                tuple(self.gravity_direction),
-                self.contact.friction if self.contact else None,
-            )
+            upright = (*[0.0] * (self.gdim - 1), -1.0)
+            down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
+            friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
-            found = rested(body.grain(), bed, start, down, friction, self.domain.length)
+            placement = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion
-            found = rest(
+            placement = rest(
                 body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
             )
-        return found.moved(corner, np.zeros(2 * self.gdim - 3))
+        return placement.moved(corner, np.zeros(2 * self.gdim - 3))
 
     @property
     def reference_length(self) -> float:
@@ -358,7 +415,7 @@ class SceneSections(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: of shear rate times L, of a log-law u*, else the velocity that the flow states."""
+        """V of the Reynolds number: of shear rate times L, of a log-law u*, otherwise the velocity of the flow."""
         if isinstance(self.flow, LogLaw):
             return self.flow.shear_velocity
         return (
@@ -400,3 +457,23 @@ class SceneSections(Section):
     def _of_grain_size(self, fraction: float) -> float:
         grain = self.grain
         return 0.0 if grain is None else fraction * grain.size
+
+
+def register(section: type[Section]) -> None:
+    """Lets scenes have another kind of grain or bed, as if it stood in `kinds` (docs/contribute/adding.md).
+
+    Raises SceneError if its `shape` (of a grain) or `kind` (of a bed) does not have one value, or another section has
+    it.
+    """
+    name = discriminator(section)
+    field = Scene.model_fields["body" if name == "shape" else "bed"]
+    known = variants(field.annotation)
+    if name is None or tag(section) in map(tag, known):
+        why = (
+            f'{name} = "{tag(section)}" is used by another section'
+            if name
+            else "shape or kind is missing"
+        )
+        raise SceneError(f'{section.__name__}: {why}; give a key as in shape: Literal["stadium"]')
+    field.annotation = Annotated[Union[(*known, section)], Field(discriminator=name)] | None  # type: ignore
+    Scene.model_rebuild(force=True)

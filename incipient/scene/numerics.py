@@ -1,15 +1,9 @@
 """How the equations of a scene are solved: orders, mesh, tolerances, accuracy and budget."""
 
-from typing import Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import field_validator
+from .section import SMALLEST, Positive, Section, allowed, is_number, key
 
-from .messages import shown
-from .section import SMALLEST, Positive, Section, contradiction, is_number, key
-
-Accuracy = float | Literal["verdict"]
-Tolerance = float | Literal["auto"]
-Order = Literal["auto", 2, 3, 4]
 ORDERS = (2, 3, 4)
 
 # Quantities of a free surface: elevations in the course of the run, and at its end.
@@ -18,6 +12,27 @@ OF_SURFACE = ("elevation", "level")
 OF_WALLS = "shear velocity"
 # Below this the curved cells' geometry errs as much, which no estimate sees (docs/contribute/defaults.md).
 FINEST = 1e-5
+Accuracy = Annotated[
+    float | Literal["verdict"] | None,
+    allowed(
+        lambda value: value in (None, "verdict") or (is_number(value) and FINEST <= value < 1.0),
+        f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"',
+    ),
+]
+Tolerance = Annotated[
+    float | Literal["auto"],
+    allowed(
+        lambda value: value == "auto" or (is_number(value) and value >= SMALLEST),
+        'give a number above 0 such as 1e-8, or "auto"',
+    ),
+]
+Order = Annotated[
+    Literal["auto", 2, 3, 4],
+    allowed(
+        lambda value: value == "auto" or (type(value) is int and value in ORDERS),
+        'give 2, 3, 4 or "auto"',
+    ),
+]
 
 
 class Numerics(Section):
@@ -55,13 +70,13 @@ class Numerics(Section):
         "error bars are of what remains",
         True,
     )
-    accuracy: Accuracy | None = key(
+    accuracy: Accuracy = key(
         'Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
         None,
         examples=[0.01],
     )
     accuracy_of: Literal[
-        "auto", "force", "couple", "safety factor", "elevation", "level", "shear velocity"
+        "auto", "force", "torque", "safety factor", "elevation", "level", "shear velocity"
     ] = key(
         "The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation, "
         "with turbulence shear velocity",
@@ -93,27 +108,3 @@ class Numerics(Section):
         "auto",
     )
     max_iterations: int = key("Newton iterations after which to give up", 25, ge=1)
-
-    @field_validator("order", mode="before")
-    @classmethod
-    def _is_an_order(cls, value: Any) -> Any:
-        if value == "auto" or (type(value) is int and value in ORDERS):
-            return value
-        raise contradiction(f"is {shown(value)}", 'give 2, 3, 4 or "auto"')
-
-    @field_validator("tolerance", "interface_tolerance", mode="before")
-    @classmethod
-    def _is_a_tolerance(cls, value: Any) -> Any:
-        if value == "auto" or (is_number(value) and value >= SMALLEST):
-            return value
-        raise contradiction(f"is {shown(value)}", 'give a number above 0 such as 1e-8, or "auto"')
-
-    @field_validator("accuracy", mode="before")
-    @classmethod
-    def _is_an_accuracy(cls, value: Any) -> Any:
-        if value is None or value == "verdict" or (is_number(value) and FINEST <= value < 1.0):
-            return value
-        raise contradiction(
-            f"is {shown(value)}",
-            f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"',
-        )

@@ -1,36 +1,37 @@
-"""Where a scene's bed and grain are: too large, too fine, outside of the domain, or into each other."""
+"""Checks of sizes and positions of bed and grain: too large, too fine, outside of the domain, overlapping."""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Floats, Point
+from ..arrays import Floats, Point, spatial
 from ..errors import SceneError
 from ..geometry.closest import clearance
 from ..geometry.placement import Placement
-from . import surface_checks, symmetry
+from . import symmetry
 from .domain import Domain
-from .messages import Problem, problem, split
-from .model import SceneSections
+from .messages import Problem, counted, problem, split
 from .surface import Surface
+
+if TYPE_CHECKING:
+    from .model import Scene
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
-FARTHEST = 1e6  # extents of the domain, in sizes of what lies in it
+FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
-_SPACING, _PLACES = (
-    0.02,
-    201,
-)  # of points on a solid grain, in its size; in each direction on a 3-D bed
+_PLACES = 201  # in each direction at which bed and free surface are looked at
 CELLS_OF_A_FORM = 20  # at the least
 
 
-def misplaced(scene: SceneSections) -> list[Problem]:
-    """What is wrong with places and extents, by the first check that finds something."""
+def misplaced(scene: Scene) -> list[Problem]:
+    """Problems of positions and extents, from the first check that fails."""
     domain, bed, grain, shape, contact = (
         scene.domain,
         scene.bed,
@@ -39,26 +40,23 @@ def misplaced(scene: SceneSections) -> list[Problem]:
         scene.contact,
     )
     finest = FINEST_PLACE if grain is None or contact is None else contact.tolerance
-    found = [*_resolution(domain, grain, finest)] or [*_extents(domain, grain, shape)]
-    if bed is not None and not found:
-        found = (
+    problems = [*_resolution(domain, grain, finest)] or [*_extents(domain, grain, shape)]
+    if bed is not None and not problems:
+        problems = (
             [*_forms(bed, shape, domain, grain, scene.numerics.max_cells)]
             or [*_bed_extent(bed, shape, domain)]
             or [*_datum_of_the_bed(getattr(scene.flow, "datum", "auto"), shape, domain)]
         )
-    found = (
-        found
-        or (
-            scene.has_surface
-            and [*surface_checks.misplaced(scene.surface or Surface(), domain, shape)]
-        )
+    problems = (
+        problems
+        or (scene.has_surface and [*_surface_place(scene.surface or Surface(), domain, shape)])
         or [*_body_place(scene)]
     )
     is_mirrored = domain.gdim == 3 and domain.symmetric is True
     return (
         [*symmetry.contradictory(symmetry.differences(scene))]
-        if is_mirrored and not found
-        else found
+        if is_mirrored and not problems
+        else problems
     )
 
 
@@ -78,7 +76,7 @@ def _names(domain: Domain) -> tuple[str, ...]:
 
 
 def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
-    """Extents so many times the size of a grain, or of the forms of a 3-D bed, that gmsh confuses its points."""
+    """Extents too large, relative to a grain or to bedforms in 3-D, for gmsh to tell points apart."""
     sizes = {"the grain": math.inf if grain is None else grain.size}
     if domain.gdim == 3 and bed is not None:
         sizes["a form of the bed"] = bed.feature
@@ -91,7 +89,7 @@ def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
 
 
 def _forms(bed: Any, shape: Any, domain: Domain, grain: Any, max_cells: int) -> Iterator[Problem]:
-    """More bed forms than can be meshed, which it would take too long to look at; in 3-D those below the grain."""
+    """More bedforms than can be meshed; in 3-D those below the grain count."""
     forms, where = bed.forms(domain.length), "on the domain's length"
     if domain.gdim == 3:
         area, where = domain.extents[0] * domain.extents[1], "in the domain"
@@ -126,7 +124,7 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
 
 
 def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Problem]:
-    """Vertical steps where the flow enters or leaves, which would have only one of their two sides."""
+    """Vertical steps at the inflow or the outflow, where one of their two sides is outside of the domain."""
     for (before, _), (after, _) in pairwise(points):
         at_an_end = any(abs(after - end) <= 1e-9 * domain.length for end in domain.spans[0])
         if before == after and at_an_end:
@@ -135,9 +133,9 @@ def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Prob
 
 
 def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[Problem]:
-    """A datum given as a number must be a height that the bed has: above it a layer of fluid would be at rest."""
+    """A datum, as a number, must be a height of the bed: otherwise a layer of fluid would be at rest."""
     if level == "effective" and domain.gdim == 3:
-        why = 'is "effective" in space, where it is not computed'
+        why = 'is "effective" in 3-D, where it is not computed'
         yield problem("flow.datum", why, 'use "auto" or a height')
     if isinstance(level, str):
         return
@@ -151,10 +149,9 @@ def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[
 
 
 def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
-    """The lowest and the highest place of the bed, the crest of one that repeats also where the domain has none."""
+    """The lowest and the highest point of the bed; of a periodic bed its crest, even outside of the domain."""
     if domain.gdim == 3:
-        places = np.meshgrid(*(np.linspace(*span, _PLACES) for span in domain.spans))
-        heights = bed.height(np.stack(places, axis=-1).reshape(-1, 2))
+        heights = bed.height(domain.grid(_PLACES, _PLACES))
         crest = bed.crest_level(*domain.spans)
     else:
         x = np.linspace(domain.left, domain.right, 2001)
@@ -163,7 +160,46 @@ def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
     return float(heights.min()), max(float(heights.max()), crest)
 
 
-def _body_place(scene: SceneSections) -> Iterator[Problem]:
+def _surface_place(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
+    """Stations outside of the domain, and a first elevation that is not above bed and grain."""
+    for number, place in enumerate(surface.places()):
+        key = ("surface", "stations", number)
+        if len(place) != len(domain.spans):
+            remedy = "give its x" if domain.gdim == 2 else "give [x, y]"
+            yield Problem(key, f"has {counted(len(place), 'coordinate')}", remedy)
+            return
+        for axis, (low, high), value in zip("xy", domain.spans, place, strict=False):
+            if not low <= value <= high:
+                yield Problem(
+                    key, f"{axis} = {value:g} is outside the domain", f"give {low:g} to {high:g}"
+                )
+                return
+    yield from _too_low(surface, domain, bed)
+
+
+def _too_low(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
+    across = domain.grid(*[_PLACES] * len(domain.spans))
+    places = spatial(across).T
+    try:
+        heights = domain.ceiling + surface.height(places)
+    except SceneError as error:
+        yield problem("surface.elevation", *split(str(error)))
+        return
+    floor = np.full(len(across), domain.bottom)
+    if bed is not None:
+        floor = bed.height(across[:, 0] if domain.gdim == 2 else across)
+    lowest = int(np.argmin(heights - floor))
+    if heights[lowest] <= floor[lowest]:
+        where = ", ".join(
+            f"{axis} = {value:g}" for axis, value in zip("xy", across[lowest], strict=False)
+        )
+        key = "surface.points" if surface.points else "surface.elevation"
+        yield problem(
+            key, f"brings the surface down to the bed at {where}", "give a smaller elevation"
+        )
+
+
+def _body_place(scene: Scene) -> Iterator[Problem]:
     """The grain must lie within the domain, above the bed and clear of the walls."""
     body, grain, bed, domain = scene.body, scene.grain, scene.bed_shape, scene.domain
     if body is None:
@@ -173,7 +209,7 @@ def _body_place(scene: SceneSections) -> Iterator[Problem]:
     try:
         placement = None if outside else scene.placement
         if placement is not None:
-            outside = [*_beyond(body, _outline(grain, placement), bed, domain, grain.size)]
+            outside = [*_beyond(body, *_reach(grain, placement), bed, domain, grain.size)]
         if placement is not None and bed is not None and not outside:
             into_bed = _into_bed(grain, placement, bed, scene.contact_tolerance, scene.rests)
     except SceneError as error:
@@ -185,13 +221,13 @@ def _body_place(scene: SceneSections) -> Iterator[Problem]:
         yield problem(key, why, "move the grain, make it smaller or enlarge the domain")
     if into_bed and body.x is None:
         yield problem(key, into_bed, "raise the grain, or give x to let it rest on the bed")
-    elif into_bed:  # lowered onto a bed whose shape is finer than what shows how low it may get
+    elif into_bed:  # lowered onto a bed finer than the resolution of its support
         remedy = "make the bed's forms larger or flatter: beside the grain they are too steep to lower it"
         yield problem(key, into_bed, remedy)
 
 
 def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
-    """Grains that need not be placed to see that they do not fit."""
+    """A grain larger than the domain, or centred outside of it."""
     if grain.size >= math.hypot(*domain.extents):
         yield f"the grain measures {grain.size:g}, more than the domain"
     centre = (body.x, body.aside) if body.centre is None else body.centre
@@ -200,9 +236,11 @@ def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
             yield f"{axis} = {value:g} is outside the domain, {low:g} to {high:g}"
 
 
-def _beyond(body: Any, outline: Floats, bed: Any, domain: Domain, size: float) -> Iterator[str]:
-    """How the points of a grain's outline leave the domain, or touch one of its sides, if only nearly."""
-    low, high, up = outline.min(axis=0), outline.max(axis=0), domain.gdim - 1
+def _beyond(
+    body: Any, low: Floats, high: Floats, bed: Any, domain: Domain, size: float
+) -> Iterator[str]:
+    """Messages on a grain, by its extents, that leaves the domain or nearly touches one of its sides."""
+    up = domain.up
     sides = [(0, low, "left side", domain.left), (0, high, "right side", domain.right)]
     if domain.gdim == 3 and body.shape != "cylinder":
         near, far = domain.across
@@ -219,7 +257,7 @@ def _beyond(body: Any, outline: Floats, bed: Any, domain: Domain, size: float) -
 
 
 def _not_across(middle: float, length: float, domain: Domain) -> Iterator[Problem]:
-    """How a cylinder does not reach from side to side."""
+    """A cylinder that does not span the width."""
     low, high = (middle + end * length for end in (-0.5, 0.5))
     near, far = domain.across
     if max(abs(low - near), abs(high - far)) > _SAME * (far - near):
@@ -228,7 +266,7 @@ def _not_across(middle: float, length: float, domain: Domain) -> Iterator[Proble
 
 
 def _into_bed(grain: Any, placement: Placement, bed: Any, tolerance: float, rests: bool) -> str:
-    """How deep the grain is in the bed, or that it touches the bed above which it is to be held."""
+    """A message on a grain that overlaps the bed, or touches a bed above which it is held; empty otherwise."""
     depth = -clearance(grain, placement, bed)[0]
     if depth > tolerance:
         return f"the grain reaches {depth:.3g} into the bed"
@@ -236,14 +274,11 @@ def _into_bed(grain: Any, placement: Placement, bed: Any, tolerance: float, rest
     return "the grain touches the bed above which centre holds it" if held else ""
 
 
-def _outline(grain: Any, placement: Placement) -> Floats:
-    """Points (n, gdim) on the grain's surface, in the scene, among them the outermost."""
+def _reach(grain: Any, placement: Placement) -> tuple[Floats, Floats]:
+    """The least and the largest coordinates (gdim,) of a placed grain."""
     if placement.gdim == 2:
-        return placement.to_scene(grain.chain.points(65))
-    if not grain.cores:
-        return placement.to_scene(grain.surface(_SPACING * grain.size).points)
-    axes = np.vstack([np.eye(3), -np.eye(3)])
-    balls = [(placement.to_scene(core.points), core.radius) for core in grain.cores]
-    return np.concatenate(
-        [(points[:, None] + radius * axes).reshape(-1, 3) for points, radius in balls]
-    )
+        points = placement.to_scene(grain.chain.points(65))
+    else:
+        axes = np.vstack([np.eye(3), -np.eye(3)]) @ placement.rotation
+        points = placement.to_scene([grain.extreme(axis) for axis in axes])
+    return points.min(axis=0), points.max(axis=0)

@@ -1,17 +1,18 @@
-"""Files that a scene names instead of what stands in them, points x, y above all."""
+"""Files of points and other data that a scene names."""
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from pydantic import Field, ValidationError, ValidationInfo
+from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
 from ..arrays import Point, decimal
 from ..errors import SceneError
 from ..input_files import read_text
 from .messages import Problem, counted, refusal, split
+from .section import Section
 
 MOST_POINTS = 100_000
 
@@ -61,31 +62,45 @@ def file_key(kinds: str, instead: str, example: str) -> Any:
     return Field(None, description=text, examples=[example])
 
 
-def with_file_read(
-    section: str,
-    key: str,
-    data: Any,
-    info: ValidationInfo,
-    read: Callable[[Path], dict[str, Any]],
-    remedy: str = "give one of them",
-) -> Any:
-    """What is given for a section, its file replaced by what `read` finds there; no longer of where it was read.
+class FromFile(Section):
+    """A section that may name a file, whose content replaces the name when the scene is made.
 
-    Raises ValidationError if both the file and the key that it stands for are given, or neither.
+    Attributes:
+        in_file: the key whose value the file has.
+        instead: the remedy where both are given, or neither.
     """
-    if not isinstance(data, dict):
-        return data
-    given, from_file = (
-        key in data,
-        data.get("file") is not None,
-    )  # a scene that was dumped names no file
-    if given == from_file:
-        which = f"both file and {key} are" if given else f"neither file nor {key} is"
-        raise about_file(section, f"{which} given", remedy)
-    if not isinstance(data.get("file"), str):
-        return data
-    path = Path((info.context or {}).get("directory", "."), data["file"])
-    return {**{name: value for name, value in data.items() if name != "file"}, **read(path)}
+
+    in_file: ClassVar[str] = "points"
+    instead: ClassVar[str] = "give one of them"
+
+    @classmethod
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """Whether the file or that key must be given, by the rest of the section."""
+        return True
+
+    @classmethod
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """Keys and values read from a file; `data` is the rest of the section. Raises ValidationError."""
+        raise NotImplementedError
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_file_read(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict):
+            return data
+        # A scene that was dumped names no file.
+        given, from_file = cls.in_file in data, data.get("file") is not None
+        if (given and from_file) or (cls.is_needed(data) and not (given or from_file)):
+            which = (
+                f"both file and {cls.in_file} are"
+                if given
+                else f"neither file nor {cls.in_file} is"
+            )
+            raise about_file(cls.__name__, f"{which} given", cls.instead)
+        if not isinstance(data.get("file"), str):
+            return data
+        path = Path((info.context or {}).get("directory", "."), data["file"])
+        return {key: value for key, value in data.items() if key != "file"} | cls.read(path, data)
 
 
 def about_file(section: str, why: str, remedy: str) -> ValidationError:

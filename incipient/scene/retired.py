@@ -1,4 +1,4 @@
-"""Keys and values that scenes no longer have, and what to write instead."""
+"""Retired keys and values of scenes, with their remedies."""
 
 # Dotted key -> remedy; indices of lists are left out of the key.
 KEYS: dict[str, str] = {
@@ -8,11 +8,12 @@ KEYS: dict[str, str] = {
     "surface.seepage": "leave it out: nothing crosses the bed",
     "surface.tension": "leave it out: the surface is that of water deeper than some millimetres",
     "surface.wave.zone": "make the domain longer ahead of the grain, so that reflected waves come late",
-    "bed.leading_edge": "leave it out: plates in a turbulent stream are no longer simulated",
+    "bed.leading_edge": "leave it out: plates in a turbulent flow are no longer simulated",
     "turbulence.first_cell": "use numerics.mesh_size, which scales all cells",
 }
 
 # (Dotted key, value) -> remedy.
 VALUES: dict[tuple[str, str], str] = {
     ("body.on_contact", "repel"): 'use "touch": the grain then rolls, slides or rests on the bed',
+    ("numerics.accuracy_of", "couple"): 'use "torque"',
 }

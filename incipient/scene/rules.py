@@ -1,4 +1,4 @@
-"""The rules that the sections of a scene obey together: one table of where, when, why and what to do instead.
+"""Rules between the sections of a scene: one table of key, condition, reason and remedy.
 
 Of the rules of one group the first that is broken is reported. `{...}` in a text is an attribute of the scene `s`.
 """
@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .expression import Expression
 from .flows import ExpressionFlow
-from .messages import Problem, either, problem
-from .model import Contact, SceneSections
-from .numerics import OF_SURFACE, OF_WALLS, Numerics
+from .messages import Problem, either
+from .numerics import OF_SURFACE, OF_WALLS
+from .section import Rule, Text
 from .surface import FREE, Surface
+
+if TYPE_CHECKING:
+    from .model import Scene
 
 # Base flows below a free surface: profiles without shear on it, or none.
 STREAMS = ("open-channel", "uniform", "still")
@@ -42,77 +45,61 @@ _BY_OTHERS = (
 )
 
 Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks itself
-Text = str | Callable[[Any], str]
 
 
-class Rule:
-    """A key, what breaks the rule, why that is wrong, and the remedy."""
-
-    def __init__(self, key: Text, broken: Asked, why: Text, remedy: Text):
-        self.key, self.broken, self.why, self.remedy = key, broken, why, remedy
-
-    def problem(self, scene: SceneSections) -> Problem:
-        """The problem of a scene that breaks the rule."""
-        return problem(*(_told(text, scene) for text in (self.key, self.why, self.remedy)))
-
-
-def _told(text: Text, scene: SceneSections) -> str:
-    return text.format(s=scene) if isinstance(text, str) else text(scene)
-
-
-def contradictions(scene: SceneSections) -> Iterator[Problem]:
-    """All contradictions between sections but for those of places and extents."""
+def contradictions(scene: Scene) -> Iterator[Problem]:
+    """All contradictions between sections except for positions and extents."""
     for group in RULES:
         first = next((rule for rule in group if rule.broken(scene)), None)
         if first is not None:
             yield first.problem(scene)
 
 
-# -- what rules ask of a scene ---------------------------------------------------------------------
+# -- conditions of rules ---------------------------------------------------------------------------
 
 
-def _unsteady(s: SceneSections) -> bool:
+def _unsteady(s: Scene) -> bool:
     return isinstance(s.flow, ExpressionFlow) and s.flow.unsteady
 
 
-def _surface(s: SceneSections) -> Surface:
+def _surface(s: Scene) -> Surface:
     return s.surface or Surface()
 
 
-def _wave(s: SceneSections) -> bool:
+def _wave(s: Scene) -> bool:
     return _surface(s).wave is not None
 
 
-def _without_scale(s: SceneSections) -> bool:
+def _without_scale(s: Scene) -> bool:
     return s.fluid.scale == "grain" and s.body is None
 
 
-def _gust(s: SceneSections) -> Any:
+def _gust(s: Scene) -> Any:
     return getattr(s.flow, "gust", None)
 
 
-def _datum(s: SceneSections) -> Any:
+def _datum(s: Scene) -> Any:
     return getattr(s.flow, "datum", "auto")
 
 
-def _channel(s: SceneSections) -> bool:
+def _channel(s: Scene) -> bool:
     return s.has_surface and s.domain.kind == "channel"
 
 
-def _stream(s: SceneSections) -> bool:
+def _stream(s: Scene) -> bool:
     """Whether there is a free surface above a flow that may be below one."""
     return _channel(s) and s.flow.kind in STREAMS
 
 
-def _boxed(s: SceneSections) -> bool:
+def _boxed(s: Scene) -> bool:
     return s.domain.kind == "box"
 
 
-def _touches(s: SceneSections) -> bool:
+def _touches(s: Scene) -> bool:
     return s.body is not None and s.body.touches
 
 
-def _free(s: SceneSections) -> bool:
+def _free(s: Scene) -> bool:
     return s.body is not None and s.body.is_free
 
 
@@ -120,38 +107,38 @@ def _quasi_steady(s: Any) -> bool:
     return s.effects.unsteadiness is False and s.time is not None
 
 
-def _mean_channel(s: SceneSections) -> bool:
+def _mean_channel(s: Scene) -> bool:
     """Whether the flow is turbulent and there is no grain."""
     return s.is_averaged and s.body is None
 
 
-def _forms(s: SceneSections) -> bool:
+def _forms(s: Scene) -> bool:
     return s.bed is not None and s.bed.kind != "flat"
 
 
-def _verdict(s: SceneSections) -> bool:
+def _verdict(s: Scene) -> bool:
     return s.numerics.accuracy == "verdict"
 
 
-def _accurate(s: SceneSections) -> bool:
+def _accurate(s: Scene) -> bool:
     return s.numerics.accuracy is not None
 
 
-def _step(s: SceneSections) -> float | None:
+def _step(s: Scene) -> float | None:
     """x of a vertical step of a bed of lines."""
     if s.bed is None or s.bed.kind != "polyline":
         return None
     return next((left for (left, _), (right, _) in pairwise(s.bed.points) if left == right), None)
 
 
-def _roughness(s: SceneSections) -> float:
+def _roughness(s: Scene) -> float:
     """u* k_s/nu of a logarithmic profile in a channel; zero of other flows."""
     if s.flow.kind != "log-law" or _boxed(s) or _without_scale(s):
         return 0.0
     return float(s.flow.shear_velocity * s.flow.roughness / s.viscosity)
 
 
-def _motion(s: SceneSections) -> str:
+def _motion(s: Scene) -> str:
     return "there is no grain" if s.body is None else f'body.motion = "{s.body.motion}"'
 
 
@@ -161,10 +148,10 @@ def _motion(s: SceneSections) -> str:
 def _of_dimension(section: str, key: str) -> tuple[Rule, ...]:
     """Grain and bed are of the scene's dimension, which the domain's width decides."""
 
-    def value(s: SceneSections) -> Any:
+    def value(s: Scene) -> Any:
         return getattr(getattr(s, section), key)
 
-    def differs(s: SceneSections, gdim: int) -> bool:
+    def differs(s: Scene, gdim: int) -> bool:
         part = getattr(s, section)
         return part is not None and s.gdim == gdim and gdim not in part.gdims
 
@@ -185,35 +172,31 @@ def _with_time(key: str, broken: Asked, why: str, remedy: str) -> Rule:
 
 
 def _never_steady(broken: Asked, why: str, remedy: str) -> Rule:
-    """What a flow that is to become steady cannot have."""
+    """The rule that flows without a steady state have no time.until_steady."""
     return Rule("time.until_steady",
                 lambda s: s.time is not None and s.time.until_steady is not None and broken(s),
                 f"is for {why}", f"leave it out or {remedy}")  # fmt: skip
 
 
 def _read_for_motion(key: str, with_surface: bool) -> Rule:
-    default = Numerics.model_fields[key].default
     return Rule(f"numerics.{key}",
-                lambda s: not s.moves and not (with_surface and s.has_surface) and getattr(s.numerics, key) != default,
+                lambda s: not s.moves and not (with_surface and s.has_surface) and s.numerics.changed(key),
                 "is read only for a grain that moves", "leave it out or set body.motion")  # fmt: skip
 
 
 def _read_for_touching(key: str) -> Rule:
-    default = Contact.model_fields[key].default
-    return Rule(f"contact.{key}",
-                lambda s: not _touches(s) and s.contact is not None and getattr(s.contact, key) != default,
+    return Rule(f"contact.{key}", lambda s: not _touches(s) and s.contact is not None and s.contact.changed(key),
                 f"is read only with {TOUCHES}", "leave it out")  # fmt: skip
 
 
 def _for_accuracy(key: str, why: str) -> Rule:
-    default = Numerics.model_fields[key].default
-    return Rule(f"numerics.{key}", lambda s: not _accurate(s) and getattr(s.numerics, key) != default,
+    return Rule(f"numerics.{key}", lambda s: not _accurate(s) and s.numerics.changed(key),
                 f"{why} but none is asked for", "add numerics.accuracy or leave it out")  # fmt: skip
 
 
-def _for_boxes(key: str, usual: Any) -> Rule:
+def _for_boxes(key: str) -> Rule:
     return Rule(f"surface.{key}",
-                lambda s: s.has_surface and _boxed(s) and s.flow.kind == "still" and getattr(_surface(s), key) != usual,
+                lambda s: s.has_surface and _boxed(s) and s.flow.kind == "still" and _surface(s).changed(key),
                 "is read only in a channel but the domain is a box",
                 'leave it out or use domain.kind = "channel"')  # fmt: skip
 
@@ -402,6 +385,8 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     (
         Rule("contact.friction", lambda s: _touches(s) and s.contact is None,
              "is missing, but the grain touches the bed while it moves", "add a section [contact] with a friction"),
+        Rule("contact.cohesion", lambda s: s.moves and s.contact is not None and s.contact.cohesion,
+             "is that of a grain at rest but the grain moves", 'leave it out, or set body.motion = "fixed"'),
         Rule("contact.kinetic_friction",
              lambda s: _touches(s) and (s.contact.kinetic_friction or 0.0) > s.contact.friction,
              "is {s.contact.kinetic_friction:g}, more than contact.friction = {s.contact.friction:g}",
@@ -483,9 +468,9 @@ RULES: tuple[tuple[Rule, ...], ...] = (
              lambda s: _stream(s) and s.time is not None and s.time.start != "rest" and _surface(s).outflow == "wall",
              "is a flow through but the channel has an end", 'use "rest"'),
     ),
-    (_for_boxes("wave", None),),
-    (_for_boxes("outflow", "open"),),
-    (_for_boxes("sponge", 0.0),),
+    (_for_boxes("wave"),),
+    (_for_boxes("outflow"),),
+    (_for_boxes("sponge"),),
     (
         Rule("surface.bottom", lambda s: s.has_surface and _surface(s).bottom == "slip" and s.bed is not None,
              "is for a domain without [bed]", "leave one of them out"),

@@ -1,7 +1,10 @@
-"""What all sections of a scene share: immutability, strictness, and one-line errors."""
+"""The base of all sections of a scene: immutable, strict, with one-line errors."""
 
-from collections.abc import Callable
-from typing import Annotated, Any
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -11,17 +14,28 @@ from pydantic import (
     Field,
     ValidationError,
     field_validator,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
 
 from ..arrays import LARGEST, SMALLEST
 from ..errors import SceneError
 from .expression import Expression
-from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal, split
+from .messages import (
+    WITHIN,
+    Problem,
+    counted,
+    one_line,
+    problem,
+    problems_of,
+    refusal,
+    shown,
+    split,
+)
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
-    """A key of a section: what it is, with its unit; its default, without which it is needed; bounds and examples."""
+    """A key of a section: its description with the unit, its default (required without one), bounds and examples."""
     return Field(default, description=description, **more)
 
 
@@ -39,24 +53,79 @@ Pair = Annotated[tuple[float, float], Field(strict=False)]
 PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
 
 
-def three(value: Any, example: str = "[x, y, z]") -> Any:
-    """The value, unless it is a list of another length than three; `example` says what the three would be."""
-    if isinstance(value, list | tuple) and len(value) != 3:
-        raise contradiction(f"has {counted(len(value), 'item')}", f"give three, as in {example}")
-    return value
+def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
+    """The validator of a key that refuses values that do not fit."""
+
+    def fitting(value: Any) -> Any:
+        if not fits(value):
+            raise contradiction(f"is {shown(value)}", remedy)
+        return value
+
+    return BeforeValidator(fitting)
 
 
-Triple = Annotated[tuple[float, float, float], Field(strict=False), BeforeValidator(three)]
-PositiveTriple = Annotated[
-    tuple[Positive, Positive, Positive], Field(strict=False), BeforeValidator(three)
+def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
+    """The validator of a key that refuses lists of another number of items."""
+
+    def as_long(value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) not in counts:
+            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
+        return value
+
+    return BeforeValidator(as_long)
+
+
+Choice = Annotated[
+    Literal["auto", True, False],
+    allowed(lambda value: value == "auto" or isinstance(value, bool), 'use "auto", true or false'),
 ]
+
+
+def formula(variables: str, why: str = "") -> AfterValidator:
+    """The validator of a formula in these variables; `why` is added to the reason of a refusal."""
+
+    def in_variables(text: str) -> str:
+        require_formula(text, variables, why)
+        return text
+
+    return AfterValidator(in_variables)
+
+
+_THREE = of_length((3,), "give three, as in [x, y, z]")
+Triple = Annotated[tuple[float, float, float], Field(strict=False), _THREE]
+PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), _THREE]
+_UNIT = re.compile(r"\[([^\[\]]+)\]")  # of keys, as their descriptions have them
+Text = str | Callable[[Any], str]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule of a section or scene: its key, the condition that breaks it, the reason and the remedy.
+
+    `broken` takes the section or scene `s`; `{s...}` in a text is an attribute of it.
+    """
+
+    key: Text
+    broken: Callable[[Any], Any]
+    why: Text
+    remedy: Text
+
+    def problem(self, section: Any) -> Problem:
+        """The problem of a section, or scene, that breaks the rule."""
+        texts = (self.key, self.why, self.remedy)
+        return problem(*(t.format(s=section) if isinstance(t, str) else t(section) for t in texts))
 
 
 class Section(BaseModel):
     """A part of a scene: immutable, of known keys only, with finite numbers only.
 
     Raises SceneError, one line that names the key, why and the remedy, when built from Python with wrong values.
+
+    Attributes:
+        rules: the rules of the section's keys; the first that is broken is reported.
     """
+
+    rules: ClassVar[tuple[Rule, ...]] = ()
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True
@@ -87,8 +156,18 @@ class Section(BaseModel):
         """The error that a validator of this section raises about one of its keys."""
         return refusal(type(self).__name__, [Problem((key,), why, remedy)])
 
+    @model_validator(mode="after")
+    def _obeys_its_rules(self) -> Self:
+        if broken := next((rule for rule in self.rules if rule.broken(self)), None):
+            raise refusal(type(self).__name__, [broken.problem(self)])
+        return self
+
+    def changed(self, key: str) -> bool:
+        """Whether a key has another value than by default."""
+        return bool(getattr(self, key) != type(self).model_fields[key].default)
+
     def require(self, key: str, make: Callable[[], Any]) -> None:
-        """Makes what a key describes; raises the error about the key if that cannot be."""
+        """Make the object that a key describes; raises the error about the key on failure."""
         try:
             make()
         except SceneError as error:
@@ -113,7 +192,7 @@ def is_number(value: Any) -> bool:
 
 
 def require_formula(text: str, variables: str, why: str = "") -> None:
-    """Refuses what is no formula in these variables; `why` is added to what is wrong with others."""
+    """Refuse text that is no formula in these variables; `why` is added to the reason."""
     try:
         unknown = Expression(text).variables - set(variables)
     except SceneError as error:
@@ -124,7 +203,31 @@ def require_formula(text: str, variables: str, why: str = "") -> None:
         )
 
 
+def rises(rows: Sequence[Sequence[float]]) -> bool:
+    """Whether the first numbers of rows ascend."""
+    return all(later[0] > earlier[0] for earlier, later in pairwise(rows))
+
+
 def ordered_keys(section: type[BaseModel]) -> list[str]:
     """Keys of a section in the order of reading: its own before those it shares with its alternatives."""
     own = [name for name in section.model_fields if name in section.__annotations__]
     return own + [name for name in section.model_fields if name not in own]
+
+
+def unit_of(model: type[BaseModel], key: str) -> str:
+    """The unit of a key such as ``body.density`` of a scene, "-" for a pure number; empty where there is none."""
+    models, described = [model], [""]
+    for part in key.split("."):
+        fields = [one.model_fields[part] for one in models if part in one.model_fields]
+        described = [field.description or "" for field in fields]
+        models = [inner for field in fields for inner in _models(field.annotation)]
+    units = (unit[1] for text in described if (unit := _UNIT.search(text)))
+    return next(units, "")
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)

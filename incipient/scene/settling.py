@@ -1,4 +1,4 @@
-"""Where the grain of a scene comes to rest when it is let go."""
+"""Equilibrium of a released grain on its bed."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -12,7 +12,7 @@ from ..geometry.settle import settle
 DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees
 
 
-# A scene is asked for its placement many times, and the answer takes a second or two.
+# The placement of a scene is read many times; computing it takes one or two seconds.
 @lru_cache(maxsize=16)
 def rested(
     grain: Any,
@@ -22,7 +22,7 @@ def rested(
     friction: float | None,
     reach: float,
 ) -> Placement:
-    """The equilibrium that a grain finds which is let go over a place, turned as it is there, in 2-D or in 3-D.
+    """The equilibrium of a grain that is released above a placement, in 2-D or in 3-D.
 
     `down` is the direction of gravity; `reach` is how far the grain may roll. Raises SceneError if it
     does not come to rest, or only balances.
@@ -34,10 +34,10 @@ def rested(
         # On many short sides a grain would roll by one after the other: it first rolls on a smooth outline.
         coarse = settle(smoothed, bed, start, down, hold, reach / grain.size)
         start = coarse.placement if coarse.stable else start
-    found = settle(grain, bed, start, down, hold, reach / grain.size)
-    if not found.stable:
+    settled = settle(grain, bed, start, down, hold, reach / grain.size)
+    if not settled.stable:
         turn = "angle" if above.gdim == 2 else "y or orientation"
         raise SceneError(
-            f"the grain {found.outcome.value}; change x or {turn}, or leave settle out"
+            f"the grain {settled.outcome.value}; change x or {turn}, or leave settle out"
         )
-    return found.placement
+    return settled.placement

@@ -1,4 +1,4 @@
-"""The grain and the bed of a scene: what a user writes about their shapes, and the geometry that it means."""
+"""Shapes of grains and beds: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import Field
 
 from .. import geometry
 from ..arrays import Point
 from ..geometry.plane.grains import MAX_EXPONENT
-from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
-from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
-from .section import NotNegative, Pair, Positive, PositivePair, Section, key, three
+from .grains import SETTLES, BodySection, Density, Motion, OfTime, OnContact, Settle
+from .points import MOST_POINTS, FromFile, about_file, file_key, read_points
+from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key, of_length
 
 MOST_DISCS, MOST_HARMONICS = 500, 100
 
-Numbers = Annotated[tuple[float, ...], Field(strict=False)]
-Course = Annotated[tuple[str, str, str], Field(strict=False)]
+Numbers = Annotated[tuple[float, ...], Field(strict=False, max_length=MOST_HARMONICS)]
+Course = Annotated[tuple[OfTime, OfTime, OfTime], Field(strict=False)]
 
 
-_THREE = BeforeValidator(lambda value: three(value, "[x, y, radius]"))
-Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _THREE]
+_CIRCLE = of_length((3,), "give three, as in [x, y, radius]")
+Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _CIRCLE]
 
 
 class GrainSection(BodySection):
-    """What grains of all 2-D shapes have in common."""
+    """Common keys of grains in 2-D."""
 
     gdim: ClassVar[int] = 2
     gdims: ClassVar[tuple[int, ...]] = (2,)
@@ -71,80 +71,58 @@ class GrainSection(BodySection):
 class Disc(GrainSection):
     """A disc."""
 
+    made_of = (geometry.Disc, "diameter")
     shape: Literal["disc"] = key("Shape of the grain", "disc")
     diameter: Positive = key("Diameter [length]")
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Disc(self.diameter)
 
 
 class Ellipse(GrainSection):
     """An ellipse."""
 
+    made_of = (geometry.Ellipse, "semi_axes")
     shape: Literal["ellipse"] = key("Shape of the grain", "ellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Ellipse(self.semi_axes)
 
 
 class Rectangle(GrainSection):
     """A rectangle, its corners rounded or not."""
 
+    made_of = (geometry.Rectangle, "width", "height", "corner_radius")
     shape: Literal["rectangle"] = key("Shape of the grain", "rectangle")
     width: Positive = key("Side along x when angle is 0 [length]")
     height: Positive = key("The other side [length]")
     corner_radius: NotNegative = key("Radius of the rounded corners [length]", 0.0)
 
-    @model_validator(mode="after")
-    def _can_be_rounded(self) -> Rectangle:
-        largest = 0.5 * min(self.width, self.height)
-        if self.corner_radius > largest:
-            why = f"is {self.corner_radius:g}, more than half the shorter side, {largest:g}"
-            raise self.refused("corner_radius", why, "make it smaller")
-        return self
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Rectangle(self.width, self.height, self.corner_radius)
+    rules = (
+        *GrainSection.rules,
+        Rule("corner_radius", lambda s: 2.0 * s.corner_radius > min(s.width, s.height),
+             lambda s: f"is {s.corner_radius:g}, more than half the shorter side, {0.5 * min(s.width, s.height):g}",
+             "make it smaller"),
+    )  # fmt: skip
 
 
-class Polygon(GrainSection):
+class Polygon(FromFile, GrainSection):
     """A polygon whose sides do not cross; one of many points, such as a traced outline, may stand in a file."""
 
+    made_of = (geometry.Polygon, "vertices")
+    in_file = shape_key = "vertices"
     shape: Literal["polygon"] = key("Shape of the grain", "polygon")
     file: str | None = file_key("CSV file of x, y,", "vertices", "grain.csv")
-    vertices: Annotated[tuple[Pair, ...], Field(strict=False, min_length=3)] = key(
-        "Vertices in order around it, three or more, relative to any point [length]", ()
-    )
+    vertices: Annotated[
+        tuple[Pair, ...], Field(strict=False, min_length=3, max_length=MOST_POINTS)
+    ] = key("Vertices in order around it, three or more, relative to any point [length]", ())
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace the file by its points; an outline that ends where it began is closed without the last."""
-
-        def outline(path: Path) -> dict[str, Any]:
-            points = read_points(path, 3, "Polygon")
-            return {"vertices": points[:-1] if points[0] == points[-1] else points}
-
-        return with_file_read("Polygon", "vertices", data, info, outline)
-
-    @model_validator(mode="after")
-    def _is_simple(self) -> Polygon:
-        _limit(self, "vertices", MOST_POINTS)
-        self.require("vertices", self.grain)
-        return self
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Polygon(self.vertices)
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """The points; an outline that ends where it began is closed without the last."""
+        points = read_points(path, 3, "Polygon")
+        return {"vertices": points[:-1] if points[0] == points[-1] else points}
 
 
 class Superellipse(GrainSection):
     """A superellipse, between an ellipse and a box."""
 
+    made_of = (geometry.Superellipse, "semi_axes", "exponent")
     shape: Literal["superellipse"] = key("Shape of the grain", "superellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
     exponent: float = key(
@@ -153,59 +131,52 @@ class Superellipse(GrainSection):
         le=MAX_EXPONENT,
     )
 
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Superellipse(self.semi_axes, self.exponent)
-
 
 class Star(GrainSection):
     """A star-shaped grain, radius (1 + sum of cosines[k] cos(k a) + sines[k] sin(k a)) towards the angle a."""
 
+    made_of = (geometry.Star, "radius", "cosines", "sines")
     shape: Literal["star"] = key("Shape of the grain", "star")
     radius: Positive = key("Mean radius [length]")
     cosines: Numbers = key("Coefficients of cos(a), cos(2 a), ... [-]", (), examples=[(0.0, 0.2)])
     sines: Numbers = key("Coefficients of sin(a), sin(2 a), ... [-]", (), examples=[(0.0, 0.1)])
 
-    @model_validator(mode="after")
-    def _encloses_its_pole(self) -> Star:
-        for name in ("cosines", "sines"):
-            _limit(self, name, MOST_HARMONICS)
-        self.require("cosines" if self.cosines else "sines", self.grain)
-        return self
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Star(self.radius, self.cosines, self.sines)
+    @property
+    def shape_key(self) -> str:  # type: ignore[override]
+        """The key that is refused where the star has no radius."""
+        return "cosines" if self.cosines else "sines"
 
 
 class Discs(GrainSection):
     """Discs that overlap and move as one."""
 
+    shape_key = "discs"
     shape: Literal["discs"] = key("Shape of the grain", "discs")
-    discs: Annotated[tuple[Circle, ...], Field(strict=False, min_length=1)] = key(
-        "x, y and radius of each disc, relative to any point [length]"
-    )
-
-    @model_validator(mode="after")
-    def _hang_together(self) -> Discs:
-        _limit(self, "discs", MOST_DISCS)
-        self.require("discs", self.grain)
-        return self
+    discs: Annotated[
+        tuple[Circle, ...], Field(strict=False, min_length=1, max_length=MOST_DISCS)
+    ] = key("x, y and radius of each disc, relative to any point [length]")
 
     def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         return geometry.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
 
 
+def apart(kind: str) -> Rule:
+    """The rule that round forms of a bed do not overlap."""
+    return Rule("spacing", lambda s: s.spacing < 2.0 * s.radius,
+                lambda s: f"{s.spacing:g} is less than two radii, {2.0 * s.radius:g}: the {kind} overlap",
+                "enlarge spacing or reduce radius")  # fmt: skip
+
+
 class BedSection(Section):
-    """What beds of all kinds have in common."""
+    """Common keys of beds."""
 
     gdims: ClassVar[tuple[int, ...]] = (2,)  # dimensions of the spaces that there is such a bed in
 
     @property
     def slope_angle(self) -> float:
         """The angle in radians by which gravity is turned."""
-        return 0.0
+        return math.radians(getattr(self, "slope", 0.0))
 
     def forms(self, length: float) -> float:
         """Approximate number of bedforms on a length; 0 in 3-D, where not all are meshed."""
@@ -248,11 +219,6 @@ class Inclined(_Plane):
         "Angle by which the bed falls in the direction of the flow [degrees]", gt=-90, lt=90
     )
 
-    @property
-    def slope_angle(self) -> float:
-        """The angle in radians by which gravity is turned."""
-        return math.radians(self.slope)
-
 
 class Sinusoidal(BedSection):
     """Ripples, amplitude sin(2 pi x / wavelength + phase) above the base line."""
@@ -278,6 +244,7 @@ class Sinusoidal(BedSection):
 class HalfDiscs(BedSection):
     """A row of half-discs standing on the base line."""
 
+    rules = (apart("half-discs"),)
     kind: Literal["half-discs"] = key("Kind of bed", "half-discs")
     radius: Positive = key("Radius of the half-discs [length]")
     spacing: Positive = key("Distance between their centres, at least two radii [length]")
@@ -287,68 +254,43 @@ class HalfDiscs(BedSection):
         """Half-discs."""
         return length / self.spacing
 
-    @model_validator(mode="after")
-    def _do_not_overlap(self) -> HalfDiscs:
-        if self.spacing < 2.0 * self.radius:
-            why = f"{self.spacing:g} is less than two radii, {2.0 * self.radius:g}: the half-discs overlap"
-            raise self.refused("spacing", why, "enlarge spacing or reduce radius")
-        return self
-
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         return geometry.HalfDiscs(self.radius, self.spacing, self.offset - origin_x, origin_y)
 
 
-class Polyline(BedSection):
+class Polyline(FromFile, BedSection):
     """Lines, or a smooth curve, through points, which are read from a file or stand in the scene."""
 
+    rules = (
+        Rule("points", lambda s: _disorder(s.points), lambda s: str(_disorder(s.points)),
+             "sort the points by ascending x, each place once"),
+        Rule("smooth", lambda s: s.smooth and any(left[0] == right[0] for left, right in pairwise(s.points)),
+             "is true, but points have a step, the same x twice", "leave it out"),
+    )  # fmt: skip
     kind: Literal["polyline"] = key("Kind of bed", "polyline")
     file: str | None = file_key("CSV file of x, y,", "points", "bed.csv")
-    points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = key(
+    points: Annotated[
+        tuple[Pair, ...], Field(strict=False, min_length=2, max_length=MOST_POINTS)
+    ] = key(
         "Points with ascending x, heights counted from the base line; the same x twice: a step [length]",
         (),
     )
     smooth: bool = key("A smooth curve through the points instead of straight lines", False)
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace the file by its points, so that the scene no longer depends on where it was read."""
-
-        def ascending(path: Path) -> dict[str, Any]:
-            """The points in a file, refused if they are not sorted."""
-            points = read_points(path, 2, "Polyline")
-            if why := _disorder(points):
-                remedy = "give two or more points sorted by ascending x, each place once"
-                raise about_file("Polyline", f"{path} {why}", remedy)
-            return {"points": points}
-
-        return with_file_read("Polyline", "points", data, info, ascending)
-
-    @model_validator(mode="after")
-    def _is_sorted(self) -> Polyline:
-        _limit(self, "points", MOST_POINTS)
-        why = _disorder(self.points)
-        if why:
-            raise self.refused("points", why, "sort the points by ascending x, each place once")
-        if self.smooth and any(left[0] == right[0] for left, right in pairwise(self.points)):
-            raise self.refused(
-                "smooth", "is true, but points have a step, the same x twice", "leave it out"
-            )
-        return self
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """The points, refused if they are not sorted."""
+        points = read_points(path, 2, "Polyline")
+        if why := _disorder(points):
+            remedy = "give two or more points sorted by ascending x, each place once"
+            raise about_file("Polyline", f"{path} {why}", remedy)
+        return {"points": points}
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        made = geometry.Curved if self.smooth else geometry.Polyline
-        return made([(x - origin_x, y) for x, y in self.points], origin_y)
-
-
-def _limit(section: Section, key: str, most: int) -> None:
-    """Refuse a list that is too long to be dealt with."""
-    if len(getattr(section, key)) > most:
-        raise section.refused(
-            key, f"has {len(getattr(section, key))} items", f"give {most} at most"
-        )
+        curve = geometry.Curved if self.smooth else geometry.Polyline
+        return curve([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 def _disorder(points: Sequence[Point]) -> str | None:

@@ -1,4 +1,4 @@
-"""Grains in 3-D: what a user writes about their shapes, and the geometry that it means."""
+"""Grains in 3-D: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
@@ -7,37 +7,32 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import Field
 
 from .. import geometry
 from ..errors import SceneError
 from ..geometry.placement import product, rotation_by
 from ..geometry.plane.grains import MAX_EXPONENT
-from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
-from .messages import counted, split
-from .points import MOST_POINTS, about_file, file_key, with_file_read
-from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction, key
+from .grains import SETTLES, BodySection, Density, Motion, OfTime, OnContact, Settle
+from .messages import split
+from .points import MOST_POINTS, FromFile, about_file, file_key
+from .section import NotNegative, Positive, PositiveTriple, Rule, Triple, key, of_length
 
 MOST_SPHERES = 500
 
 
-def _four(value: Any) -> Any:
-    """Refuse what is not a sphere by what its numbers would mean."""
-    if isinstance(value, list | tuple) and len(value) != 4:
-        raise contradiction(
-            f"has {counted(len(value), 'item')}", "give four, as in [x, y, z, radius]"
-        )
-    return value
-
-
-Ball = Annotated[tuple[float, float, float, Positive], Field(strict=False), BeforeValidator(_four)]
+Ball = Annotated[
+    tuple[float, float, float, Positive],
+    Field(strict=False),
+    of_length((4,), "give four, as in [x, y, z, radius]"),
+]
 Triangle = Annotated[tuple[int, int, int], Field(strict=False)]
 SemiAxes = Annotated[
     PositiveTriple, Field(description="Semi-axes along x, y and z without orientation [length]")
 ]
 Exponent = Annotated[float, Field(ge=2, le=MAX_EXPONENT)]
 Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
-Course = Annotated[tuple[str, str, str, str, str, str], Field(strict=False)]
+Course = Annotated[tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime], Field(strict=False)]
 
 
 def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
@@ -53,11 +48,14 @@ def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
 
 
 class SolidSection(BodySection):
-    """What grains of all 3-D shapes have in common."""
+    """Common keys of grains in 3-D."""
 
     gdim: ClassVar[int] = 3
     gdims: ClassVar[tuple[int, ...]] = (3,)
-    shape_key: ClassVar[str] = "shape"  # the key that gives the shape
+    rules = (
+        *BodySection.rules,
+        Rule("y", lambda s: s.y is not None and s.x is None, "goes with x, but centre is given", "leave it out"),
+    )  # fmt: skip
 
     x: float | None = key(
         "Rests on the bed at this distance along [length]; give x or centre", None, examples=[4.0]
@@ -98,17 +96,6 @@ class SolidSection(BodySection):
     )
     on_contact: OnContact = "stop"
 
-    @model_validator(mode="after")
-    def _has_one_place(self) -> SolidSection:
-        if self.y is not None and self.x is None:
-            raise self.refused("y", "goes with x, but centre is given", "leave it out")
-        return self
-
-    @model_validator(mode="after")
-    def _is_a_solid(self) -> SolidSection:
-        self.require(self.shape_key, self.grain)
-        return self
-
     @property
     def aside(self) -> float | None:
         """The y over which it comes to rest; None: the middle of the width."""
@@ -128,112 +115,106 @@ class SolidSection(BodySection):
 class Sphere(SolidSection):
     """A sphere."""
 
+    made_of = (geometry.Sphere, "diameter")
     shape: Literal["sphere"] = key("Shape of the grain", "sphere")
     diameter: Positive = key("Diameter [length]")
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Sphere(self.diameter)
 
 
 class Cylinder(SolidSection):
     """A cylinder across the flow from one side of the domain to the other, held."""
 
+    made_of = (geometry.Cylinder, "diameter", "length")
+    rules = (
+        *SolidSection.rules,
+        Rule("x", lambda s: s.centre is None, "a cylinder is held and does not rest", "give centre instead"),
+        Rule("motion", lambda s: s.moves, "a cylinder across the flow is held", 'give "fixed"'),
+        Rule("orientation", lambda s: any(s.orientation), "a cylinder lies across the flow", "leave it out"),
+    )  # fmt: skip
     shape: Literal["cylinder"] = key("Shape of the grain", "cylinder")
     diameter: Positive = key("Diameter [length]")
     length: Positive = key("Length, the width of the domain [length]")
 
-    @model_validator(mode="after")
-    def _is_held(self) -> Cylinder:
-        if self.centre is None:
-            raise self.refused("x", "a cylinder is held and does not rest", "give centre instead")
-        if self.motion != "fixed":
-            raise self.refused("motion", "a cylinder across the flow is held", 'give "fixed"')
-        if any(self.orientation):
-            raise self.refused("orientation", "a cylinder lies across the flow", "leave it out")
-        return self
+
+class Capsule(SolidSection):
+    """A cylinder with hemispheres as ends, its axis along y before it is turned."""
+
+    shape: Literal["capsule"] = key("Shape of the grain", "capsule")
+    diameter: Positive = key("Diameter [length]")
+    length: Positive = key("Length with the ends, above the diameter [length]")
+
+    rules = (
+        *SolidSection.rules,
+        Rule("length", lambda s: s.length <= s.diameter, "is {s.length:g}, no more than the diameter",
+             'give more than {s.diameter:g}, or shape = "sphere"'),
+    )  # fmt: skip
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Cylinder(self.diameter, self.length)
+        return geometry.Box((self.diameter, self.length, self.diameter), 0.5 * self.diameter)
 
 
 class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
+    made_of = (geometry.Ellipsoid, "semi_axes")
     shape: Literal["ellipsoid"] = key("Shape of the grain", "ellipsoid")
     semi_axes: SemiAxes
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Ellipsoid(self.semi_axes)
 
 
 class Superquadric(SolidSection):
     """A superquadric, between an ellipsoid and a box or a cylinder."""
 
+    made_of = (geometry.Superquadric, "semi_axes", "exponents")
     shape: Literal["superquadric"] = key("Shape of the grain", "superquadric")
     semi_axes: SemiAxes
     exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = key(
         "Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
     )
 
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Superquadric(self.semi_axes, self.exponents)
-
 
 class Box(SolidSection):
     """A box, its edges rounded or not."""
 
-    shape_key: ClassVar[str] = "edge_radius"
+    made_of = (geometry.Box, "sides", "edge_radius")
+    shape_key = "edge_radius"
     shape: Literal["box"] = key("Shape of the grain", "box")
     sides: PositiveTriple = key("Sides along x, y and z without orientation [length]")
     edge_radius: NotNegative = key("Radius of the rounded edges and corners [length]", 0.0)
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Box(self.sides, self.edge_radius)
 
 
 class Polyhedron(SolidSection):
     """A convex polyhedron."""
 
-    shape_key: ClassVar[str] = "vertices"
+    made_of = (geometry.Polyhedron, "vertices")
+    shape_key = "vertices"
     shape: Literal["polyhedron"] = key("Shape of the grain", "polyhedron")
-    vertices: Annotated[tuple[Triple, ...], Field(strict=False, min_length=4)] = key(
-        "Vertices, four or more, in any order, relative to any point [length]"
-    )
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        if len(self.vertices) > MOST_POINTS:
-            raise SceneError(f"has {len(self.vertices)} items; give {MOST_POINTS} at most")
-        return geometry.Polyhedron(self.vertices)
+    vertices: Annotated[
+        tuple[Triple, ...], Field(strict=False, min_length=4, max_length=MOST_POINTS)
+    ] = key("Vertices, four or more, in any order, relative to any point [length]")
 
 
 class Spheres(SolidSection):
     """Spheres that overlap and move as one."""
 
-    shape_key: ClassVar[str] = "spheres"
+    shape_key = "spheres"
     shape: Literal["spheres"] = key("Shape of the grain", "spheres")
-    spheres: Annotated[tuple[Ball, ...], Field(strict=False, min_length=1)] = key(
-        "x, y, z and radius of each sphere, relative to any point [length]"
-    )
+    spheres: Annotated[
+        tuple[Ball, ...], Field(strict=False, min_length=1, max_length=MOST_SPHERES)
+    ] = key("x, y, z and radius of each sphere, relative to any point [length]")
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        if len(self.spheres) > MOST_SPHERES:
-            raise SceneError(f"has {len(self.spheres)} items; give {MOST_SPHERES} at most")
         return geometry.Spheres(
             [ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres]
         )
 
 
-class Mesh(SolidSection):
+class Mesh(FromFile, SolidSection):
     """A grain bounded by triangles, such as a scanned pebble, from an STL, PLY or OBJ file."""
 
-    shape_key: ClassVar[str] = "triangles"
+    shape_key = "triangles"
+    in_file = "vertices"
+    instead = "give the name of an STL, PLY or OBJ file"
     shape: Literal["mesh"] = key("Shape of the grain", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "its triangles", "pebble.stl")
     size: Positive | None = key(
@@ -246,36 +227,30 @@ class Mesh(SolidSection):
         "Three numbers of vertices each, counted from 0, all in the same sense", ()
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace the file by its triangles, so that the scene no longer depends on where it was read."""
-
-        def surface(path: Path) -> dict[str, Any]:
-            """Vertices and triangles in a file, refused if they are too many or bound no grain."""
-            try:
-                found = geometry.Triangulated.from_file(path)
-            except SceneError as error:
-                raise about_file("Mesh", *split(str(error))) from None
-            if len(found.vertices) > MOST_POINTS:
-                why = f"{path} has {len(found.vertices)} vertices"
-                raise about_file("Mesh", why, f"reduce it to {MOST_POINTS} at most")
-            return {"vertices": found.vertices.tolist(), "triangles": found.triangles.tolist()}
-
-        return with_file_read(
-            "Mesh", "vertices", data, info, surface, "give the name of an STL, PLY or OBJ file"
-        )
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """Vertices and triangles, refused if they are too many or bound no grain."""
+        try:
+            surface = geometry.Triangulated.from_file(path)
+        except SceneError as error:
+            raise about_file("Mesh", *split(str(error))) from None
+        if len(surface.vertices) > MOST_POINTS:
+            why = f"{path} has {len(surface.vertices)} vertices"
+            raise about_file("Mesh", why, f"reduce it to {MOST_POINTS} at most")
+        return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
         points = np.array(self.vertices, dtype=float).reshape(-1, 3)
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
-        found = geometry.Triangulated(points, triangles)
+        grain = geometry.Triangulated(points, triangles)
         return (
-            found
+            grain
             if self.size is None
-            else geometry.Triangulated(self.size / found.size * points, triangles)
+            else geometry.Triangulated(self.size / grain.size * points, triangles)
         )
 
 
-SolidBody = Sphere | Cylinder | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
+SolidBody = (
+    Sphere | Cylinder | Capsule | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
+)

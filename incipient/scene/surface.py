@@ -1,4 +1,4 @@
-"""The free surface of a scene: what a user writes about it."""
+"""The free surface of a scene: the section [surface]."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field
 
 from .domain import Domain
 from .expression import Expression
-from .points import read_points
-from .section import NotNegative, Pair, Positive, Section, key, require_formula
+from .points import FromFile, file_key, read_points
+from .section import NotNegative, Pair, Positive, Rule, Section, formula, key, rises
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
-_VARIABLES = {"elevation": "xy", "pressure": "txy"}
 FREE = "free-surface"
 
 
@@ -29,15 +28,20 @@ class Wave(Section):
     period: Positive = key("Period as seen from the bed [time]", examples=[5.0])
 
 
-class Surface(Section):
+class Surface(FromFile):
     """The free surface, which at rest lies at the top of the domain."""
 
-    elevation: str = key("Formula in x, in 3-D also y: height above the still level [length]", "0")
-    file: str | None = key(
-        "CSV file of x, elevation relative to the scene; the resolved scene has points instead",
-        None,
-        examples=["elevation.csv"],
+    rules = (
+        Rule("points", lambda s: s.points and s.elevation != "0",
+             "are given beside a formula for the elevation", "leave one of them out"),
+        Rule("points", lambda s: len(s.points) == 1 or not rises(s.points),
+             "do not ascend in x", "give two or more points sorted by x, each x once"),
+    )  # fmt: skip
+
+    elevation: Annotated[str, formula("xy")] = key(
+        "Formula in x, in 3-D also y: height above the still level [length]", "0"
     )
+    file: str | None = file_key("CSV file of x, elevation", "points", "elevation.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
         "In 2-D, instead of the formula: x and elevation, straight between [length]", ()
     )
@@ -60,39 +64,19 @@ class Surface(Section):
     sponge: NotNegative = key(
         "Length before the right end of a channel in which waves die out [length]", 0.0
     )
-    pressure: str = key(
+    pressure: Annotated[str, formula("txy")] = key(
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace a file by its points, so that the scene no longer depends on where it was read."""
-        if not isinstance(data, dict) or not isinstance(data.get("file"), str):
-            return data
-        path = Path((info.context or {}).get("directory", "."), data["file"])
-        return {k: v for k, v in data.items() if k != "file"} | {
-            "points": read_points(path, 2, "Surface")
-        }
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """At rest it is level."""
+        return False
 
-    @field_validator("elevation", "pressure")
     @classmethod
-    def _is_a_formula(cls, text: str, info: ValidationInfo) -> str:
-        require_formula(text, _VARIABLES[str(info.field_name)])
-        return text
-
-    @model_validator(mode="after")
-    def _is_given_once(self) -> Surface:
-        if self.points and self.elevation != "0":
-            raise self.refused(
-                "points", "are given beside a formula for the elevation", "leave one of them out"
-            )
-        rising = all(a[0] < b[0] for a, b in zip(self.points[:-1], self.points[1:], strict=True))
-        if len(self.points) == 1 or not rising:
-            raise self.refused(
-                "points", "do not ascend in x", "give two or more points sorted by x, each x once"
-            )
-        return self
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """Places and elevations."""
+        return {"points": read_points(path, 2, "Surface")}
 
     def height(self, x: np.ndarray) -> np.ndarray:
         """Elevations (n,) above the still level at time zero, at places (3, n). Not collective."""
@@ -107,9 +91,9 @@ class Surface(Section):
 
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:
     """Positions of reported elevations: the stations; by default five from end to end, in 3-D three by three."""
-    given = () if surface is None else surface.places()
+    stations = () if surface is None else surface.places()
     along = 5 if domain.gdim == 2 else 3
     evenly = (
         [low + (high - low) * i / (along - 1) for i in range(along)] for low, high in domain.spans
     )
-    return list(given) or list(product(*evenly))
+    return list(stations) or list(product(*evenly))

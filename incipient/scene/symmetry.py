@@ -1,20 +1,24 @@
-"""What keeps a 3-D scene from being its own mirror image in the vertical plane through the middle of its width.
+"""Differences of a 3-D scene from its mirror image in the vertical plane through the middle of its width.
 
 Half of a scene that is its own mirror image is computed: one side of that plane, through which nothing flows.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
 from .domain import Domain
-from .expression import Expression, expressions
+from .expression import Expression, expressions, of_time
 from .messages import Problem, split
-from .model import SceneSections, Time
 from .surface import Surface
+
+if TYPE_CHECKING:
+    from .model import Scene, Time
 
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
 SPACING = 0.1  # of points on a grain's surface, in its size
@@ -24,18 +28,18 @@ MIRRORED = np.array([1.0, -1.0, 1.0])
 UNCHANGED = np.ones(1)
 
 
-def contradictory(found: Iterator[str]) -> Iterator[Problem]:
-    """Why a scene that is said to be its own mirror image is not, given its differences from that."""
+def contradictory(reasons: Iterator[str]) -> Iterator[Problem]:
+    """Problems of a scene that is given as symmetric, from its differences from the mirror image."""
     key = ("domain", "symmetric")
     try:
-        for why in found:
+        for why in reasons:
             yield Problem(key, f"is true, but {why}", "make the scene symmetric, or give false")
     except SceneError as error:  # of a formula without a value
         yield Problem(key, *split(str(error)))
 
 
-def differences(scene: SceneSections) -> Iterator[str]:
-    """What keeps a 3-D scene from being its own mirror image, in words."""
+def differences(scene: Scene) -> Iterator[str]:
+    """Differences of a 3-D scene from its mirror image, in words."""
     domain, time, surface = scene.domain, scene.time, scene.surface
     if scene.grain is not None and scene.placement is not None:
         yield from _of_grain(scene.grain, scene.placement, domain.middle)
@@ -72,23 +76,19 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
 
 
 def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
-    """Velocities that a mirror image would have otherwise: across, and spins about x and z."""
+    """Velocities that differ in a mirror image: across, and spins about x and z."""
     velocity, spin = np.asarray(body.velocity), np.asarray(body.spin)
     if velocity[1] or spin[0] or spin[2]:
         yield "the grain's velocity and spin are not those of its mirror image"
-    across = () if body.course is None else expressions(body.course, "body.course")[1::2]
-    if any(formula(np.zeros((3, 1)), t)[0] for formula in across for t in times):
+    course = None if body.course is None else of_time(body.course, "body.course")
+    if course is not None and any(course(t)[1::2].any() for t in times):
         yield "the grain's course is not that of its mirror image"
 
 
 def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
-    # Places that no period of the bed divides.
-    x = np.linspace(domain.left, domain.right, 7 * PLACES + 2)
-    y = np.linspace(*domain.across, 5 * PLACES + 1)
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    mirrored = points * [1.0, -1.0] + [0.0, 2.0 * domain.middle]
-    heights = bed.height(points)
-    off = float(np.abs(heights - bed.height(mirrored)).max())
+    along, across = 7 * PLACES + 2, 5 * PLACES + 1  # places that no period of the bed divides
+    heights = bed.height(domain.grid(along, across)).reshape(along, across)
+    off = float(np.abs(heights - heights[:, ::-1]).max())
     if off > ALIKE * max(float(np.ptp(heights)), 1e-300):
         yield f"the bed is {off:.2g} off its mirror image in y = {domain.middle:g}"
 
@@ -97,16 +97,11 @@ def _differ(
     formulas: Sequence[Expression], domain: Domain, time: Time | None, mirror: Floats = UNCHANGED
 ) -> bool:
     """Whether formulas are not those of the mirror image, whose values are `mirror` times theirs."""
-    points = _within(domain)
-    mirrored = points.copy()
-    mirrored[1] = 2.0 * domain.middle - points[1]
+    points = domain.grid(11, 11, 11).T
     for t in _times(time):
-        here, there = (
-            np.vstack([one(places, t) for one in formulas]) for places in (points, mirrored)
-        )
-        if np.abs(here - there * mirror[:, None]).max() > ALIKE * max(
-            float(np.abs(here).max()), 1e-300
-        ):
+        here = np.array([one(points, t) for one in formulas]).reshape(-1, 11, 11, 11)
+        there = mirror[:, None, None, None] * here[:, :, ::-1]
+        if np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):
             return True
     return False
 
@@ -118,10 +113,3 @@ def _formulas(surface: Surface) -> list[Expression]:
 
 def _times(time: Time | None) -> list[float]:
     return np.linspace(0.0, time.end, PLACES).tolist() if time else [0.0]
-
-
-def _within(domain: Domain) -> Floats:
-    """Points (3, n) in the domain."""
-    sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))
-    axes = [np.linspace(low, high, 11) for low, high in sides]
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3).T

@@ -1,26 +1,25 @@
-"""Beds in 3-D: what a user writes about their shapes, and the geometry that it means."""
+"""Beds in 3-D: their sections and the geometry that these describe."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from .. import geometry
 from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
 from ..errors import SceneError
 from .messages import Problem, refusal, shown, split
-from .points import about_file, file_key, read_numbers, with_file_read
-from .section import NotNegative, Pair, Positive, PositivePair, key
-from .shapes import BedSection
+from .points import FromFile, about_file, file_key, read_numbers
+from .section import NotNegative, Pair, Positive, PositivePair, Rule, key
+from .shapes import BedSection, apart
 from .solids import Ball
 
 MOST_SPHERES = 10_000  # of a heap
-_FILES = {"HeightMapBed": "a PNG, TIFF, .npy or .asc file", "MeshBed": "an STL, PLY or OBJ file"}
 Heights = Annotated[
     tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
     Field(strict=False, description="Heights above the base plane, rows of ascending y [length]"),
@@ -28,23 +27,30 @@ Heights = Annotated[
 
 
 class TerrainSection(BedSection):
-    """What beds have in common that there are in 3-D only."""
+    """Common keys of beds that exist in 3-D only."""
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
+    shape_key: ClassVar[str] = "kind"  # the key that is refused where there is no such bed
 
     slope: float = key(
         "Angle by which the bed falls in the direction of the flow [degrees]", 0.0, gt=-90, lt=90
     )
 
-    @property
-    def slope_angle(self) -> float:
-        """The angle in radians by which gravity is turned."""
-        return math.radians(self.slope)
+    @model_validator(mode="after")
+    def _has_a_shape(self) -> Self:
+        self.require(self.shape_key, lambda: self.terrain(0.0))
+        return self
 
 
 class SphereBed(TerrainSection):
     """Spheres of one size, the lowest sunk by half into the base plane."""
 
+    shape_key = "layers"
+    rules = (
+        apart("spheres"),
+        Rule("seed", lambda s: s.seed and s.arrangement != "random",
+             "is read only for a random arrangement", "leave it out"),
+    )  # fmt: skip
     kind: Literal["spheres"] = key("Kind of bed", "spheres")
     radius: Positive = key("Radius of the spheres [length]")
     spacing: Positive = key("Distance between neighbours' centres, at least two radii [length]")
@@ -56,16 +62,6 @@ class SphereBed(TerrainSection):
     offset: Pair = key("Place x, y of the centre of one of them [length]", (0.0, 0.0))
     angle: float = key("Angle of the rows, from x towards y [degrees]", 0.0)
 
-    @model_validator(mode="after")
-    def _do_not_overlap(self) -> SphereBed:
-        if self.spacing < 2.0 * self.radius:
-            why = f"{self.spacing:g} is less than two radii, {2.0 * self.radius:g}: the spheres overlap"
-            raise self.refused("spacing", why, "enlarge spacing or reduce radius")
-        if self.seed and self.arrangement != "random":
-            raise self.refused("seed", "is read only for a random arrangement", "leave it out")
-        self.require("layers", lambda: self.terrain(0.0))
-        return self
-
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
@@ -76,46 +72,31 @@ class SphereBed(TerrainSection):
         )
 
 
-class HeapBed(TerrainSection):
+class HeapBed(FromFile, TerrainSection):
     """Spheres of any sizes, each where it is given, above the base plane."""
 
+    in_file = shape_key = "spheres"
+    instead = "give the name of a CSV file"
     kind: Literal["heap"] = key("Kind of bed", "heap")
     file: str | None = file_key("CSV file of x, y, z, radius,", "spheres", "bed.csv")
-    spheres: Annotated[tuple[Ball, ...], Field(strict=False)] = key(
+    spheres: Annotated[tuple[Ball, ...], Field(strict=False, max_length=MOST_SPHERES)] = key(
         "x, y, z above the base plane, and radius of each sphere [length]", ()
     )
     posts: Annotated[tuple[Ball, ...], Field(strict=False)] = key(
         "The same of spheres that reach down to the base plane as cylinders [length]", ()
     )
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace the file by its spheres, so that the scene no longer depends on where it was read."""
-
-        def listed(path: Path) -> dict[str, Any]:
-            """The spheres in a file."""
-            return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
-
-        return with_file_read(
-            "HeapBed", "spheres", data, info, listed, "give the name of a CSV file"
-        )
-
-    @model_validator(mode="after")
-    def _is_a_heap(self) -> HeapBed:
-        if len(self.spheres) > MOST_SPHERES:
-            raise self.refused(
-                "spheres", f"are {len(self.spheres)}", f"give {MOST_SPHERES} at most"
-            )
-        self.require("spheres", lambda: self.terrain(0.0))
-        return self
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """The spheres in a file."""
+        return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
-        given = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
-        posts = np.arange(len(given)) >= len(self.spheres)
+        spheres = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
+        posts = np.arange(len(spheres)) >= len(self.spheres)
         return geometry.SphereBed(
-            given[:, :3] + [-corner[0], -corner[1], origin_z], given[:, 3], origin_z, posts
+            spheres[:, :3] + [-corner[0], -corner[1], origin_z], spheres[:, 3], origin_z, posts
         )
 
 
@@ -139,8 +120,18 @@ class RidgeBed(TerrainSection):
         return geometry.Ridges(self.amplitude, self.wavelength, angle, phase, origin_z)
 
 
-class RasterBed(TerrainSection):
+class RasterBed(FromFile, TerrainSection):
     """Heights on a raster, which a file or the scene gives."""
+
+    in_file = shape_key = "heights"
+    rules = (
+        Rule("heights", lambda s: sum(map(len, s.heights)) > MOST_HEIGHTS,
+             lambda s: f"are {sum(map(len, s.heights))}", f"give {MOST_HEIGHTS} at most, or a larger cell"),
+        Rule("heights", lambda s: len(set(map(len, s.heights))) > 1,
+             "are in rows of different lengths", "give as many in each"),
+        Rule("cell", lambda s: s.cell is None, "is missing",
+             "add how far apart the heights are, as in [0.1, 0.1]"),
+    )  # fmt: skip
 
     if TYPE_CHECKING:
         cell: tuple[float, float] | None
@@ -157,43 +148,18 @@ class RasterBed(TerrainSection):
         """Place x, y of the first height, which the file has at `origin`, by the key `offset` if that is given."""
         raise NotImplementedError
 
-    @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        """Replace the file by its heights, so that the scene no longer depends on where it was read."""
-
-        def raster(path: Path) -> dict[str, Any]:
-            """The heights in a file, how far apart they are and where the first one is."""
-            for name in ("cell", "offset", "scale"):
-                _require_numbers(cls.__name__, name, data.get(name))
-            try:
-                cell = data.get("cell")
-                found = cls._in_file(path, None if cell is None else tuple(cell), data)
-            except SceneError as error:
-                raise about_file(cls.__name__, *split(str(error))) from None
-            offset = cls._first_at(data.get("offset"), found.origin)
-            return {"cell": found.cell, "offset": offset, "heights": found.heights.tolist()}
-
-        remedy = f"give the name of {_FILES[cls.__name__]}"
-        return with_file_read(cls.__name__, "heights", data, info, raster, remedy)
-
-    @model_validator(mode="after")
-    def _is_a_raster(self) -> RasterBed:
-        count = sum(map(len, self.heights))
-        if count > MOST_HEIGHTS:
-            raise self.refused(
-                "heights", f"are {count}", f"give {MOST_HEIGHTS} at most, or a larger cell"
-            )
-        if len({len(row) for row in self.heights}) > 1:
-            raise self.refused(
-                "heights", "are in rows of different lengths", "give as many in each"
-            )
-        if self.cell is None:
-            raise self.refused(
-                "cell", "is missing", "add how far apart the heights are, as in [0.1, 0.1]"
-            )
-        self.require("heights", lambda: self.terrain(0.0))
-        return self
+    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+        """The heights in a file, how far apart they are and where the first one is."""
+        for name in ("cell", "offset", "scale"):
+            _require_numbers(cls.__name__, name, data.get(name))
+        try:
+            cell = data.get("cell")
+            raster = cls._in_file(path, None if cell is None else tuple(cell), data)
+        except SceneError as error:
+            raise about_file(cls.__name__, *split(str(error))) from None
+        offset = cls._first_at(data.get("offset"), raster.origin)
+        return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
@@ -207,6 +173,7 @@ class RasterBed(TerrainSection):
 class HeightMapBed(RasterBed):
     """Heights on a raster, from an image or a table."""
 
+    instead = "give the name of a PNG, TIFF, .npy or .asc file"
     kind: Literal["height-map"] = key("Kind of bed", "height-map")
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
     cell: PositivePair | None = key(
@@ -234,6 +201,7 @@ class HeightMapBed(RasterBed):
 class MeshBed(RasterBed):
     """The upper side of a surface of triangles, such as a scanned bed, from an STL, PLY or OBJ file."""
 
+    instead = "give the name of an STL, PLY or OBJ file"
     kind: Literal["mesh"] = key("Kind of bed", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
     cell: PositivePair | None = key(
@@ -256,7 +224,7 @@ class MeshBed(RasterBed):
         return geometry.HeightMap.from_surface(path, cell, data.get("scale", 1.0))
 
 
-_NUMBERS = {  # keys by which a file is read: how many numbers, the least that they may be, what to give
+_NUMBERS = {  # keys with which a file is read: number of values, lower bound, remedy
     "cell": (2, SMALLEST, "give two lengths, as in [0.1, 0.1]"),
     "offset": (2, -LARGEST, "give two lengths, as in [0.1, 0.1]"),
     "scale": (1, SMALLEST, "give a positive number"),
@@ -264,7 +232,7 @@ _NUMBERS = {  # keys by which a file is read: how many numbers, the least that t
 
 
 def _require_numbers(section: str, key: str, value: Any) -> None:
-    """Refuse what a file cannot be read by, before it is read; None stands for what is not given."""
+    """Refuse a key with which a file cannot be read; None is a missing key."""
     count, least, remedy = _NUMBERS[key]
     numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (

@@ -2,19 +2,60 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from .section import NotNegative, Positive, Section, key
+from .section import NotNegative, Positive, Rule, Section, key, rises
 
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 OF_K_EPSILON = ("c_mu", "c_1", "c_2", "sigma_k", "sigma_epsilon")
 
 
+def _of_profile(broken: Callable[[Any], bool], why: str, remedy: str) -> Rule:
+    return Rule("profile", lambda s: s.inflow == "profile" and broken(s), why, remedy)
+
+
+def _of_inflow(key: str) -> tuple[Rule, Rule]:
+    return (
+        Rule(key, lambda s: s.inflow == "developed" and getattr(s, key) is not None,
+             'is read only with inflow = "given" or "profile"', "leave it out"),
+        Rule(key, lambda s: s.inflow != "developed" and getattr(s, key) is None,
+             'is missing, which inflow = "{s.inflow}" needs', "add it"),
+    )  # fmt: skip
+
+
+def _of_k_epsilon(key: str) -> Rule:
+    return Rule(key, lambda s: not s.has_wall_functions and s.changed(key),
+                'is not read by model = "k-omega-sst"', "leave it out")  # fmt: skip
+
+
 class Turbulence(Section):
     """Turbulence by a model of the mean flow, with effects.turbulence = true."""
+
+    rules = (
+        Rule("roughness", lambda s: s.wall == "rough" and not s.roughness,
+             'is 0 but wall is "rough"', "give the equivalent sand roughness"),
+        Rule("roughness", lambda s: s.wall != "rough" and s.roughness,
+             'is {s.roughness:g} but wall is "{s.wall}"', 'set wall = "rough"'),
+        Rule("upstream_roughness", lambda s: s.upstream_roughness and s.roughness,
+             'is for smooth walls, but wall is "rough"', "leave it out: the inflow developed over these walls"),
+        Rule("upstream_roughness", lambda s: s.upstream_roughness and s.inflow == "given",
+             'is not read with inflow = "given"', "leave it out"),
+        *(rule for key in ("intensity", "length") for rule in _of_inflow(key)),
+        Rule("profile", lambda s: s.profile and s.inflow != "profile",
+             'is read only with inflow = "profile"', "leave it out"),
+        _of_profile(lambda s: len(s.profile) < 2 or len(set(map(len, s.profile))) != 1,
+                    "has not two or more rows of one length", "give rows of height and speed, each with k or none"),
+        _of_profile(lambda s: not rises(((0.0,), *s.profile)),
+                    "has heights that do not ascend from above zero", "sort the rows by height, walls left out"),
+        _of_profile(lambda s: any(value <= 0.0 for row in s.profile for value in row[1:]),
+                    "has a speed or a k that is not positive", "leave walls out: the law of the wall leads there"),
+        *map(_of_k_epsilon, OF_K_EPSILON),
+        Rule("c_2", lambda s: not 1.0 < s.c_1 < s.c_2,
+             "is {s.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"),
+    )  # fmt: skip
 
     model: Literal["k-epsilon", "k-omega-sst"] = key("Model: k-epsilon or k-omega SST", "k-epsilon")
     wall: Literal["equilibrium", "rough"] = key("Law of the wall", "equilibrium")
@@ -55,78 +96,6 @@ class Turbulence(Section):
     c_2: Positive = key("Loss of epsilon [-]", 1.92)
     sigma_k: Positive = key("nu_t over the diffusivity of k [-]", 1.0)
     sigma_epsilon: Positive = key("nu_t over the diffusivity of epsilon [-]", 1.3)
-
-    @model_validator(mode="after")
-    def _is_consistent(self) -> Turbulence:
-        if (self.wall == "rough") != (self.roughness > 0.0):
-            remedy = (
-                "give the equivalent sand roughness"
-                if self.wall == "rough"
-                else 'set wall = "rough"'
-            )
-            raise self.refused(
-                "roughness", f'is {self.roughness:g} but wall is "{self.wall}"', remedy
-            )
-        if self.upstream_roughness and (wrong := self._wrong_upstream()):
-            raise self.refused("upstream_roughness", *wrong)
-        for name in ("intensity", "length"):
-            there = getattr(self, name) is not None
-            if there != (self.inflow != "developed"):
-                why = 'is read only with inflow = "given" or "profile"'
-                if not there:
-                    why = f'is missing, which inflow = "{self.inflow}" needs'
-                raise self.refused(name, why, "leave it out" if there else "add it")
-        if wrong := self._wrong_profile():
-            raise self.refused("profile", *wrong)
-        if other := self._of_other_model():
-            raise self.refused(*other)
-        if not 1.0 < self.c_1 < self.c_2:
-            raise self.refused(
-                "c_2", f"is {self.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"
-            )
-        return self
-
-    def _wrong_upstream(self) -> tuple[str, str] | None:
-        """What contradicts a rough bed upstream, and the remedy; None: nothing."""
-        if self.roughness:
-            return (
-                'is for smooth walls, but wall is "rough"',
-                "leave it out: the inflow developed over these walls",
-            )
-        if self.inflow == "given":
-            return 'is not read with inflow = "given"', "leave it out"
-        return None
-
-    def _wrong_profile(self) -> tuple[str, str] | None:
-        """What is wrong with the profile, and the remedy; None: nothing."""
-        if self.inflow != "profile":
-            return (
-                ('is read only with inflow = "profile"', "leave it out") if self.profile else None
-            )
-        if len(self.profile) < 2 or len({len(row) for row in self.profile}) != 1:
-            return (
-                "has not two or more rows of one length",
-                "give rows of height and speed, each with k or none",
-            )
-        if any(high[0] <= low[0] for low, high in pairwise(((0.0,), *self.profile))):
-            return (
-                "has heights that do not ascend from above zero",
-                "sort the rows by height, walls left out",
-            )
-        if any(value <= 0.0 for row in self.profile for value in row[1:]):
-            return (
-                "has a speed or a k that is not positive",
-                "leave walls out: the law of the wall leads there",
-            )
-        return None
-
-    def _of_other_model(self) -> tuple[str, str, str] | None:
-        """A key that the k-omega model does not read, why, and the remedy; None: there is none."""
-        if self.has_wall_functions:
-            return None
-        usual = Turbulence()
-        given = [key for key in OF_K_EPSILON if getattr(self, key) != getattr(usual, key)]
-        return (given[0], 'is not read by model = "k-omega-sst"', "leave it out") if given else None
 
     @property
     def has_wall_functions(self) -> bool:

@@ -1,24 +1,60 @@
-"""SI units: the section [units] of a scene, and what one of the scene's units is (see `scaling`)."""
+"""SI units: the section [units] of a scene, and the dimensionless scene that follows from it.
+
+Lengths of the scene are in units of L0 = length, or diameter / nominal diameter in the scene, velocities in units of
+V0 = velocity / flow.velocity; of shear flow times are in units of T0 = flow.rate / shear_rate, and V0 = L0 / T0.
+With them
+
+    Re = V L / nu,    gravity.acceleration = g T0^2 / L0,    body.density = rho_s / rho_f,
+
+V and L being those of the Reynolds number in SI units. Forces are in units of rho_f V0^2 L0^2, in 2-D of
+rho_f V0^2 L0 per unit depth.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import field_validator, model_validator
+from pydantic import ValidationError
 
 from ..arrays import SMALLEST
-from .messages import either, shown
-from .section import Positive, Section, contradiction, is_number, key
+from .messages import either, problem, refusal
+from .section import Positive, Rule, Section, allowed, is_number, key
 
+if TYPE_CHECKING:
+    from .model import Scene
+
+_ONE_LENGTH = 'give one of them, as in length = "mm"'
+_SAME = 1e-9  # relative difference allowed between a value of the scene and its units
+_ANY = {"reynolds": 1.0, "acceleration": 1.0, "density": 2.0}  # until they are known
+_FILLED = (("fluid", "reynolds"), ("gravity", "acceleration"), ("body", "density"))
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
-class Units(Section):
-    """What the scene's units are in SI; Reynolds number, gravity and the grain's density follow."""
+Length = Annotated[
+    Literal["um", "mm", "cm", "m"] | Positive | None,
+    allowed(
+        lambda value: (
+            value is None or value in METRES or (is_number(value) and SMALLEST <= value < math.inf)
+        ),
+        f"give metres above zero, or {either([*METRES])}",
+    ),
+]
 
-    length: Literal["um", "mm", "cm", "m"] | Positive | None = key(
+
+class Units(Section):
+    """SI values of the scene's units; Reynolds number, gravity and the grain's density follow."""
+
+    rules = (
+        Rule("length", lambda s: s.length is not None and s.diameter is not None,
+             "is given beside diameter", _ONE_LENGTH),
+        Rule("length", lambda s: s.length is None and s.diameter is None,
+             "is missing, and diameter as well", _ONE_LENGTH),
+    )  # fmt: skip
+
+    length: Length = key(
         "The scene's unit of length, also that of files of grain and bed; a number is in metres",
         None,
         examples=["mm"],
@@ -37,22 +73,8 @@ class Units(Section):
         "What flow.velocity is, of a log-law flow.shear_velocity [m/s]", None, examples=[0.01]
     )
 
-    @field_validator("length", mode="before")
-    @classmethod
-    def _is_a_length(cls, value: Any) -> Any:
-        if value is None or value in METRES or (is_number(value) and SMALLEST <= value < math.inf):
-            return value
-        raise contradiction(f"is {shown(value)}", f"give metres above zero, or {either([*METRES])}")
-
-    @model_validator(mode="after")
-    def _have_one_length(self) -> Units:
-        if (self.length is None) == (self.diameter is None):
-            both = "is given beside diameter" if self.length else "is missing, and diameter as well"
-            raise self.refused("length", both, 'give one of them, as in length = "mm"')
-        return self
-
     def metres(self, grain: Any) -> float:
-        """What one of the scene's units of length is [m]."""
+        """The scene's unit of length [m]."""
         if self.diameter is not None:
             return self.diameter / nominal_diameter(grain)
         return METRES[self.length] if isinstance(self.length, str) else float(self.length or 0.0)
@@ -60,7 +82,7 @@ class Units(Section):
 
 @dataclass(frozen=True)
 class Scales:
-    """What one of the scene's units is in SI: length [m], time [s], density [kg/m^3]."""
+    """SI values of the scene's units: length [m], time [s], density [kg/m^3]."""
 
     length: float
     time: float
@@ -83,7 +105,7 @@ class Scales:
         return self.stress * self.length ** (self.gdim - 1)
 
     @property
-    def couple(self) -> float:
+    def torque(self) -> float:
         """[N m], in 2-D [N]."""
         return self.force * self.length
 
@@ -93,3 +115,80 @@ def nominal_diameter(grain: Any) -> float:
     if grain.gdim == 2:
         return math.sqrt(4.0 * grain.volume / math.pi)
     return float((6.0 * grain.volume / math.pi) ** (1.0 / 3.0))
+
+
+def scales_of(scene: Scene, units: Units) -> Scales:
+    """The scales of a scene with a grain.
+
+    Raises ValidationError if there is no grain, or the flow's speed is not given as the flow needs it.
+    """
+    if scene.body is None:
+        raise _refused(
+            "units", "are those of a scene with a grain, and there is none", "add a section [body]"
+        )
+    kind, shear = scene.flow.kind, scene.flow.kind == "shear"
+    needed, other = ("shear_rate", "velocity") if shear else ("velocity", "shear_rate")
+    speed = getattr(units, needed)
+    if speed is None:
+        raise _refused(f"units.{needed}", f'is missing, which the flow "{kind}" needs', "add it")
+    if getattr(units, other) is not None:
+        raise _refused(f"units.{other}", f'is not of the flow "{kind}"', f"give {needed} only")
+    length = units.metres(scene.grain)
+    stated = scene.flow.rate if scene.flow.kind == "shear" else scene.reference_velocity
+    time = stated / speed if shear else length * stated / speed
+    return Scales(length, time, units.fluid_density, scene.gdim)
+
+
+def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene]) -> dict[str, Any]:
+    """The data of a scene with what follows from its units, which it may also have.
+
+    Args:
+        checked: the scene of data without units.
+
+    Raises ValidationError if the scene is wrong, or contradicts its units.
+    """
+    try:
+        units = Units.model_validate(data["units"])
+    except ValidationError:  # which is reported when the whole scene is checked
+        return _filled(data, _ANY)
+    if _get(data.get("body"), "mass") is not None:
+        raise _refused("body.mass", "is given beside [units]", "leave one of them out")
+    scene = checked({**_filled(data, _ANY), "units": None})
+    scales, speed, length = (
+        scales_of(scene, units),
+        scene.reference_velocity,
+        scene.reference_length,
+    )
+    derived = {
+        "reynolds": speed * scales.velocity * length * scales.length / units.viscosity,
+        "acceleration": units.gravity * scales.time**2 / scales.length,
+        "density": units.grain_density / units.fluid_density,
+    }
+    for section, name in _FILLED:
+        stated = _get(data.get(section), name)
+        if isinstance(stated, int | float) and abs(stated / derived[name] - 1.0) > _SAME:
+            why = f"is {stated:g}, but [units] makes it {derived[name]:g}"
+            raise _refused(f"{section}.{name}", why, "leave it out")
+    return _filled(data, derived)
+
+
+def _filled(data: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
+    """Data completed with Reynolds number, gravity and density."""
+    filled = dict(data)
+    for section, name in _FILLED:
+        part = data.get(section)
+        if _get(part, name) is not None:
+            continue
+        if isinstance(part, Section):
+            filled[section] = part.model_copy(update={name: values[name]})
+        elif isinstance(part, dict) or (part is None and section == "gravity"):
+            filled[section] = {**(part or {}), name: values[name]}
+    return filled
+
+
+def _get(section: Any, key: str) -> Any:
+    return section.get(key) if isinstance(section, dict) else getattr(section, key, None)
+
+
+def _refused(key: str, why: str, remedy: str) -> ValidationError:
+    return refusal("Scene", [problem(key, why, remedy)], between=True)

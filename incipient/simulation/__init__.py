@@ -1,1 +1,1 @@
-"""Runs of a scene: state and procedure, steady and in time, to the result."""
+"""Steady and unsteady runs of a scene."""

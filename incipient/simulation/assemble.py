@@ -1,6 +1,6 @@
-"""The result of a computed flow: loads on the grain, verdict, error bars, and what all of it has cost.
+"""The result of a computed flow: loads on the grain, verdict, error bars, cost.
 
-Functions are collective unless marked otherwise.
+Functions are collective unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ import numpy as np
 
 from ..effects import known
 from ..effects.effect import Solved
-from ..effects.left_out import omissions
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..planning.effects import EffectName
 from ..results.errorbars import ErrorBars
 from ..results.left_out import Omission
 from ..results.loads import Gap
-from ..results.quantity import OutputQuantity
 from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
@@ -29,31 +27,31 @@ from .state import Run
 if TYPE_CHECKING:
     from ..contact import Contacts
 
-# What a result says of error bars that are still to come; a run that is stopped leaves it so.
+# Reason for missing error bars until they are estimated.
 TO_COME = "not computed: the run has not finished, or was stopped before"
-# By how much the load that a grain rocks under is more than what moves it, and counts as the same.
+# Relative excess of the load of a rocking grain over the load that moves it, within which both count as equal.
 NO_MORE = 0.01
 
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
-    """What the flow at hand says, without what has to be estimated: see `completed`."""
+    """The result of the present flow, without error estimates (see `completed`)."""
     from ..mesh.sampling import cells_between, centrelines
 
     scene, grain = run.scene, run.grain
     reported = {name: value for part in run.parts for name, value in part.reported().items()}
     with run.stage("tractions"):
-        force = couple = verdict = traction = None
+        force = torque = verdict = traction = None
         contacts = run.contacts
         if run.probe is not None:
-            force, couple = loads(run, surface=True)
+            force, torque = loads(run, surface=True)
             traction = Traction(*run.probe.vectors())
             if status == "complete" and grain is None:
-                verdict = judged(run, force, couple)
+                verdict = judged(run, force, torque)
             if grain is not None and (grain.part.met or grain.does):
                 from ..effects.moving_grain.landing import landing
 
                 landed = landing(
-                    run.setup, grain.state, grain.clearance(), force, couple, grain.does
+                    run.setup, grain.state, grain.clearance(), force, torque, grain.does
                 )
                 contacts, verdict = landed.contacts, landed.verdict
                 reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
@@ -69,16 +67,16 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         plan=run.plan,
         scene=scene.model_dump(mode="json"),
         force=force,
-        couple=couple,
-        coefficients=None if force is None or couple is None else coefficients(run, force, couple),
+        torque=torque,
+        coefficients=None if force is None or torque is None else coefficients(run, force, torque),
         grain=_grain(run),
         gap=gap,
         contacts=_contacts(contacts),
         verdict=verdict,
         centrelines=lines,
         separated=separated,
-        steady=None if run.steadiness is None else run.steadiness.told(),
-        si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
+        steady=None if run.steadiness is None else run.steadiness.result(),
+        si=in_si(scene),
         cost=cost(run),
         status=status,
         error=error,
@@ -89,24 +87,25 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
+        quantities=known.quantities(),
         measured=measured,
     )
 
 
 def with_rests(run: Run, result: Result) -> Result:
-    """A complete result whose verdict says where a grain comes to rest that rocks under the load. Collective."""
+    """The result with the equilibria of a rocking grain in its verdict. Collective."""
     if result.verdict is None or run.grain is not None:
         return result
     from ..evaluation.contact_verdict import followed, load_of, may_rock, with_rocking
 
     if not may_rock(result.verdict):
         return result
-    assert result.force is not None and result.couple is not None
+    assert result.force is not None and result.torque is not None
     run.voice.begin("rests")
     with run.stage("contact"):
         first = result.verdict["safety_factor"]
-        load = load_of(run.scene.placement, result.force, result.couple)
-        # The last digits of loads, and so the steps taken, may differ from rank to rank.
+        load = load_of(run.scene.placement, result.force, result.torque)
+        # Round-off in the loads, and hence the number of steps, may differ between ranks.
         rocking = from_first(run.comm, lambda: followed(run.scene, load))
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
             return result
@@ -116,42 +115,42 @@ def with_rests(run: Run, result: Result) -> Result:
 def completed(
     run: Run, result: Result, bars: ErrorBars | None = None, why: str = "", follows: bool = True
 ) -> Result:
-    """A complete result with its error bars, or why it has none, and what omitted effects would change. Collective.
+    """The result with error bars, or the reason `why` they are missing, and the omitted effects. Collective.
 
-    Loads are corrected where errors have a sign. With `follows` a grain that the load moves is followed to where it
-    rests.
+    Loads are corrected for errors of known sign. With `follows` a moving grain is followed to its next equilibrium.
     """
-    found = _corrected(run, result, bars)
+    corrected = _corrected(run, result, bars)
     if follows:
-        found = with_rests(run, found)
-    bars, omitted = _with_rocking(run, found, bars), _omissions(run, result)
-    return replace(found, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run))
+        corrected = with_rests(run, corrected)
+    bars, omitted = _with_rocking(run, corrected, bars), _omissions(run, result)
+    return replace(
+        corrected, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run)
+    )
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
-    """The result with its loads corrected, and what follows from them. Collective."""
-    if bars is None or bars.correction is None or result.force is None or result.couple is None:
+    """The result with corrected loads, coefficients and verdict. Collective."""
+    if bars is None or bars.correction is None or result.force is None or result.torque is None:
         return result
-    force, couple = bars.corrected(result.force, result.couple)
+    force, torque = bars.corrected(result.force, result.torque)
     return replace(
         result,
         force=force,
-        couple=couple,
-        coefficients=coefficients(run, force, couple),
-        si=in_si(run.scene, 1.0, force.flow, couple.flow),
-        verdict=judged(run, force, couple),
+        torque=torque,
+        coefficients=coefficients(run, force, torque),
+        verdict=judged(run, force, torque),
     )
 
 
 def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars | None:
-    """The error bars of a grain that may rock to another rest, where it does. Not collective."""
+    """The error bars of a grain that may rock to another equilibrium. Not collective."""
     rocking = (result.verdict or {}).get("rocking")
     if bars is None or rocking is None or bars.safety is None:
         return bars
     from ..evaluation.contact_verdict import bar_with_rocking
 
     assert result.verdict is not None and result.force is not None and run.scene.grain is not None
-    apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.couple) / run.scene.grain.size
+    apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.torque) / run.scene.grain.size
     share = float(apart / np.linalg.norm(result.force.flow))
     mode, drift = result.verdict["mode"], rocking["drift"]
     return replace(
@@ -162,7 +161,7 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     with run.stage("omitted effects"):
         try:
-            return omissions(Solved(run, result.force, result.couple, result.verdict))
+            return known.omissions(Solved(run, result.force, result.torque, result.verdict))
         except IncipientError as error:
             return (Omission("effects named by the plan", None, f"not estimated: {error}", False),)
 
@@ -185,11 +184,11 @@ def cost(run: Run) -> dict[str, Any]:
     }
 
 
-def _measured(run: Run) -> dict[OutputQuantity, Any]:
-    """Values of the quantities that effects measure, None of an effect that is absent. Collective."""
+def _measured(run: Run) -> dict[str, Any]:
+    """Values of the quantities that effects measure, by key, None of an absent effect. Collective."""
     present = known.quantities(run.plan)
     measured = ((one, one.measure) for one in known.quantities() if one.measure is not None)
-    return {one: measure(run) if one in present else None for one, measure in measured}
+    return {one.key: measure(run) if one in present else None for one, measure in measured}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
@@ -202,7 +201,7 @@ def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
 
 
 def _grain(run: Run) -> dict[str, Any] | None:
-    """Place of the grain at rest and where the flow was computed, and its size. Not collective."""
+    """Positions of the grain at rest and in the flow computation, and its size. Not collective."""
     layout, grain = run.layout, run.scene.grain
     resting, placement = layout.resting, layout.placement
     if run.grain is not None:
@@ -224,17 +223,17 @@ def _grain(run: Run) -> dict[str, Any] | None:
 
 def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
     """Wall time, growth of memory over all ranks, and unknowns, by effect. Collective."""
-    found = run.accounts.ledger.by_effect(_unknowns(run))
-    for share in found.values():
+    costs = run.accounts.ledger.by_effect(_unknowns(run))
+    for share in costs.values():
         share["memory_mib"] = run.comm.allreduce(share["memory_mib"])
-    return found
+    return costs
 
 
 def _unknowns(run: Run) -> dict[str, int]:
     """Unknowns by effect: the flow, mesh motion, the grain's velocities, the surface's elevations, contact forces."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
-    if any(part.moving() for part in run.parts):
+    if run.plan.has(EffectName.MOVING_MESH):
         mesh = run.fluid.domain.mesh
         counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
     for part in run.parts:

@@ -1,4 +1,4 @@
-"""Coarse runs for the error bars of a steady flow: in parallel with the run, on its mesh where that serves."""
+"""Coarse runs for the error bars of a steady flow, on the moved mesh of the run where possible."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ ByItself = Callable[[Scene, Comm, float], Loads]
 
 
 class Beside:
-    """Loads in scenes that differ from that of a solved run by their gap or domain; callable. Collective.
+    """Loads in scenes that differ from that of a solved run in gap or domain; callable. Collective.
 
-    In 3-D one mesh, moved, serves for all of them, or for none: new ones would differ by their errors as well, and
-    take most of the time. Where it does not serve each scene is run by itself.
+    In 3-D the moved mesh of the run is used for all scenes or for none: new meshes add differences of their own and
+    take most of the time. Otherwise each scene has its own run.
 
     Args:
-        run: solved; its mesh is as it was whenever a call ends.
-        coarse: the scenes of the coarse runs of a scene.
-        by_itself: runs a scene on a mesh of its own, at a speed.
-        speed: of the flow whose loads are asked for, over the scene's.
+        run: solved; each call restores its mesh.
+        coarse: scenes of the coarse runs.
+        by_itself: runs a scene on its own mesh, at a speed.
+        speed: of the flow, over the scene's.
     """
 
     def __init__(self, run: Run, coarse: Scenes, by_itself: ByItself, speed: float = 1.0):
         self._run, self._coarse, self._by_itself, self._speed = run, coarse, by_itself, speed
 
     def serves(self, key: str) -> bool:
-        """Whether the run's mesh, moved, serves for a scene, given by its JSON. Collective."""
+        """Whether the moved mesh of the run is used for a scene, given by its JSON. Collective."""
         return key in self._meshes
 
     def __call__(self, scene: Scene) -> Loads:
@@ -50,7 +50,7 @@ class Beside:
 
     @cached_property
     def _meshes(self) -> dict[str, MovedMesh]:
-        """The mesh moved to every scene of a coarse run, by its JSON; none if it does not serve for one."""
+        """The moved mesh of each coarse scene, by its JSON; empty if one scene needs another mesh."""
         run = self._run
         steady_in_space = run.scene.gdim == 3 and run.scene.time is None
         if not steady_in_space or run.setup.is_averaged or run.layout.placement is None:
@@ -61,11 +61,11 @@ class Beside:
 
 
 class InTurn:
-    """Loads of coarse runs of one scene after the other, without a parallel run; a context, callable. Collective.
+    """Loads of coarse runs, one scene after the other; a context manager, callable. Collective.
 
-    In steady 3-D flow the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
-    `by_itself` runs a scene on a mesh of its own, at a speed; `prepare` gives the run of a scene that has a mesh, None:
-    as the scene says.
+    In steady 3-D flow the first scene of those that differ in gap or domain alone is meshed; the others use its moved
+    mesh. `by_itself` runs a scene on its own mesh, at a speed; `prepare` makes the run that is meshed; None: from the
+    scene.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class InTurn:
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        # The fluid has to see the exception: to free it is collective, and after a defect of one rank hangs the others.
+        # The fluid needs the exception: freeing it is collective, and would hang after an error on one rank.
         self._open.__exit__(*exception)
 
     def __call__(self, scene: Scene) -> Loads:
@@ -94,17 +94,17 @@ class InTurn:
             return self._by_itself(scene, self._comm, 1.0)
         key = scene.model_dump_json()
         if self._beside is None or not self._beside.serves(key):
-            self._run = self._beside = None  # also if the next run fails
+            self._run = self._beside = None  # even if the next run fails
             self._open.close()
             run = self._open.enter_context(self._prepare(scene))
-            force, couple = loads_at(run, 1.0)
+            force, torque = loads_at(run, 1.0)
             self._run, self._beside = run, Beside(run, self._coarse, self._by_itself)
-            if not self._beside.serves(key):  # nor for others, each of which has a mesh of its own
-                return Loads(force.flow, couple.flow)
+            if not self._beside.serves(key):  # then all other scenes have their own meshes
+                return Loads(force.flow, torque.flow)
         return self._beside(scene)
 
     def handed_over(self, wanted: Scene) -> tuple[Run, ExitStack] | None:
-        """The solved run of a scene and what frees it, if it is the last that had a mesh. Not collective."""
+        """The solved run of a scene and its exit stack, if it is the last one meshed. Not collective."""
         if self._run is None or self._run.scene != wanted:
             return None
         run, self._run, self._beside = self._run, None, None

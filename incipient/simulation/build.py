@@ -41,30 +41,30 @@ def prepared(
     sizing: Callable[[Layout], Layout] = lambda layout: layout,
     speed: float = 1.0,
 ) -> Iterator[Run]:
-    """The run of a scene with its mesh and its fluid, before anything is solved; freed at the end. Collective.
+    """The run of a scene with mesh and fluid, before any solution; freed at the end. Collective.
 
     Args:
-        accounts: those of the search that the run belongs to; None: its own.
-        recorder: notified when the mesh is there.
-        checkpoint: the checkpoint of an earlier session of the run, whose mesh is taken and whose costs are counted on.
-        sizing: changes the cell sizes that the plan has laid out.
-        speed: of the flow whose law of the wall the mesh is made for, over the scene's.
+        accounts: of the search that includes the run; None: new ones.
+        recorder: notified of the mesh.
+        checkpoint: of an earlier session of the run, which provides the mesh and the costs so far.
+        sizing: changes the planned cell sizes.
+        speed: of the flow for whose law of the wall the mesh is made, over the scene's.
 
     Raises:
-        IncipientError: on all ranks: the scene cannot be planned or meshed.
+        IncipientError: on all ranks; planning or meshing failed.
     """
     accounts, voice = accounts or Accounts(), voice or Silent()
     voice.begin("plan")
     with accounts.ledger.stage("plan"):
-        setup = meshed = Setup(scene)
+        setup = Setup(scene)
         plan = plan_of(setup)
-        for effect in known.EFFECTS:
-            meshed = effect.as_fast(meshed, speed)
+        # The distance of the law of the wall depends on the speed.
+        meshed = setup.faster(speed) if setup.is_averaged and speed != 1.0 else setup
         layout = sizing(meshing.lay_out(meshed, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
-        from ..fluid import raised
+        from ..fluid.flow import build_fluid
         from ..mesh import domain
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
@@ -72,7 +72,7 @@ def prepared(
         if checkpoint is None:
             made = domain.build(comm, layout.mesh)
         else:
-            from ..restart.resumption import domain_of
+            from ..restart.redistribution import domain_of
 
             made = domain_of(checkpoint, comm)
     (recorder or Recorder()).begin(scene, plan, made)
@@ -80,21 +80,21 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(setup, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            found = [
+            optional = [
                 effect.part_at_start(setup, made, accounts.ledger.stage) for effect in known.EFFECTS
             ]
-            parts = [part for part in found if part is not None]
+            parts = [part for part in optional if part is not None]
             for part in parts:
                 model = part.within(model)
-            newest = [raised.made(made, model, conditions(meshed), plan.reynolds)]
-            # Another fluid may have taken its place by the end.
+            newest = [build_fluid(made, model, conditions(meshed), plan.reynolds)]
+            # Another fluid may have replaced it by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             for part in parts:
                 part.joined(newest[0])
             probe = probe_of(newest[0], layout)
             run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
         if checkpoint is not None:
-            kept = checkpoint.progress  # of sessions before
+            kept = checkpoint.progress  # of earlier sessions
             run.would_move(kept.first_motion)
             accounts.count(**kept.iterations)
             accounts.ledger.count(kept.wall_time, kept.total)
@@ -105,9 +105,9 @@ def prepared(
 
 
 def _load_libraries(comm: Comm, draws: bool) -> None:
-    """Load the large libraries in the order that takes least time. Collective.
+    """Load the large libraries in the fastest order. Collective.
 
-    Symbols of a library are looked up in all that dolfinx has loaded before: gmsh's then take three times as long.
+    gmsh loads three times as slowly after dolfinx, whose libraries are searched for its symbols.
     """
     with collectively(comm), required():
         if draws and comm.rank == 0:
@@ -116,7 +116,7 @@ def _load_libraries(comm: Comm, draws: bool) -> None:
 
 
 def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
-    """The model of the flow with the terms of the effects of a plan, inertia or not. Not collective."""
+    """The flow model with the terms of a plan's effects, with or without inertia. Not collective."""
     from ..fluid import FlowModel
 
     model = FlowModel(order=plan.order, inertia=False, solver=plan.solver.name)
@@ -134,7 +134,7 @@ def _contacts(setup: Setup, plan: Plan, accounts: Accounts) -> Contacts | None:
 
 
 def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
-    """What reads the traction on the grain laid out; None without one. Collective."""
+    """The traction probe of the grain; None without one. Collective."""
     if layout.placement is None:
         return None
     from ..coupled import enclosed, tractions

@@ -1,4 +1,4 @@
-"""The checkpoint of a run, and its cost so far taken over by the run that resumes."""
+"""The checkpoint of a run."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ from .state import Run
 
 
 def collected(run: Run) -> Checkpoint:
-    """All that the run needs to resume, whole on rank 0. Collective.
-
-    To be called between steps, when the last one has been recorded.
-    """
+    """The checkpoint of a run between steps, complete on rank 0. Collective."""
     assert run.march is not None
     transient, coupling = run.march.transient, run.march.coupling
     fluid = transient.fluid
@@ -28,7 +25,7 @@ def collected(run: Run) -> Checkpoint:
         chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts)
     )
     return Checkpoint(
-        # With the order that the flow has, whatever a later version would choose.
+        # The flow's order is stored: a later version may choose another one.
         scene=dumps(with_order(run.scene, run.plan.order)),
         progress=_progress(run, transient),
         mesh=stored_mesh(fluid.domain),

@@ -8,27 +8,26 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..results.loads import Coefficients, Couples, Forces
+from ..results.loads import Coefficients, Forces, Torques
 from ..scene import Scene
 from .state import Run
 
 
-def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]:
-    """Forces and torques on the grain for speeds in units of `speed`; the surface integral where asked for."""
+def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]:
+    """Forces and torques on the grain for speeds in units of `speed`; with `surface` also the surface integral."""
     scene, probe = run.scene, run.probe
     assert probe is not None
     flow = probe.resultant()
-    for part in run.parts:
-        if (mean := part.mean_load()) is not None:
-            flow = replace(flow, force=mean[0], couple=mean[1])
+    if run.turbulence is not None and (mean := run.turbulence.mean_load()) is not None:
+        flow = replace(flow, force=mean[0], torque=mean[1])
     check = probe.surface_resultant() if surface else flow
     (buoyancy, weight), unit = weights(scene), speed**2
     placement = scene.placement if run.grain is None else run.grain.state.placement
     assert placement is not None
     more = run.fluid.load_on_displaced(placement)
     force = Forces(unit * (flow.force + more[0]), unit * (check.force + more[0]), buoyancy, weight)
-    couple = Couples(unit * (flow.couple + more[1]), unit * (check.couple + more[1]), flow.about)
-    return force, couple
+    torque = Torques(unit * (flow.torque + more[1]), unit * (check.torque + more[1]), flow.about)
+    return force, torque
 
 
 def weights(scene: Scene) -> tuple[Floats, Floats]:
@@ -38,7 +37,7 @@ def weights(scene: Scene) -> tuple[Floats, Floats]:
     return -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
 
 
-def coefficients(run: Run, force: Forces, couple: Couples) -> Coefficients:
+def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
     """Drag, lift and moment coefficients of the loads on the run's grain. Not collective."""
     scene = run.scene
     assert scene.grain is not None
@@ -46,12 +45,12 @@ def coefficients(run: Run, force: Forces, couple: Couples) -> Coefficients:
     area = length if scene.gdim == 2 else 0.25 * np.pi * length**2
     unit = 0.5 * velocity**2 * area
     drag, lift = force.flow[[0, scene.up]] / unit
-    moment = couple.flow[2 if scene.gdim == 2 else 1] / (unit * length)
+    moment = torque.flow[2 if scene.gdim == 2 else 1] / (unit * length)
     return Coefficients(drag, lift, moment, velocity, length)
 
 
-def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
-    """The verdict of both judges in plain data, None where there is nothing to judge. Not collective."""
+def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
+    """The verdict of both criteria as plain data, None without contacts. Not collective."""
     scene = run.scene
     if run.contacts is None or scene.contact is None or scene.body is None or scene.mass is None:
         return None
@@ -61,10 +60,10 @@ def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
         from ..scene.mass import mass_and_inertia
 
         load, inert = (
-            load_of(scene.placement, force, couple),
+            load_of(scene.placement, force, torque),
             mass_and_inertia(scene.body, scene.placement),
         )
-        verdict = judge(load, run.contacts, scene.contact.friction, inert).to_dict()
+        verdict = judge(load, run.contacts, scene.contact.law, inert).to_dict()
     if scene.time is not None:
         verdict["first_motion"] = run.first_motion
     return verdict

@@ -1,4 +1,4 @@
-"""The way of a flow through time, with all that is solved together with it, and new meshes on the way."""
+"""Time integration of a run: flow, coupled parts and remeshing."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from ..effects import known
 from ..effects.run_part import RunPart
 from ..errors import IncipientError, MeshError
 from ..fluid import Fluid
-from ..fluid.quasisteady import QuasiSteady
-from ..fluid.tolerance import of_steps
-from ..fluid.transient import Interface, Past, TimeStep, Transient
+from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
 from ..mesh import domain
 from ..planning import meshing
 from ..planning.effects import EffectName
@@ -30,18 +28,18 @@ if TYPE_CHECKING:
 class March:
     """Integrates a run in time, from its start or from a checkpoint. Every method is collective.
 
-    The run gets its parts in time: what moves first, then what it has already.
+    The moving parts are added to the run before its other parts.
 
-    coupling:  of flow and moving boundaries; None: nothing moves
-    transient: the steps
+    coupling:  of flow and moving boundaries; None without any
+    transient: the time stepper
     """
 
     def __init__(self, run: Run, checkpoint: Checkpoint | None):
         assert run.scene.time is not None
         self._run, self._time = run, run.scene.time
         stage = run.accounts.ledger.stage
-        found = (effect.part_in_time(run.setup, stage, checkpoint) for effect in known.EFFECTS)
-        moving = [part for part in found if part is not None]
+        optional = (effect.part_in_time(run.setup, stage, checkpoint) for effect in known.EFFECTS)
+        moving = [part for part in optional if part is not None]
         for part in moving:
             part.joined(run.fluid)
         parts = [*moving, *run.parts]
@@ -57,16 +55,16 @@ class March:
 
     @property
     def over(self) -> bool:
-        """Whether a grain that moves has done what ends the run: met something, left its pocket, come to rest."""
+        """Whether an event of a moving grain ends the run: collision, leaving its pocket, rest."""
         grain = self._run.grain
         return grain is not None and grain.ends != ""
 
     def steps(self) -> Iterator[TimeStep]:
-        """Advance to the end, or until a moving grain has done what ends the run. See `Transient.march`.
+        """Advance to the end, or to an event of a moving grain that ends the run. See `Transient.march`.
 
         Raises:
             ConvergenceError: a step failed; the last good state is kept.
-            MeshError: the grain's new place cannot be meshed, or fields do not survive the transfer.
+            MeshError: meshing at the grain's new position, or the transfer of fields, failed.
         """
         time = self._time
         self._renew_worn_mesh()
@@ -79,22 +77,20 @@ class March:
             self._renew_worn_mesh()
 
     def check(self, step: TimeStep) -> None:
-        """Refuse to continue from a state from which a part cannot. Raises ConvergenceError: why, and a remedy."""
-        grain = self._run.grain
-        for part in self._run.parts:
-            part.check(step, None if grain is None else grain.state.placement)
+        """Raise ConvergenceError, with a remedy, for a free surface that cannot continue."""
+        grain, surface = self._run.grain, self._run.surface
+        if surface is not None:
+            surface.check(step, None if grain is None else grain.state.placement)
 
     def _coupled(self, fluid: Fluid, parts: Sequence[RunPart]) -> Coupling | None:
-        """The flow with the boundaries that parts move; the mesh goes to where they are."""
+        """The coupling of the flow with moving boundaries; the mesh moves to their positions."""
         if not self._run.plan.has(EffectName.MOVING_MESH):
             return None
         from ..coupled.coupling import Coupling
         from ..mesh.motion import MeshMotion
 
         motion, asked = MeshMotion(fluid.domain), self._run.scene.numerics.interface_tolerance
-        for part in parts:
-            part.displaced(motion)
-        moved = [one for part in parts for one in part.moving()]
+        moved = [one for part in parts for one in part.moving(motion)]
         tolerance = None if asked == "auto" else asked
         coupling = Coupling(fluid, moved, motion, tolerance, stage=self._run.accounts.ledger.stage)
         fluid.domain.mesh.geometry.x[:] = coupling.places[0]
@@ -102,19 +98,19 @@ class March:
         return coupling
 
     def _restore(self, checkpoint: Checkpoint) -> None:
-        from ..restart.resumption import put_back_flow
+        from ..restart.redistribution import put_back_flow
 
         fluid = self._run.fluid
         for part in self._run.parts:
             part.restore(checkpoint, self.coupling)
-            # What is stored by the places of nodes is read on the mesh where it was.
+            # Values stored by node position are read on the mesh of that time.
             if self.coupling is not None:
                 fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
                 fluid.constraints.boundary_points_moved()
         put_back_flow(checkpoint, self.transient)
 
     def _renew_worn_mesh(self) -> None:
-        """Remesh if a step as long as the last would spoil the mesh around a grain that moves."""
+        """Remesh if another step of the last length would degrade the mesh around a moving grain."""
         grain = self._run.grain
         if grain is None or self.coupling is None or (length := grain.last_step()) is None:
             return
@@ -125,20 +121,20 @@ class March:
         try:
             self._remesh(grain, self.coupling)
         except MeshError:
-            grain.meshes_ahead = False  # such a mesh may fold on the way back to the grain
+            grain.meshes_ahead = False  # a predicted mesh may fold as it moves back to the grain
             if grain.drawn() == first:
                 raise
             self._remesh(grain, self.coupling)
 
     def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
-        """Mesh the fluid around the grain and carry everything over; the old mesh goes last."""
+        """Remesh around the grain and transfer all fields; the old mesh is freed last."""
         from ..coupled.remeshing import carry_over
 
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):
             old, drawn, scene, height = run.fluid, grain.drawn(), run.scene, run.scene.domain.height
-            for part in run.parts:
-                height = part.drawn_height(height, drawn)
+            if run.surface is not None:
+                height = run.surface.drawn_height(height, drawn)
             higher = {"domain": scene.domain.model_copy(update={"height": height})}
             laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
             made = domain.build(run.comm, laid_out.mesh)
@@ -169,7 +165,7 @@ class March:
 
 
 def _interface(coupling: Coupling | None, parts: Sequence[RunPart]) -> Interface | None:
-    """What the flow is solved together with in a step; None: it is solved by itself."""
+    """The interface of a monolithic step; None: the flow alone."""
     interface: Interface | None = coupling
     for part in parts:
         interface = part.around(interface)

@@ -1,4 +1,4 @@
-"""The mesh of a steady 3-D run, moved to other gaps and domains, and the flow there in elements of order two."""
+"""The mesh of a steady 3-D run, moved to other gaps and domains, and its flow in second-order elements."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from ..results.errorbars import Loads
 from ..scene import Scene
 from .state import Run
 
-# To what error the flows are solved: their differences are percents of the loads.
+# Tolerance of the flows: their loads differ by per cents.
 TOLERANCE = 1e-5
 ORDER = 2  # of their elements
-KEPT = 2.0  # distance from the grain's centre, in grain sizes, within which a larger domain leaves the mesh as it is
+KEPT = 2.0  # distance from the grain's centre, in grain sizes, within which a larger domain keeps the mesh
 
 
 def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
-    """The mesh moved to every one of some scenes, by its JSON; none if it does not serve for one. Collective."""
+    """The mesh moved to each scene, by its JSON; empty if one scene needs another mesh. Collective."""
     assert run.layout.placement is not None
     motion = MeshMotion(run.domain)
-    # How far nodes follow the grain when it is lifted; those on the plane of symmetry move along it.
+    # Fractions of the grain's displacement that nodes follow; nodes on the plane of symmetry move within it.
     weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
-    found: dict[str, MovedMesh] = {}
+    moved: dict[str, MovedMesh] = {}
     for scene in scenes:
         if scene.numerics.meshed_bed != run.scene.numerics.meshed_bed:
             continue  # another bed
@@ -46,8 +46,8 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
         places = places + weights * (centre - np.asarray(run.layout.placement.centre))
         if motion.quality(places).relative <= LEAST_QUALITY:
             return {}
-        found[scene.model_dump_json()] = MovedMesh(run, setup, places, centre)
-    return found
+        moved[scene.model_dump_json()] = MovedMesh(run, setup, places, centre)
+    return moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class MovedMesh:
     centre: Floats
 
     def loads(self, speed: float) -> Loads:
-        """Force and torque there, of a flow `speed` times the scene's. Collective; raises ConvergenceError."""
+        """Force and torque in a flow `speed` times the scene's. Collective; raises ConvergenceError."""
         run, places = self.run, self.run.domain.mesh.geometry.x
         before, fluid = places.copy(), run.fluid.coarse or run.fluid
         places[:] = self.places
@@ -75,15 +75,15 @@ class MovedMesh:
                         self._follow(fluid, other)
                     self._solve(other)
                     fluid = other
-                found = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
+                resultant = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
         finally:
             places[:] = before
-        # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
+        # Scaled from the fluid's unit of speed, which is close to `speed` except in Stokes flow.
         unit = speed * run.fluid.reynolds / run.plan.reynolds
-        return Loads(unit * found.force, unit * found.couple, moved=True)
+        return Loads(unit * resultant.force, unit * resultant.torque, moved=True)
 
     def _follow(self, fluid: Fluid, other: Fluid) -> None:
-        """Add to the velocity of the run's flow what the base flow differs by between old places and new ones."""
+        """Add the change of the base flow between old and new positions to the velocity of the run's flow."""
         points = [one.constraints.points for one in (fluid, other)]
         flows = self.run.setup.base_flow, self.setup.base_flow
         here, there = (flow.velocity(x.T, 0.0).T for flow, x in zip(flows, points, strict=True))
@@ -91,7 +91,7 @@ class MovedMesh:
         other.state.x.array[places] += (there - here)[:, : other.space.gdim]
 
     def _solve(self, fluid: Fluid) -> None:
-        """Solve from a flow that is near. Collective. Raises ConvergenceError."""
+        """Solve from a nearby flow. Collective. Raises ConvergenceError."""
         with self.run.stage("flow"):
             report = fluid.solve(TOLERANCE, self.run.scene.numerics.max_iterations)
         if not report.converged:
@@ -112,7 +112,7 @@ def _centre(run: Run, setup: Setup) -> Floats:
 
 
 def _in_domain(run: Run, setup: Setup) -> Floats | None:
-    """(n, 3) the mesh's nodes in the domain of another setup; None where the bed there is another one."""
+    """(n, 3) positions of the mesh's nodes in the domain of another setup; None for another bed."""
 
     def box(domain: Any) -> Floats:
         sides = (domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)
@@ -125,7 +125,7 @@ def _in_domain(run: Run, setup: Setup) -> Floats | None:
     assert placement is not None
     bed, resolved = run.scene.bed_shape, getattr(region, "resolved", None)
     if bed is not None and setup.base_flow.datum != run.setup.base_flow.datum:
-        return None  # without a bed it is the bottom, which moves
+        return None  # without a bed the bottom moves
     if resolved is None and not (bed is None or (isinstance(bed, Plane) and not any(bed.slope))):
         return None
     kept = np.full(3, KEPT * run.scene.grain.size)

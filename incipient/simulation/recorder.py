@@ -1,4 +1,4 @@
-"""Where a run leaves its results, and what it hands over."""
+"""Interface for recording a run."""
 
 from __future__ import annotations
 
@@ -17,49 +17,49 @@ if TYPE_CHECKING:
 
 
 class Recorder:
-    """Receiver of a run's results on the way; this one keeps nothing. All methods are collective.
+    """Receiver of a run's results; the base class discards them. All methods are collective.
 
-    `keeps` says whether `keep` does anything.
+    keeps: whether `keep` stores checkpoints
     """
 
     keeps = False
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """The mesh is there; computation begins."""
+        """Start of the computation, after meshing."""
 
     def wants_fields(self, number: int, last: bool) -> bool:
-        """Whether the fields of this step shall be handed over."""
+        """Whether the fields of this step are recorded."""
         return False
 
     def step(self, row: dict[str, Any]) -> None:
-        """A time step was accepted."""
+        """Record an accepted time step."""
 
     def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Take note of the contacts of a moving grain at the end of a step."""
+        """Record the contacts of a moving grain at the end of a step."""
 
     def remeshed(self, domain: Domain) -> None:
-        """Take note that fields are on another mesh from now on."""
+        """Record that later fields are on another mesh."""
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
+        """Record fields on the mesh, and the traction on the grain's surface (None without a grain)."""
 
     def keep(self, checkpoint: Checkpoint) -> Path | None:
-        """Keep what the run needs to resume; where, None if nowhere."""
+        """Store a checkpoint; returns its directory, None without one."""
         return None
 
     def provisional(self, result: Result) -> Path | None:
-        """The run is over but for its error bars; where this result is kept until `finish`, None if nowhere."""
+        """Store a result without error bars until `finish`; returns its directory, None without one."""
         return None
 
     def finish(self, result: Result) -> None:
-        """The run is over, whether complete or not."""
+        """Record the result of a run, complete or not."""
 
 
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:
-    """Hand the fields after a step of this number over to the recorder if it wants them. Collective."""
+    """Record the fields after a step if the recorder wants them. Collective."""
     if not recorder.wants_fields(number, last):
         return
-    from ..fluid.vorticity import vorticity
+    from ..fluid.derived import vorticity
 
     with run.stage("fields"):
         fluid, probe = run.fluid, run.probe

@@ -1,8 +1,7 @@
-"""Runs a scene: builds what its plan names, solves, reads the tractions, judges.
+"""Runs a scene: plan, fluid, tractions, contact, result.
 
-One data flow: scene, plan, fluid, tractions, contact, result. Files and terminal are served through a `Recorder` and
-a voice; this module writes nothing. The state of a run is in `state`, what makes it in `build`, its steps in time in
-`time_loop`, and its result in `assemble`.
+Output goes through a `Recorder` and a voice. The state of a run is in `state`, its preparation in `build`, its time
+steps in `time_loop`, and its result in `assemble`.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from ..interrupt import Interruption
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.errorbars import Loads
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..results.result import Result
 from ..scene import Scene
 from .assemble import completed, outcome
@@ -42,7 +41,7 @@ def solved(
     """The run of a scene, solved from the start or from a checkpoint; freed at the end. Collective over `comm`.
 
     Raises:
-        IncipientError: on all ranks; what was computed before it has been handed to the recorder.
+        IncipientError: on all ranks; earlier results have been recorded.
     """
     recorder, interruption = recorder or Recorder(), Interruption(comm)
     with (
@@ -62,7 +61,7 @@ def simulate(
 ) -> Result:
     """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError.
 
-    With `follows` a grain that the load moves is followed to where it rests again, if it does.
+    With `follows` a moving grain is followed to its next equilibrium.
     """
     recorder = recorder or Recorder()
     with solved(scene, comm, recorder, voice) as run:
@@ -72,7 +71,7 @@ def simulate(
 
 
 def hand_over(run: Run, recorder: Recorder) -> Path | None:
-    """Hand a solved steady flow over to a recorder, with all but the error bars; where it is kept. Collective."""
+    """Record a solved steady flow without error bars; returns its directory. Collective."""
     recorder.begin(run.scene, run.plan, run.domain)
     record_fields(recorder, run, 0, last=True)
     return recorder.provisional(outcome(run))
@@ -86,10 +85,10 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
         return _loads_in(run, *loads_at(run, speed))
 
 
-def _loads_in(run: Run, force: Forces, couple: Couples) -> Loads:
-    """Force and torque of a run, with what they still change by."""
+def _loads_in(run: Run, force: Forces, torque: Torques) -> Loads:
+    """Force and torque of a run, with their changes in the last steps."""
     assert run.scene.grain is not None
-    return Loads.at_the_end(force, couple, None, None, run.wall_report(), run.scene.grain.size)
+    return Loads.at_the_end(force, torque, None, None, run.wall_report(), run.scene.grain.size)
 
 
 def _solve(
@@ -106,6 +105,6 @@ def _solve(
     except Interrupted:
         raise
     except IncipientError as error:
-        with suppress(OutputError):  # a full disk is reported once, and another failure before it
+        with suppress(OutputError):  # a full disk is reported once, after other failures
             recorder.finish(outcome(run, "failed", str(error)))
         raise

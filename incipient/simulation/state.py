@@ -1,4 +1,4 @@
-"""The state of a run: all that a run of one scene has, from its plan to its last step."""
+"""The state of a run, from its plan to its last step."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ from .steadiness import Steadiness
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
+    from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
+    from ..effects.turbulent_flow import TurbulentFlow
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Known:
-    """Results of estimates: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
+    """Known estimates: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
 
     terms: dict[str, Term] = field(default_factory=dict)
     loads: dict[str, Loads] = field(default_factory=dict)
@@ -41,10 +43,10 @@ class Known:
 
 @dataclass
 class Accounts:
-    """What the runs of one search share: what they cost, and the estimates that are known already.
+    """Data shared by the runs of one search: costs and known estimates.
 
     known: results of earlier estimates
-    spent: why no estimate shall be begun any more, or an empty string
+    spent: why no further estimate may begin, or ""
     """
 
     ledger: Ledger = field(default_factory=Ledger)
@@ -59,13 +61,13 @@ class Accounts:
 
 
 class Run:
-    """A scene, its plan, mesh and flow, and how far the run has come. Only its own methods change it.
+    """A scene, its plan, mesh, flow and progress. Only its own methods change it.
 
     Args:
-        fluid: on the mesh that was made for the scene; it is replaced when the domain of a moving grain is remeshed.
-        probe: reads the traction on the grain; None without a grain.
+        fluid: on the first mesh; remeshing replaces it.
+        probe: of the traction on the grain; None without a grain.
         voice: reports the stages.
-        parts: what is solved together with the flow.
+        parts: solved together with the flow.
     """
 
     def __init__(
@@ -98,12 +100,12 @@ class Run:
 
     @property
     def parts(self) -> tuple[RunPart, ...]:
-        """What is solved together with the flow, on the newest mesh; boundaries that move first."""
+        """Parts solved together with the flow, on the newest mesh; moving boundaries first."""
         return self._parts
 
     @property
     def states(self) -> list[Any]:
-        """The functions that a steady flow is the state of: the flow's, and those of its parts."""
+        """The state functions of a steady flow and its parts."""
         return [self.fluid.state, *(state for part in self.parts for state in part.states())]
 
     @property
@@ -113,8 +115,8 @@ class Run:
 
     @property
     def probe(self) -> TractionProbe | None:
-        """Reads the traction on the grain; None without a grain."""
-        return next((part.probe for part in self.parts if part.probe is not None), self._probe)
+        """The traction probe of the grain; None without a grain."""
+        return self._probe if self.grain is None else self.grain.probe
 
     @property
     def march(self) -> March | None:
@@ -123,18 +125,28 @@ class Run:
 
     @property
     def time_stepper(self) -> Transient | None:
-        """The steps in time; None for a steady flow, and before the first step."""
+        """The time stepper; None for a steady flow, and before the first step."""
         return None if self._march is None else self._march.transient
 
     @property
     def grain(self) -> MovingGrain | None:
-        """The grain that moves; None without one, and before the first step."""
+        """The moving grain; None without one, and before the first step."""
         return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
+
+    @property
+    def surface(self) -> MovingSurface | None:
+        """The free surface; None without one, and before the first step."""
+        return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
+
+    @property
+    def turbulence(self) -> TurbulentFlow | None:
+        """The turbulence of the flow; None without."""
+        return cast("TurbulentFlow | None", self.part(EffectName.TURBULENCE))
 
     @property
     def elevations(self) -> Elevations | None:
         """Elevations of the free surface so far; None without one, and before the first step."""
-        return next((part.elevations for part in self.parts if part.elevations is not None), None)
+        return None if self.surface is None else self.surface.elevations
 
     def part(self, effect: EffectName) -> Any:
         """The part of an effect on the newest mesh, or None."""
@@ -142,12 +154,10 @@ class Run:
 
     def wall_report(self) -> WallReport | None:
         """Flow along walls with a wall-function layer, None without. Collective."""
-        return next(
-            (found for part in self.parts if (found := part.wall_report()) is not None), None
-        )
+        return None if self.turbulence is None else self.turbulence.wall_report()
 
     def separated(self) -> tuple[tuple[float, float], ...] | None:
-        """Intervals of x of reverse laminar flow along the bed; None: not of interest. Collective."""
+        """Intervals of x of reverse laminar flow along the bed; None: not determined. Collective."""
         if not self.scene.has_separation:
             return None
         from ..fluid.along_walls import along_no_slip_wall
@@ -156,42 +166,42 @@ class Run:
 
     @property
     def steadiness(self) -> Steadiness | None:
-        """How fast a flow changes that is to become steady; None where that is not asked."""
+        """Rate of change in a run until steady flow, otherwise None."""
         return self._steadiness
 
     @property
     def is_steady(self) -> bool:
-        """Whether a flow that is to become steady is so."""
+        """Whether a run until steady flow has reached it."""
         return self._steadiness is not None and self._steadiness.reached
 
     @property
     def first_motion(self) -> float | None:
-        """Time at which a grain that is held in time would first have moved."""
+        """First time at which a fixed grain in unsteady flow would move."""
         return self._first_motion
 
     def march_with(self, march: March, parts: Sequence[RunPart]) -> None:
-        """Take a time integration and what is solved together with the flow into the state. Not collective."""
+        """Set the time integration and its parts. Not collective."""
         self._march, self._parts = march, tuple(parts)
 
     def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-        """Continue with a fluid and its parts on a new mesh; the fluid before is freed. Collective."""
+        """Continue with a fluid and parts on a new mesh; the previous fluid is freed. Collective."""
         before, self._fluid, self._parts = self._fluid, fluid, tuple(parts)
         fluid.solver.statistics.add(before.solver.statistics)
         before.destroy()
 
     def watch(self, steadiness: Steadiness) -> None:
-        """Add the test of whether the flow is steady to the state. Not collective."""
+        """Set the test of steady flow. Not collective."""
         self._steadiness = steadiness
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
-        """Continue with another fluid on the mesh; the one before is freed. Collective."""
+        """Continue with another fluid on the mesh; the previous one is freed. Collective."""
         fluid.watch = self.corrections.record
         fluid.solver.statistics.add(self._fluid.solver.statistics)
         self._fluid.destroy()
         self._fluid, self._probe = fluid, probe
 
     def would_move(self, time: float | None) -> None:
-        """Note a time at which the grain would move; the first one counts. Not collective."""
+        """Record the first time at which the grain would move. Not collective."""
         if self._first_motion is None:
             self._first_motion = time
 
@@ -200,6 +210,6 @@ class Run:
         self.accounts.count(**numbers)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """Tell that a stage begins; a context manager that takes its time. Not collective."""
+        """A context manager that reports and times a stage. Not collective."""
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)

@@ -1,30 +1,29 @@
-"""Whether a flow in time has become steady: what changes of it from step to step."""
+"""Test whether an unsteady flow has become steady."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..results.steady import Steadied
+from ..results.result import Steadied
 
 if TYPE_CHECKING:
-    from ..effects.run_part import RunPart
+    from ..effects.free_surface.part import MovingSurface
     from ..fluid import Fluid
     from ..fluid.transient import TimeStep
 
 
 class Steadiness:
-    """Watches how fast a flow changes, from the state at hand on. Every method is collective.
+    """Rate of change of a flow, from the present state on. Every method is collective.
 
-    The mesh of the fluid stays, or moves with the surface alone. `change` is from the state before to the present one,
-    per unit of time: the larger of that of the velocities over the velocities, and that of the elevations over the
-    `depth`, each in the root mean square over the nodes. The flow counts as steady where it is at most `asked`.
+    The mesh is fixed, or moves only with the surface. `change` is the change in a step per unit of time: the larger of
+    the relative change of the velocities and the change of the elevations over the `depth`, as root mean squares over
+    the nodes. The flow counts as steady if it is at most `asked`.
     """
 
-    def __init__(self, fluid: Fluid, parts: Sequence[RunPart], depth: float, asked: float):
-        self._fluid, self._parts, self._depth, self._asked = fluid, parts, depth, asked
+    def __init__(self, fluid: Fluid, surface: MovingSurface | None, depth: float, asked: float):
+        self._fluid, self._surface, self._depth, self._asked = fluid, surface, depth, asked
         self.change = np.inf
         self._before = fluid.state.x.array.copy()
 
@@ -34,15 +33,16 @@ class Steadiness:
         return self.change <= self._asked
 
     def column(self, step: TimeStep) -> dict[str, float]:
-        """Take note of a step; its column of the history."""
+        """Record a step; returns its column of the history."""
         now = self._fluid.state.x.array
         changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
         self._before = now.copy()
         relative = np.sqrt(changed / whole) if whole else 0.0
-        relative = max([relative, *(part.change(self._depth) for part in self._parts)])
+        if self._surface is not None:
+            relative = max(relative, self._surface.change(self._depth))
         self.change = float(relative / step.length)
         return {"change": self.change}
 
-    def told(self) -> Steadied:
-        """The part of the result at the end. Not collective."""
+    def result(self) -> Steadied:
+        """The outcome at the end of the run. Not collective."""
         return Steadied(self.reached, self._fluid.time, self.change, self._asked)

@@ -1,4 +1,4 @@
-"""The steady flow of a run, also of a faster base flow, and the loads in it."""
+"""The steady flow of a run, at any speed of the base flow, and its loads."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
 from ..planning.tolerance import of_steady
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from .build import probe_of
 from .loads import loads
 from .state import Run
@@ -19,22 +19,22 @@ from .state import Run
 if TYPE_CHECKING:
     from ..fluid import Fluid
 
-# Reynolds number of the whole flow from which the continuation begins with a share of it.
+# Reynolds number above which the continuation begins at a fraction of it.
 LARGE = 200.0
-# Smallest share of the way from one flow to a faster one that is tried.
+# Smallest step of the continuation between two flows, as a fraction.
 SMALLEST_SHARE = 0.02
 
 
 def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
-    """Find the steady flow of a fluid, the run's own or another one for its scene. Collective; raises ConvergenceError.
+    """Solve for the steady flow of a fluid of the run's scene. Collective; raises ConvergenceError.
 
-    `way` may name what `fluid.solve_steady` takes besides.
+    way: further arguments of `fluid.solve_steady`
     """
     from ..fluid import solve_steady
 
     numerics = run.scene.numerics
     tolerance = of_steady(numerics.tolerance, fluid.coarse is not None)
-    # The continuation starts at once, unless the Reynolds number of the whole flow is large.
+    # Full Reynolds number at once, unless it is large.
     whole = fluid.reynolds * run.setup.base_flow.mean_speed * run.scene.domain.height
     share = min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
     with run.stage("flow"), run.corrections.begun():
@@ -49,20 +49,19 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
 
 
 def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-    """Find the steady flow of a fluid with the parts that it depends on. Collective; raises ConvergenceError."""
+    """Solve for the steady flow of a fluid with its parts. Collective; raises ConvergenceError."""
     if not any(part.solve(run) for part in parts):
         solve_steadily(run, fluid)
 
 
-def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:
-    """Solve steadily with the flow faster by a factor at the same viscosity; the loads then. Collective.
+def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
+    """Loads in the steady flow multiplied by a factor, at the same viscosity. Collective.
 
-    In units of the faster flow only the Reynolds number changes, so the mesh, the forms and the last
-    solution serve again; forces go back to scene units with the factor squared. `start` is the factor of
-    the flow that the state is that of, if it is one to continue from.
+    In units of the multiplied flow only the Reynolds number changes, so that mesh, forms and last solution are reused;
+    forces scale with the factor squared. `start`: factor of the present state, if the solution continues from it.
 
     Raises:
-        ConvergenceError: the fluid then holds the last converged flow, at its Reynolds number.
+        ConvergenceError: the fluid keeps the last converged flow.
     """
     if any(part.solve(run, factor, onwards=start > 0.0) for part in run.parts):
         return loads(run, surface=False, speed=factor)
@@ -73,7 +72,7 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Coupl
 
 
 def make_as_fast(run: Run, factor: float) -> None:
-    """Make the fluid's equations and conditions those of the flow faster by a factor, not its state. Collective."""
+    """Set the fluid's equations and conditions, not its state, to the flow multiplied by a factor. Collective."""
     _stabilise(run, factor)
     run.fluid.reynolds = factor * run.plan.reynolds
     if run.setup.base_flow_at(0.0).datum != run.setup.base_flow.datum:
@@ -81,12 +80,12 @@ def make_as_fast(run: Run, factor: float) -> None:
 
 
 def _stabilise(run: Run, factor: float) -> None:
-    """Continue with a fluid whose convection is stabilised, or not, as for the flow faster by a factor. Collective."""
+    """Continue with the stabilisation of convection for the flow multiplied by a factor. Collective."""
     from ..fluid import Fluid
 
     before, model = run.fluid, run.fluid.model
-    found = stabilisation_of(run.setup, model.inertia, factor)
-    wanted = found.present and not found.upwind
+    stabilisation = stabilisation_of(run.setup, model.inertia, factor)
+    wanted = stabilisation.present and not stabilisation.upwind
     if wanted == model.stabilisation:
         return
     fluid = Fluid(

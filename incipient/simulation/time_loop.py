@@ -1,4 +1,4 @@
-"""The way of a run through time: where it starts, each step and what is recorded of it, checkpoints, stopping."""
+"""The time loop of a run: start, steps, records, checkpoints, interrupts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..fluid import Fluid
 from ..interrupt import Interruption
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
-from ..results.loads import named, named_couple
+from ..results.loads import named, named_torque
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .march import March
@@ -33,9 +33,9 @@ NOT_STEADY = 'time.start: no steady flow to begin with; use a smaller numerics.m
 
 
 class TimeLoop:
-    """Takes a run from its start, or from its checkpoint, to the end of its time. Every method is collective.
+    """Advances a run from its start or checkpoint to its end time. Every method is collective.
 
-    The run gets the time integration, and its parts in time; the interruption is asked between steps whether to stop.
+    The interruption is checked between steps.
     """
 
     def __init__(
@@ -48,14 +48,14 @@ class TimeLoop:
         assert run.scene.time is not None
         self._run, self._time, self._recorder = run, run.scene.time, recorder
         self._interruption, self._checkpoint = interruption, checkpoint
-        self._recorded = 0.0  # time of the last step that has been recorded
+        self._recorded = 0.0  # time of the last recorded step
 
     def to_the_end(self) -> None:
-        """Step by step, each recorded.
+        """Advance to the end, recording each step.
 
         Raises:
-            Interrupted: it was asked for; what is needed to resume is kept.
-            IncipientError: a step failed; the last good state is kept where the recorder keeps any.
+            Interrupted: on request; a checkpoint is stored.
+            IncipientError: a step failed; the last good state is stored if the recorder stores checkpoints.
         """
         try:
             self._start()
@@ -63,13 +63,13 @@ class TimeLoop:
         except Interrupted:
             raise
         except IncipientError as error:
-            told = self._kept_after(error)
-            if told is error:
+            explained = self._kept_after(error)
+            if explained is error:
                 raise
-            raise told from error
+            raise explained from error
 
     def _start(self) -> None:
-        """Put the flow at time zero into the fluid's state: rest, the Stokes flow or the steady flow."""
+        """Set the fluid's state at time zero: rest, Stokes flow or steady flow."""
         run, start = self._run, self._time.start
         if self._checkpoint is not None:
             return
@@ -79,7 +79,7 @@ class TimeLoop:
             self._start_from(inertia=start == "steady")
 
     def _start_from(self, inertia: bool) -> None:
-        """A steady flow around the grain, which is held, as the state of fluid and parts."""
+        """Set the state of fluid and parts to the steady flow around the fixed grain."""
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.setup, held=True, lid=True)
@@ -97,16 +97,19 @@ class TimeLoop:
                 raise ConvergenceError(NOT_STEADY) from error
             run.fluid.state.x.array[:] = initial.state.x.array
             for part, steady in zip(run.parts, parts, strict=True):
-                part.start(steady)
+                for mine, other in zip(part.states(), steady.states(), strict=True):
+                    mine.x.array[:] = other.x.array
 
     def _march(self) -> None:
-        """March to the end, or until a moving grain has done what ends the run."""
+        """March to the end, or to an event of a moving grain that ends the run."""
         run, time = self._run, self._time
         stage = run.stage("mesh motion" if run.scene.moves else "free surface")
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
             march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:
-            run.watch(Steadiness(run.fluid, run.parts, run.scene.domain.height, time.until_steady))
+            run.watch(
+                Steadiness(run.fluid, run.surface, run.scene.domain.height, time.until_steady)
+            )
         for step in self._timed(march.steps()):
             if run.domain is not domain:
                 domain = run.domain
@@ -118,11 +121,11 @@ class TimeLoop:
                 march.check(step)
 
     def _timed(self, steps: Iterator[TimeStep]) -> Iterator[TimeStep]:
-        """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
+        """The steps, counted and timed; interrupts take effect between them."""
         run = self._run
         self._recorded, self._interruption.armed = run.fluid.time, True
-        for part in run.parts:
-            part.begin()
+        if run.surface is not None:
+            run.surface.begin()
         while not run.is_steady:
             with run.stage("flow"), run.corrections.begun():
                 step = next(steps, None)
@@ -134,13 +137,13 @@ class TimeLoop:
         self._interruption.armed = False
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
-        """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for.
+        """Record a step, with a checkpoint if due, and stop on an interrupt.
 
-        `kept` asks for one of the last step: a run that has ended at contact may resume otherwise.
+        kept: store a checkpoint of the last step, from which a run that ended at contact may resume
         """
         run = self._run
         self._recorder.step(row)
-        self._recorder.contacts([one for part in run.parts for one in part.contact_rows()])
+        self._recorder.contacts([] if run.grain is None else run.grain.contact_rows())
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
         self._recorded = step.time
@@ -155,7 +158,7 @@ class TimeLoop:
             )
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
-        """One line of the history: the step, the parts, and the loads on a grain that is held."""
+        """One row of the history: the step, the parts, and the loads on a fixed grain."""
         run = self._run
         assert run.march is not None
         row: dict[str, Any] = {
@@ -170,24 +173,28 @@ class TimeLoop:
             row |= part.columns(step, run.march.coupling)
         if run.steadiness is not None:
             row |= run.steadiness.column(step)
-        for part in run.parts:
-            row |= part.budget()
+        if run.grain is not None:
+            row |= run.grain.energies()
         for one in known.quantities(run.plan):
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:
-        """Columns of the loads on a grain that is held, and of the verdict on them."""
+        """Columns of the loads on a fixed grain, and of the verdict."""
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
-            force, couple = loads(run, surface=False)
-        found = coefficients(run, force, couple)
-        row: dict[str, Any] = named("force", force.flow, gdim) | named_couple(
-            "couple", couple.flow, gdim
+            force, torque = loads(run, surface=False)
+        dimensionless = coefficients(run, force, torque)
+        row: dict[str, Any] = named("force", force.flow, gdim) | named_torque(
+            "torque", torque.flow, gdim
         )
-        row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
-        verdict = judged(run, force, couple)
+        row |= {
+            "drag": dimensionless.drag,
+            "lift": dimensionless.lift,
+            "moment": dimensionless.moment,
+        }
+        verdict = judged(run, force, torque)
         row["mode"] = verdict["mode"] if verdict else ""
         if verdict:
             factor = verdict["safety_factor"]
@@ -205,9 +212,9 @@ class TimeLoop:
             return self._recorder.keep(collected(self._run))
 
     def _kept_after(self, error: IncipientError) -> IncipientError:
-        """Keep the last good state after a failed step; return the error, which says where that is kept."""
+        """Store the last good state after a failed step; return the error with its location."""
         run = self._run
-        # A failure while a step was recorded leaves a history that lacks its row: the checkpoint before it holds.
+        # After a failure to record a step the history lacks its row: the earlier checkpoint is valid.
         if isinstance(error, OutputError) or run.time_stepper is None or not self._recorder.keeps:
             return error
         if run.time_stepper.fluid.time != self._recorded:

@@ -19,10 +19,10 @@ DOWN = np.array([0.0, 0.0, -1.0])
 STEP, SHORTEST = 0.2, 1e-7
 TOUCHING = 1e-5  # gaps of contacts before they are closed
 CLOSED = 1e-12
-STILL = 1e-6  # speed, over that of a free fall, of a sphere at rest
+STILL = 1e-6  # speed of a sphere at rest, over the speed of free fall
 MOST_STEPS = 5000
 AS_FORESEEN = 0.5  # of the descent by the contacts' planes: steps with less are halved
-CARRYING = 1e-9  # share of the weight from which on a contact carries
+CARRYING = 1e-9  # fraction of the weight above which a contact carries
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spher
 
 
 def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = None) -> Floats:
-    """The centre (3,) at which a sphere rests that is let go at `start`, an infinite height being above all others.
+    """The centre (3,) at which a sphere rests after its release at `start`; infinite height: above all others.
 
     `floor`: height of a level floor. Raises SceneError where it leaves the others and there is none.
     """

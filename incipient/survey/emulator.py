@@ -147,7 +147,7 @@ def designed(features: Floats, count: int) -> Integers:
 
 
 def runs_to_halve(emulator: Emulator, features: Floats, unknown: Sequence[int]) -> int:
-    """How many more runs, each where the emulator is least certain, halve the mean bar of the drag over all grains.
+    """Number of further runs, each where the emulator is least certain, that halve the mean bar of the drag.
 
     features (m, 7): of all grains; unknown: those without a run. A grain with a run has no bar of the emulator.
     """

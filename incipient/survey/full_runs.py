@@ -22,10 +22,10 @@ from .pockets import TOUCHING, Pocket
 from .request import SurveyRequest
 
 BELOW = 0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
-WIDEST = 0.8  # diameters: radius of what fills clefts between neighbours
+WIDEST = 0.8  # diameters: radius of posts that fill interstices
 SLENDER = 0.2  # diameters: radius of posts below which there are none
 WIDE = " wide gap"  # in titles of runs with twice the gap
-COMPONENTS = ("force_x", "force_y", "force_z", "couple_x", "couple_y", "couple_z")
+COMPONENTS = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 SHIELDS_RANGE = (0.003, 0.3)  # of the bed stress over which runs with inertia are spread
 CREEPING = 1.0  # Reynolds number that stands in scenes of creeping flow, where it has no effect
 

@@ -41,7 +41,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class PoseOutcome:
-    """Shields numbers by the nominal diameter of all poses that have one, ascending; and how many have none and why.
+    """Shields numbers by the nominal diameter, ascending, and the numbers of poses without one by reason.
 
     refused: poses at which the grain does not come to rest, with the reason of the first; failed: runs
     """
@@ -89,7 +89,7 @@ def survey_poses(
     sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> PoseOutcome:
-    """Find the thresholds of a scene's grain in random orientations, on beds of several seeds. Collective.
+    """Compute the thresholds of a scene's grain in random orientations, on beds of several seeds. Collective.
 
     Poses in which it does not come to rest are left out and counted. `sweep`: as of `survey`.
     Raises IncipientError on all ranks.

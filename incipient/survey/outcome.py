@@ -248,7 +248,7 @@ class SurveyOutcome:
 
 
 def _percentiles(name: str, values: Floats) -> list[dict[str, float]]:
-    """Rows of those percentiles that the values tell."""
+    """Rows of the percentiles for which there are enough values."""
     return [
         {"percentile": share, name: float(percentile(values, share))}
         for share in known_percentiles(SHARES, len(values))
@@ -256,6 +256,6 @@ def _percentiles(name: str, values: Floats) -> list[dict[str, float]]:
 
 
 def few(values: Sequence[float]) -> str:
-    """The line on Shields numbers that are too few for percentiles."""
+    """A line on Shields numbers too few for percentiles."""
     shown = ", ".join(f"{value:.4g}" for value in sorted(values))
     return f"Shields number      {shown}: too few for percentiles"

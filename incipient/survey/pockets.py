@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arrays import Floats, unit
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..errors import SceneError
 from ..geometry.space.beds import SphereBed
@@ -82,7 +83,7 @@ class Pocket:
     """A grain and its surroundings. Lengths but those of the first five fields are in diameters of the grain.
 
     number: of the sphere; centre (3,) in the bed's own frame
-    neighbours (k, 3), relative to it in the frame of the flow, and their radii (k,); contacts: likewise
+    neighbours (k, 3), relative to it in the frame of the flow, and their radii (k,); contacts: in the same frame
     protrusion: its top above the bed's mean level; exposure: above the tops upstream of it
     sheltered, backed: fraction of its disc across the flow that is hidden upstream, downstream; skew: left less right
     visible: fraction of its area in plan that is seen from above
@@ -178,13 +179,13 @@ def pockets(
         )
 
 
-def critical_force(contacts: Contacts, friction: float) -> float:
+def critical_force(contacts: Contacts, law: Law) -> float:
     """The force along x, through the centre, over the weight at which a grain moves, by the exact criterion.
 
     Infinite where no such force moves it, NaN where the weight alone does.
     """
     load = Load(np.array([1.0, 0.0, 0.0]), np.zeros(3), DOWN, np.zeros(3))
-    safety = safety_factor(load, contacts, friction)
+    safety = safety_factor(load, contacts, law)
     moves = safety.interval is None or safety.interval[0] > 0.0
     return float("nan") if moves else safety.value
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,6 @@ from .thresholds import LoadErrors, features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
 ONE_OF_MANY = {"tries": 1}  # a run that dies or takes too long is not repeated by itself
-FILES = (GRAINS, SPHERES, RECORD, "survey.png", "survey.vtp")
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
@@ -95,7 +94,7 @@ def survey(
 
 
 def _mark(request: SurveyRequest, spheres: Spheres) -> str:
-    """A mark of the runs of this bed, in this flow, among those of others in one directory."""
+    """A mark that tells the runs of this bed and flow from others in one directory."""
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
@@ -134,7 +133,6 @@ class _Loads:
     more: int
     sweep: Mapping[str, Any]
     voice: Silent
-    _scenes: dict[tuple[int, int], FullRun] = field(default_factory=dict)
 
     def computed(self) -> SurveyOutcome:
         """The outcome with runs, thresholds and the record of the emulator. Collective."""
@@ -143,30 +141,28 @@ class _Loads:
         # Runs of an earlier call come first: the place of a run decides its Reynolds number.
         first = [grains[place].number for place in order.tolist()]
         chosen = list(dict.fromkeys([*self.outcome.runs, *first]))
-        begun = sum(status not in (DONE, FAILED) for status in self._statuses(chosen))
+        runs, table = self._full_runs(chosen), self._table()
+        begun = sum(status not in (DONE, FAILED) for status in _statuses(runs, table))
         if (more := self.more - begun) > 0:
-            chosen += self._further(chosen, more)
+            further = self._further(chosen, coefficients_of(runs, table), more)
+            runs += self._full_runs(further, len(chosen))
+            chosen += further
         if len(chosen) < FEWEST:
             remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
             why = f"{len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
             raise SceneError(f"runs.number: {why}")
         outcome = replace(self.outcome, runs=tuple(chosen))
         _write(outcome, self.directory, self.comm)
-        scenes = [(run.scene, run.wide) for run in self._full_runs(chosen)]
-        run_sweep(
-            [scene for pair in scenes for scene in pair if scene is not None],
-            self.directory / RUNS,
-            {"fluid.inertia": [outcome.request.flow.galileo is not None]},
-            do="run",
-            voice=self.voice,
-            **{**ONE_OF_MANY, **self.sweep},
-        )
-        runs = coefficients_of(self._full_runs(chosen), self._table)
-        failed = self._statuses(chosen).count(FAILED)
-        if len(runs) < FEWEST:
-            why = f"{len(runs)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
-            raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(runs)}")
-        return self._with_thresholds(outcome, runs, failed)
+        scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
+        inertia = {"fluid.inertia": [outcome.request.flow.galileo is not None]}
+        means = {**ONE_OF_MANY, **self.sweep}
+        run_sweep(scenes, self.directory / RUNS, inertia, do="run", voice=self.voice, **means)
+        table = self._table()
+        done, failed = coefficients_of(runs, table), _statuses(runs, table).count(FAILED)
+        if len(done) < FEWEST:
+            why = f"{len(done)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
+            raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(done)}")
+        return self._with_thresholds(outcome, done, failed)
 
     @cached_property
     def _features(self) -> Floats:
@@ -174,46 +170,37 @@ class _Loads:
         median = self.outcome.surface.median
         return np.array([features_of(grain, median, 1.0) for grain in self.outcome.free])
 
-    def _further(self, chosen: list[int], more: int) -> list[int]:
+    def _further(
+        self, chosen: Sequence[int], runs: Sequence[LoadCoefficients], more: int
+    ) -> list[int]:
         """Grains to compute besides those chosen: where the emulator is least certain, or far from others."""
         numbers = np.array([grain.number for grain in self.outcome.free])
         left = np.flatnonzero(~np.isin(numbers, chosen))
-        runs = coefficients_of(self._full_runs(chosen), self._table)
         wanted = self._emulator(runs).most_wanted if len(runs) >= FEWEST else designed
         return list(map(int, numbers[left[wanted(self._features[left], more)]]))
 
-    def _full_runs(self, chosen: Sequence[int]) -> list[FullRun]:
-        """The runs of grains; the first ones with error bars, and once more with a wider gap."""
+    def _full_runs(self, numbers: Sequence[int], place: int = 0) -> list[FullRun]:
+        """The runs of grains from a place on; the first ones with error bars, and once more with a wider gap."""
         outcome, runs = self.outcome, []
         free = {grain.number: grain for grain in outcome.free}
         median, galileo = outcome.surface.median, outcome.request.flow.galileo
-        for place, number in enumerate(chosen):
+        for at, number in enumerate(numbers, place):
             if (grain := free.get(number)) is None:
                 continue
-            if (number, place) not in self._scenes:  # a scene takes a tenth of a second
-                level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
-                own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
-                given = grain, level, outcome.request, reynolds_of(place, own)
-                with_bars = place < outcome.request.runs.with_error_bars
-                wide = scene_of(*given, wide=True) if with_bars else None
-                run = FullRun(number, scene_of(*given, error_bars=with_bars), wide)
-                self._scenes[number, place] = run
-            runs.append(self._scenes[number, place])
+            level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
+            own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
+            arguments = grain, level, outcome.request, reynolds_of(at, own)
+            with_bars = at < outcome.request.runs.with_error_bars
+            wide = scene_of(*arguments, wide=True) if with_bars else None
+            runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
         return runs
 
-    @property
     def _table(self) -> dict[str, dict[str, Any]]:
         """The rows of all runs in the directory by their identity."""
         file = self.directory / RUNS
         return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
 
-    def _statuses(self, chosen: Sequence[int]) -> list[str]:
-        """Statuses of the runs of grains in the directory, without those with a wider gap."""
-        table = self._table
-        identities = [identity_of(run.scene, "run") for run in self._full_runs(chosen)]
-        return [table[identity]["status"] for identity in identities if identity in table]
-
-    def _emulator(self, runs: list[LoadCoefficients]) -> Emulator:
+    def _emulator(self, runs: Sequence[LoadCoefficients]) -> Emulator:
         free = {grain.number: grain for grain in self.outcome.free}
         median = self.outcome.surface.median
         features = [features_of(free[run.number], median, run.reynolds) for run in runs]
@@ -233,3 +220,9 @@ class _Loads:
         to_halve = runs_to_halve(emulator, features, unknown)
         record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve, of_flow)
         return replace(outcome, thresholds=critical, emulator=record)
+
+
+def _statuses(runs: Sequence[FullRun], table: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Statuses of runs, by the rows of a directory, without those with a wider gap."""
+    identities = [identity_of(run.scene, "run") for run in runs]
+    return [table[identity]["status"] for identity in identities if identity in table]

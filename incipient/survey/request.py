@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from ..scene.section import NotNegative, Pair, Positive, PositivePair, Section, key
+from ..scene.section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key
 
 MOST_GRAINS = 100_000
+_BOTH = 'give both spread and sizes = "uniform" or "lognormal", or neither'
 
 
 class Deposited(Section):
     """Spheres dropped one by one at random places, each of which rolls down until it rests."""
+
+    rules = (
+        Rule("spread", lambda s: s.sizes != "equal" and not s.spread, "is needed by unequal sizes", _BOTH),
+        Rule("spread", lambda s: s.sizes == "equal" and s.spread, "is read only for unequal sizes", _BOTH),
+    )  # fmt: skip
 
     kind: Literal["deposited"] = key("Where the grains come from", "deposited")
     number: int = key("Number of spheres", ge=4, le=MOST_GRAINS)
@@ -35,19 +41,6 @@ class Deposited(Section):
         le=1000,
     )
     seed: int = key("Seed of places and diameters", 0, ge=0, le=2**31)
-
-    @model_validator(mode="after")
-    def _has_a_spread(self) -> Deposited:
-        if (self.sizes == "equal") != (self.spread == 0.0):
-            why = (
-                "is needed by unequal sizes"
-                if self.spread == 0.0
-                else "is read only for unequal sizes"
-            )
-            raise self.refused(
-                "spread", why, 'give both spread and sizes = "uniform" or "lognormal", or neither'
-            )
-        return self
 
 
 class MeasuredSpheres(Section):

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats, percentile
-from ..contact import Contacts
-from ..contact.batch import Batch, Loads, judge_batch
+from ..contact.batch import Batch, Cases, judge_many
+from ..contact.friction import FrictionCone, Law
 from .deposition import DOWN
 from .emulator import Emulator
 from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients
@@ -34,7 +34,7 @@ def range_of(drawn: Floats) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Threshold:
-    """The critical Shields number of a grain, draws (k,) of it within its errors, the motion, and by what."""
+    """The critical Shields number of a grain, draws (k,) within its errors, the mode of motion, and the source."""
 
     pocket: Pocket
     shields: float
@@ -51,7 +51,7 @@ class Threshold:
 
 @dataclass(frozen=True, eq=False)
 class LoadErrors:
-    """Random errors of the emulator for each grain on its own, and of the flow for all alike.
+    """Random errors of the emulator, independent for each grain, and of the flow, common to all.
 
     correlation: of the emulator's errors; flow: errors (6,) of the runs over the drag
     """
@@ -74,7 +74,7 @@ class LoadErrors:
 def thresholds(
     grains: Sequence[Pocket],
     median: float,
-    friction: float,
+    law: Law,
     galileo: float | None,
     runs: Sequence[LoadCoefficients],
     emulator: Emulator,
@@ -98,9 +98,9 @@ def thresholds(
             own, ranges = computed[grain.number].values[None], np.zeros_like(ranges)
         flow = np.abs(own[:, :1])[:, None] * errors.of_flow()
         drawn = np.concatenate([own[:, None], own[:, None] + ranges + flow], axis=1)
-        shields = _critical(grain, drawn, friction, None if galileo is None else strengths)
+        shields = _critical(grain, drawn, law, None if galileo is None else strengths)
         nearest = int(np.abs(strengths - shields[0]).argmin()) if len(own) > 1 else 0
-        mode = _mode(grain, own[nearest], float(shields[0]), friction)
+        mode = _mode(grain, own[nearest], float(shields[0]), law)
         is_computed = grain.number in computed
         critical.append(Threshold(grain, float(shields[0]), shields[1:], mode, is_computed))
     return critical
@@ -111,14 +111,12 @@ def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:
     return np.array([*grain.features, grain.diameter / median, math.log10(reynolds)])
 
 
-def _critical(
-    grain: Pocket, coefficients: Floats, friction: float, strengths: Floats | None
-) -> Floats:
+def _critical(grain: Pocket, coefficients: Floats, law: Law, strengths: Floats | None) -> Floats:
     """Critical Shields numbers (m,) by load coefficients (strengths or 1, m, 6)."""
     if strengths is None:
-        return np.asarray(_judged(grain, coefficients[0], friction).factors)
+        return np.asarray(_judged(grain, coefficients[0], law).factors)
     loads = strengths[:, None, None] * coefficients
-    factors = np.asarray(_judged(grain, loads.reshape(-1, 6), friction).factors)
+    factors = np.asarray(_judged(grain, loads.reshape(-1, 6), law).factors)
     return np.array(
         [_first_loss(strengths, column) for column in factors.reshape(loads.shape[:2]).T]
     )
@@ -138,18 +136,18 @@ def _first_loss(strengths: Floats, factors: Floats) -> float:
     return float(strengths[first] ** (1.0 - fraction) * strengths[second] ** fraction)
 
 
-def _mode(grain: Pocket, coefficients: Floats, shields: float, friction: float) -> str:
-    """How the grain begins to move when the flow is a little faster than critical."""
+def _mode(grain: Pocket, coefficients: Floats, shields: float, law: Law) -> str:
+    """Mode of incipient motion in a flow slightly faster than critical."""
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
     load = (1.0 + BEYOND) * shields * coefficients[None]
-    verdicts = _judged(grain, load, friction, with_mode=True)
+    verdicts = _judged(grain, load, law, with_mode=True)
     return verdicts.labels[int(verdicts.modes[0])]
 
 
-def _judged(grain: Pocket, loads: Floats, friction: float, with_mode: bool = False) -> Batch:
+def _judged(grain: Pocket, loads: Floats, law: Law, with_mode: bool = False) -> Batch:
     """Verdicts on loads (m, 6), in units of diameter and submerged specific weight."""
-    contacts = Contacts(0.5 * grain.contacts.normals, grain.contacts.normals)
-    batch = Loads(loads[:, :3], loads[:, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3))
-    inertia = SUBMERGED_WEIGHT, 0.1 * SUBMERGED_WEIGHT * np.eye(3)
-    return judge_batch(batch, contacts, friction, inertia if with_mode else None)
+    surface = 0.5 * grain.contacts.normals, grain.contacts.normals
+    acting = loads[:, :3], loads[:, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3)
+    inert = (SUBMERGED_WEIGHT, 0.1 * SUBMERGED_WEIGHT * np.eye(3)) if with_mode else ()
+    return judge_many(Cases(*surface, *acting, FrictionCone.of(law), *inert)).complete()

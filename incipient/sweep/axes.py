@@ -1,4 +1,4 @@
-"""What a sweep varies: axes of values, taken as a grid or together, and tables of cases."""
+"""The axes of a sweep, as a grid or together, and tables of cases."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ class VariedKey:
 
 
 def parsed(text: str) -> VariedKey:
-    """The axis that an option such as ``fluid.reynolds=log:0.1:200:17`` describes; raises SceneError."""
+    """The axis of an option such as ``fluid.reynolds=log:0.1:200:17``; raises SceneError."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
         raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
     return VariedKey(key, _values(values, text))
 
 
-def of_mapping(given: Mapping[str, Any]) -> list[VariedKey]:
+def of_mapping(over: Mapping[str, Any]) -> list[VariedKey]:
     """Axes by their keys: values are a text as of `parsed`, a list, or one value; sections may be nested as in TOML.
 
     Raises:
         SceneError: one of them cannot be understood.
     """
     axes: list[VariedKey] = []
-    for key, values in given.items():
+    for key, values in over.items():
         if isinstance(values, Mapping):
             axes += of_mapping({f"{key}.{name}": part for name, part in values.items()})
         elif isinstance(values, str):
@@ -74,13 +74,13 @@ def of_mapping(given: Mapping[str, Any]) -> list[VariedKey]:
 
 def _values(text: str, option: str) -> tuple[str, ...]:
     """Comma-separated values and ranges."""
-    found: list[str] = []
+    values: list[str] = []
     for part in _split(text):
-        given = _RANGE.fullmatch(part)
-        found += _range(part.split(":"), option) if given else [part]
-    if not all(found):
+        match = _RANGE.fullmatch(part)
+        values += _range(part.split(":"), option) if match else [part]
+    if not all(values):
         raise SceneError(f"--over {option}: has an empty value; {_REMEDY}")
-    return tuple(found)
+    return tuple(values)
 
 
 def _range(parts: Sequence[str], option: str) -> list[str]:
@@ -102,7 +102,7 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
 
 
 def rounded(value: float) -> str:
-    """A number between others as text, the same whatever computes it."""
+    """A number as text of fixed digits, equal on all machines."""
     return repr(float(f"{value:.{_DIGITS}g}"))
 
 

@@ -10,42 +10,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
 from ..input_files import read_text
 from ..scene import Scene
 from ..scene.file import dumps, parse
 from .axes import Settings
 
-TASKS = ("run", "threshold", "gust", "entrainment", "judge")
 _DIGITS = 20  # of an identity
 
 
 @dataclass(frozen=True)
 class Source:
-    """A scene or case before a sweep changes it: its name, TOML text, and the directory of its files."""
+    """A scene or case without overrides: its name, TOML text, and the directory of its files."""
 
     name: str
     text: str
     base: Path = Path()
 
     @classmethod
-    def of(cls, given: Scene | Path | str) -> Source:
-        """A scene of Python, or a file. Raises SceneError: the file cannot be read."""
-        if isinstance(given, Scene):
-            return cls(given.title or "scene", dumps(given))
-        path = Path(given)
+    def of(cls, scene: Scene | Path | str) -> Source:
+        """The source from a Scene or a file. Raises SceneError: the file cannot be read."""
+        if isinstance(scene, Scene):
+            return cls(scene.title or "scene", dumps(scene))
+        path = Path(scene)
         return cls(path.stem, read_text(path, "give the name of a scene file"), path.parent)
-
-    @property
-    def section(self) -> dict[str, Any]:
-        """Section [sweep] as plain data; empty without one, or if the file is not TOML, which is reported later."""
-        try:
-            section = tomllib.loads(self.text).get("sweep", {})
-        except (ValueError, RecursionError):
-            return {}
-        if not isinstance(section, dict):
-            raise SceneError(f"{self.name}: sweep: is not a section; write [sweep]")
-        return section
 
 
 @dataclass(frozen=True)
@@ -71,7 +58,7 @@ class SweepCase:
 def resolved(
     source: Source, settings: Settings, task: str, common: Sequence[str] = ()
 ) -> SweepCase:
-    """The case that settings make of a source; `common` are settings of all cases. Raises SceneError."""
+    """A source with the settings of one case; `common` are settings of all cases. Raises SceneError."""
     overrides = (*common, *settings)
     if task == "judge":
         return _judged(source, settings, overrides)

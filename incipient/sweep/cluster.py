@@ -1,4 +1,4 @@
-"""Clients of Dask: to a cluster of processes of this machine, or to a scheduler that somebody has started."""
+"""Clients of Dask: for a cluster of processes on this machine, or for a running scheduler."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SETTINGS = {
 
 
 def usual_jobs() -> int:
-    """The number of cores that this process may use, fewer where memory for the libraries of so many is lacking."""
+    """The number of cores of this process, reduced where memory for the libraries of as many workers is lacking."""
     cores = len(os.sched_getaffinity(0))
     return max(1, int(min(cores, FREE * free_bytes() / 2**20 / memory_of_libraries())))
 
@@ -132,7 +132,7 @@ def _address(scheduler: str) -> str:
 
 
 def number_of_workers(client: Any) -> int:
-    """How many workers there are; zero while the scheduler does not answer."""
+    """Number of workers; zero while the scheduler does not answer."""
     with suppress(OSError, ValueError, RuntimeError):
         return len(client.nthreads())
     return 0

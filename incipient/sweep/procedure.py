@@ -27,11 +27,11 @@ from ..installed import memory_of_libraries
 from ..parallel import ranks_there_are
 from ..progress import Silent
 from ..scene import Scene
-from .axes import of_mapping
+from .axes import of_mapping, parsed
 from .cases import Source, SweepCase
 from .cluster import client_of, exceeded_memory, local_client, number_of_workers, usual_jobs
 from .refinement import SweepRefinement
-from .request import RefinementOptions, Request, parsed_seconds, requested
+from .request import parsed_seconds, requested
 from .store import DONE, FAILED, Store
 from .table import in_words
 from .worker import RELEASE, CaseOutcome, computed_within
@@ -85,6 +85,7 @@ class Means:
 class SweepProgress:
     """Numbers of cases: in all, finished before, computed, failed; `refined`: lines for a reader on a refinement."""
 
+    file: Path
     total: int = 0
     known: int = 0
     done: int = 0
@@ -93,14 +94,14 @@ class SweepProgress:
 
     @property
     def finished(self) -> int:
-        """Cases that are not left to be computed."""
+        """Number of cases that are not left to be computed."""
         return self.known + self.done + self.failed
 
 
 def run(
     scenes: Scene | Path | str | list[Any] | tuple[Any, ...],
-    file: Path | str,
-    over: Mapping[str, Any] | None = None,
+    file: Path | str | None = None,
+    over: Mapping[str, Any] | Sequence[str] = (),
     *,
     do: str | None = None,
     zip: bool = False,
@@ -116,6 +117,7 @@ def run(
     scheduler: Any = None,
     tries: int = TRIES,
     limit: str | float | None = None,
+    dry_run: bool = False,
     voice: Silent | None = None,
 ) -> SweepProgress:
     """Compute the cases of a sweep that its file does not hold yet. Not collective: one rank calls it.
@@ -124,8 +126,9 @@ def run(
 
     Args:
         scenes: a scene or several, or names of files; of cases to be judged names of files.
-        file: the SQLite file of the sweep.
-        over: values by key, as a list or as text such as ``"log:0.1:200:17"``; None: as the section [sweep] says.
+        file: the SQLite file of the sweep; default: results/SCENE_TASK.sqlite.
+        over: values by key, as a list or as text such as ``"log:0.1:200:17"``; or texts such as
+            ``"fluid.reynolds=1,2"``; empty: from the section [sweep].
         do: "run", "threshold", "gust", "entrainment" or "judge".
         zip: values of several keys vary side by side instead of in every combination.
         cases: a CSV file of cases.
@@ -140,6 +143,7 @@ def run(
         scheduler: of Dask: "tcp://HOST:PORT", the name of its .json file, or a cluster object.
         tries: how often a case is begun whose worker process dies.
         limit: seconds, or text such as "2h", that a case may take; default: a day.
+        dry_run: only count the cases, without a file.
         voice: is notified of progress.
 
     Raises:
@@ -150,24 +154,25 @@ def run(
     means = Means(jobs, memory_mib, end, retry, scheduler, tries, longest)
     request = requested(
         [Source.of(scene) for scene in (scenes if isinstance(scenes, list | tuple) else [scenes])],
-        of_mapping(over or {}),
+        of_mapping(over) if isinstance(over, Mapping) else [parsed(text) for text in over],
         zip,
         None if cases is None else Path(cases),
         do,
         settings,
-        RefinementOptions(refine, most, quantity),
+        refine,
+        most,
+        quantity,
     )
-    return computed_into(Path(file), request, means, voice or Silent())
-
-
-def computed_into(file: Path, request: Request, means: Means, voice: Silent) -> SweepProgress:
-    """Compute the cases of a request into a file; raises as `run`."""
-    cases = request.cases(voice)
-    refinement = request.refinement(cases)
-    with Store(file, make=True) as store:
-        sweep = _Sweep(store, means, voice)
+    usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
+    path, reporter = usual if file is None else Path(file), voice or Silent()
+    resolved = request.cases(reporter)
+    if dry_run:
+        return _counted(path, resolved)
+    refinement = request.refinement(resolved)
+    with Store(path, make=True) as store:
+        sweep = _Sweep(store, means, reporter)
         try:
-            sweep.add(cases)
+            sweep.add(resolved)
             sweep.compute(refinement)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(sweep.left("interrupted")) from interrupt
@@ -178,11 +183,21 @@ def computed_into(file: Path, request: Request, means: Means, voice: Silent) -> 
     return sweep.progress
 
 
+def _counted(file: Path, cases: Sequence[SweepCase]) -> SweepProgress:
+    """Numbers of cases and of those that are finished in a file."""
+    states = dict[str, str]()
+    if file.is_file():
+        with Store(file) as store:
+            states = store.states()
+    known = sum(states.get(case.identity) in (DONE, FAILED) for case in cases)
+    return SweepProgress(file, len(cases), known)
+
+
 class _Sweep:
     """Cases that wait and cases at workers; `tries`: how often each was begun."""
 
     def __init__(self, store: Store, means: Means, voice: Silent):
-        self.progress = SweepProgress()
+        self.progress = SweepProgress(store.path)
         self._store, self._means, self._voice = store, means, voice
         self._began = time.monotonic()
         self._waiting: dict[str, SweepCase] = {}
@@ -204,7 +219,7 @@ class _Sweep:
         self.progress.known += len(cases) - len(waiting)
 
     def compute(self, refinement: SweepRefinement | None) -> None:
-        """Compute what waits, and what a refinement adds. Raises as `run`."""
+        """Compute the waiting cases, and those that a refinement adds. Raises as `run`."""
         with ExitStack() as stack:
             stack.callback(self._write)
             while self._waiting or self._running or self._grows(refinement):
@@ -219,7 +234,7 @@ class _Sweep:
                 self._take()
 
     def left(self, why: str) -> str:
-        """Why the sweep ends before its time, and what is kept."""
+        """A message on the early end of the sweep and the stored results."""
         finished = f"{self.progress.finished} of {self.progress.total} cases are finished"
         return f"{why}: {finished} and kept in {self._store.path}; repeat the command to resume"
 
@@ -242,7 +257,7 @@ class _Sweep:
         )
 
     def _count_workers(self) -> None:
-        """Look at how many workers there are. Raises OutputError: they, or the scheduler, do not come back."""
+        """Update the number of workers. Raises OutputError: they, or the scheduler, do not come back."""
         if self._client.status == "closed":
             raise OutputError(self.left("the scheduler has gone and does not come back"))
         now = time.monotonic()
@@ -265,7 +280,7 @@ class _Sweep:
             future.add_done_callback(self._ended.put)
 
     def _take(self) -> None:
-        """Take what has ended, waiting for it for a while, and write it."""
+        """Wait briefly for finished cases, and write them."""
         ended = []
         with suppress(Empty):
             ended.append(self._ended.get(timeout=LOOK))

@@ -207,7 +207,7 @@ class SweepRefinement:
         return new
 
     def _put(self, family: Family, position: float) -> list[SweepCase]:
-        """Take a position into a family; its case if that is a new one."""
+        """Add a position to a family; returns its case if that is new."""
         settings = (*family.fixed, *family.along.settings(position))
         family.cases[position] = None
         try:
@@ -232,12 +232,12 @@ class SweepRefinement:
         )
 
     def lines(self) -> list[str]:
-        """Lines for a reader on the intervals in which the mode changes, and on what was not computed."""
-        found = [(family, ends) for family in self._families for ends in family.changes()]
-        worst = max((family.length(*ends) for family, ends in found), default=0.0)
-        within = f"to {worst:.2g} of the range, in {len(found)} intervals" if found else "none"
+        """Lines for a reader on the intervals in which the mode changes, and on missing cases."""
+        changes = [(family, ends) for family in self._families for ends in family.changes()]
+        worst = max((family.length(*ends) for family, ends in changes), default=0.0)
+        within = f"to {worst:.2g} of the range, in {len(changes)} intervals" if changes else "none"
         lines = [f"{'changes of mode':<20}{within}"]
-        for family, ends in found:
+        for family, ends in changes:
             fixed = f" ({', '.join(family.fixed)})" if family.fixed else ""
             sides = (f"{family.known[x][0]} at {', '.join(family.along.settings(x))}" for x in ends)
             lines.append(f"  {', '.join(sides)}{fixed}")

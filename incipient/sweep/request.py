@@ -1,64 +1,57 @@
-"""The cases that the command line, a section [sweep] or Python ask a sweep for."""
+"""The request of a sweep from the command line, a section [sweep] or Python."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import ValidationError, field_validator
 
 from ..errors import SceneError
 from ..progress import Silent
+from ..scene.messages import one_line, problems_of, shown
+from ..scene.section import Section, contradiction, key
 from . import axes
 from .axes import VariedKey
-from .cases import TASKS, Source, SweepCase, resolved
+from .cases import Source, SweepCase, resolved
 from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, direction
 
-_KEYS = ("over", "zip", "cases", "do", "refine", "most", "quantity")
-_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
-    "refine": ((int, float), "give a fraction of the range such as 0.01, or true"),
-    "most": ((int,), "give a number of cases"),
-    "quantity": ((str,), "give the name of a column"),
-}
 _TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?")
 _UNITS = (86400.0, 3600.0, 60.0, 1.0)
 
 
-@dataclass(frozen=True)
-class RefinementOptions:
-    """Options of a refinement: its tolerance, True for the usual one; number of cases; a column. None: not given."""
+class SweepSection(Section):
+    """The section [sweep] of a scene or case."""
 
-    refine: float | bool | None = None
-    most: int | None = None
-    quantity: str | None = None
+    over: dict[str, Any] = key("Values by key", {})
+    zip: bool = key("Whether values of several keys vary side by side", False)
+    cases: str | None = key("CSV file of cases", None)
+    do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
+    refine: bool | float | None = key("Fraction of the range, or true", None)
+    most: int | None = key("Largest number of cases of a refinement", None)
+    quantity: str | None = key("Column that a refinement makes straight", None)
 
-    def aim(self, section: Mapping[str, Any], name: str, task: str) -> Aim | None:
-        """Aim of the refinement, by these options, otherwise by the section [sweep] of the scene of a name.
+    @field_validator("refine", mode="before")
+    @classmethod
+    def _is_a_fraction(cls, value: Any) -> Any:
+        if value is None or isinstance(value, int | float):
+            return value
+        raise contradiction(f"is {shown(value)}", "give a fraction of the range, or true")
 
-        Raises:
-            SceneError: it cannot be understood, or there is no refinement to which it belongs.
-        """
-        values = {key: section.get(key) if own is None else own for key, own in vars(self).items()}
-        for key, (kinds, remedy) in _KINDS.items():
-            if values[key] is not None and not isinstance(values[key], kinds):
-                raise SceneError(f"{name}: sweep.{key}: {values[key]!r} does not fit; {remedy}")
-        if values["refine"] is None or values["refine"] is False:
-            for key in ("most", "quantity"):
-                if getattr(self, key) is not None:
-                    remedy = "give --refine as well, or leave it out"
-                    raise SceneError(f"--{key}: is for a refinement; {remedy}")
-            return None
-        tolerance = USUAL if values["refine"] is True else float(values["refine"])
-        quantity = values["quantity"] or QUANTITIES.get(task, "safety_factor")
-        return Aim(quantity, tolerance, MOST if values["most"] is None else values["most"])
+
+class _Swept(Section):
+    sweep: SweepSection = key("What varies", SweepSection())
 
 
 @dataclass(frozen=True)
 class Request:
     """Sources and how they are varied.
 
-    over: axes; together: they vary side by side; table: a CSV file of cases; task: one of `cases.TASKS`
+    over: axes; together: they vary side by side; table: a CSV file of cases; task: one of `SweepSection.do`
     common: overrides of all cases; aim: of cases in between, None: there are none
     """
 
@@ -112,31 +105,46 @@ def requested(
     table: Path | None = None,
     task: str | None = None,
     common: Sequence[str] = (),
-    refined: RefinementOptions = RefinementOptions(),
+    refine: float | bool | None = None,
+    most: int | None = None,
+    quantity: str | None = None,
 ) -> Request:
-    """The request; what is not given is taken from the section [sweep] of the first source, relative to its file.
+    """The request; missing arguments come from the section [sweep] of the first source, relative to its file.
+
+    refine, most, quantity: tolerance of a refinement, True for the usual one; number of cases; a column
 
     Raises:
         SceneError: nothing is varied, or the section cannot be understood.
     """
-    section, name = sources[0].section, sources[0].name
-    unknown = next((key for key in section if key not in _KEYS), None)
-    if unknown is not None:
-        raise SceneError(f"{name}: sweep.{unknown}: unknown key; known are {', '.join(_KEYS)}")
-    of_section = section.get("over", {})
-    if not isinstance(of_section, Mapping):
-        raise SceneError(f"{name}: sweep.over: is not a section; write [sweep.over]")
+    section = _section_of(sources[0])
     if not over and table is None:
-        over, together = axes.of_mapping(of_section), together or bool(section.get("zip", False))
-        table = sources[0].base / str(section["cases"]) if "cases" in section else None
-    task = task or str(section.get("do", "run"))
-    if task not in TASKS:
-        raise SceneError(f'{name}: sweep.do: "{task}" is not known; use {", ".join(TASKS)}')
+        over, together = axes.of_mapping(section.over), together or section.zip
+        table = sources[0].base / section.cases if section.cases else None
     if not over and table is None and len(sources) == 1:
         remedy = "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
         raise SceneError(f"nothing is varied; {remedy}")
-    aim = refined.aim(section, name, task)
+    task, aim = task or section.do, None
+    refine = section.refine if refine is None else refine
+    if refine is not None and refine is not False:
+        tolerance = USUAL if refine is True else float(refine)
+        column = quantity or section.quantity or QUANTITIES.get(task, "safety_factor")
+        aim = Aim(column, tolerance, next(n for n in (most, section.most, MOST) if n is not None))
+    elif most is not None or quantity is not None:
+        option, remedy = "most" if most is not None else "quantity", "give --refine as well"
+        raise SceneError(f"--{option}: is for a refinement; {remedy}, or leave it out")
     return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
+
+
+def _section_of(source: Source) -> SweepSection:
+    """The section [sweep]; empty without one, or if the file is not TOML, which is reported later."""
+    try:
+        section = tomllib.loads(source.text).get("sweep", {})
+    except (ValueError, RecursionError):
+        section = {}
+    try:
+        return _Swept.model_validate({"sweep": section}).sweep
+    except ValidationError as error:
+        raise SceneError(one_line(source.name, problems_of(error, _Swept))) from None
 
 
 def parsed_seconds(text: str | float, option: str) -> float:

@@ -1,4 +1,4 @@
-"""Critical Shields numbers by size class, as programs of bed evolution read them: of a sweep, or a table of grains."""
+"""Critical Shields numbers by size class, for programs of bed evolution, from a sweep or a table of grains."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIZES = ("diameter", "body.diameter")  # columns that are looked for where none 
 def size_classes(
     path: Path, bounds: Sequence[float], size: str | None = None
 ) -> list[dict[str, float]]:
-    """A row for each class [low, high) of sizes: how many grains, how many without a threshold, and percentiles.
+    """A row for each class [low, high) of sizes: numbers of grains and of those without a threshold, and percentiles.
 
     Percentiles of the critical Shields number are of all grains of the class, those that no flow moves among them as
     infinite. A class without grains has none. Not collective.
@@ -44,21 +44,21 @@ def size_classes(
         raise SceneError(
             f"--size-classes: {_shown(bounds)} do not grow; give two bounds or more, as in 1,2,4"
         )
-    found = (
+    table_rows = (
         _of_csv(path)
         if path.suffix == ".csv"
         else [row for row in rows(path) if row["status"] == "done"]
     )
     named = next(
-        (one for one in ([size] if size else SIZES) if any(one in row for row in found)), None
+        (one for one in ([size] if size else SIZES) if any(one in row for row in table_rows)), None
     )
-    if named is None or not any("shields" in row for row in found):
+    if named is None or not any("shields" in row for row in table_rows):
         lacks = "shields" if named is not None else size or " or ".join(SIZES)
         raise SceneError(
             f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN"
         )
     # A grain that carries others has none, and is not free to move.
-    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in found]
+    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in table_rows]
     table = np.array([one for one in grains if not any(map(math.isnan, one))]).reshape(-1, 2)
     classes = [_class(table, low, high) for low, high in pairwise(bounds)]
     if not any(one["grains"] for one in classes):

@@ -6,7 +6,6 @@ and the quantities as columns. One process at a time writes, and keeps others aw
 
 from __future__ import annotations
 
-import fcntl
 import json
 import math
 import sqlite3
@@ -18,13 +17,13 @@ from typing import Any, Self
 from urllib.parse import quote
 
 from ..errors import OutputError, shortened
-from ..files import make_directory, reported
+from ..files import hold_alone, make_directory, reported
 from .cases import SweepCase
 from .worker import CaseOutcome
 
 APPLICATION, FORMAT = (
     0x696E6370,
-    5,
+    6,
 )  # in the head of the file: "incp", and the version of its tables
 PATIENCE = 60.0  # seconds that a writer waits for readers
 WAITING, DONE, FAILED = "waiting", "done", "failed"
@@ -61,7 +60,11 @@ class Store:
         with self._reported(), ExitStack() as opened:
             if make:
                 make_directory(path.parent, path)
-                opened.enter_context(_lock(path))
+                lock = path.with_name(f".{path.name}.lock")
+                with reported(lock):
+                    alone = opened.enter_context(lock.open("a"))
+                    busy = f"{path}: another sweep writes to it; wait until it has ended"
+                    hold_alone(alone, lambda: busy)
             uri = f"file:{quote(str(path.absolute()))}?mode={'rwc' if make else 'rw'}"
             # Statements commit themselves; a transaction begins where several belong together.
             self._base = sqlite3.connect(uri, uri=True, timeout=PATIENCE, isolation_level=None)
@@ -119,7 +122,7 @@ class Store:
             self._base.execute("COMMIT")
 
     def add(self, cases: Iterable[SweepCase], retry: bool = False) -> None:
-        """Put in the cases that are not there yet; with `retry` those that have failed wait again."""
+        """Add new cases; with `retry` failed cases wait again."""
         names = "id, source, task, status, settings, scene"
         with self._transaction():
             for case in cases:
@@ -156,7 +159,7 @@ class Store:
                 )
 
     def write_view(self) -> None:
-        """Define the view `results` anew: varied keys, quantities, status and cost as columns."""
+        """Redefine the view `results`: varied keys, quantities, status and cost as columns."""
         with self._reported():
             query = "SELECT DISTINCT key FROM cases, json_each(cases.columns)"
             names = [str(name) for (name,) in self._base.execute(query)]
@@ -174,7 +177,7 @@ class Store:
             return dict(map(tuple, self._base.execute("SELECT id, status FROM cases")))
 
     def columns(self, identities: Iterable[str]) -> dict[str, dict[str, Any]]:
-        """Quantities of those of the cases that are done, by identity."""
+        """Quantities of the finished ones among cases, by identity."""
         query = "SELECT columns FROM cases WHERE id = ? AND status = ?"
         with self._reported():
             rows = {one: self._base.execute(query, (one, DONE)).fetchone() for one in identities}
@@ -195,20 +198,6 @@ class Store:
             return [row | {name: dict(json.loads(row[name])) for name in parsed} for row in rows]
 
 
-@contextmanager
-def _lock(path: Path) -> Iterator[None]:
-    """Keep other sweeps from a file; the system ends the lock with the process."""
-    lock = path.with_name(f".{path.name}.lock")
-    with reported(lock), lock.open("a") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(
-                f"{path}: another sweep writes to it; wait until it has ended"
-            ) from None
-        yield
-
-
 def _json(columns: dict[str, Any]) -> str:
     """Flat columns as JSON; an infinite number is written as one that is too large, as SQLite reads it."""
     infinite = {math.inf: "9e999", -math.inf: "-9e999"}
@@ -220,7 +209,7 @@ def _json(columns: dict[str, Any]) -> str:
 
 
 def _path(*keys: str) -> str:
-    """Where JSON has a value, for SQL."""
+    """Path of a value in JSON, for SQL."""
     path = "".join(f"[{key}]" if key.isdigit() else f'."{key}"' for key in keys)
     return "'$" + path.replace("'", "''") + "'"
 

@@ -62,13 +62,13 @@ def frame(path: Path | str) -> pandas.DataFrame:
 
 
 def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The columns that any of the rows has, in their order."""
+    """All columns of the rows, in their order."""
     names = list(dict.fromkeys(name for row in table for name in row))
     return [name for name in names if name not in LAST] + [name for name in LAST if name in names]
 
 
 def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as the text of a CSV file; what is not known is empty."""
+    """Rows as the text of a CSV file; missing values are empty."""
     return csv_text(columns(table), table)
 
 

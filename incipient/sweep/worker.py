@@ -10,21 +10,24 @@ import socket
 import threading
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ..effects import known
 from ..errors import IncipientError, MissingError
 from ..files import plain
 from ..parallel import Comm, end_with_parent, leave_parallel_run, start_alone_quickly, world
+from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, quantities_of
+from ..results.si import FLOW
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
-from .quantities import quantities
 
 RELEASE = version("incipient")
+_KINDS = {"threshold": THRESHOLD, "gust": GUSTS, "entrainment": ENTRAINMENT}
 _ONE_CASE = threading.Lock()  # gmsh, PETSc and the watchdog have one state a process
 
 
@@ -71,7 +74,7 @@ def computed_within(limit: float, release: str, task: str, text: str) -> CaseOut
 def computed(task: str, text: str) -> CaseOutcome:
     """Compute a case; the message of an error for users is its reason. Not collective."""
     began, processor = time.perf_counter(), _processor_time()
-    # The kernel counts the largest memory from here, or it is that of all cases so far.
+    # The kernel counts the largest memory from here on, not over all earlier cases.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     names = ("incipient", "numpy", "scipy") if task == "judge" else ("incipient", "numpy")
@@ -104,32 +107,36 @@ def _result(task: str, text: str) -> dict[str, Any]:
         from ..judging.case import Case, judge_case
 
         return judge_case(Case.model_validate(json.loads(text)))
-    scene, comm = Scene.model_validate(json.loads(text)), world()
-    return _run(scene, comm) if task == "run" else _search(task, scene, comm)
-
-
-def _run(scene: Scene, comm: Comm) -> dict[str, Any]:
     from ..accuracy.run import run_scene
-
-    return run_scene(scene, comm).to_dict()
-
-
-def _search(task: str, scene: Scene, comm: Comm) -> dict[str, Any]:
-    from ..thresholds import critical, gusts
-
-    if task == "gust":
-        return gusts.GustSearch(scene, comm).of_scene().to_dict()
-    if task == "threshold":
-        return critical.find_threshold(scene, comm).to_dict()
     from ..planning.flow_setup import Setup
-    from ..thresholds.entrainment import find_entrainment
+    from ..thresholds import critical, entrainment, gusts
 
-    return find_entrainment(Setup(scene), comm).to_dict()
+    compute: dict[str, Callable[[Scene, Comm], Any]] = {
+        "run": run_scene,
+        "gust": lambda scene, comm: gusts.GustSearch(scene, comm).of_scene(),
+        "threshold": critical.find_threshold,
+        "entrainment": lambda scene, comm: entrainment.find_entrainment(Setup(scene), comm),
+    }
+    result: dict[str, Any] = compute[task](
+        Scene.model_validate(json.loads(text)), world()
+    ).to_dict()
+    return result
+
+
+def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers and words of the result of a case, error bars under NAME_low and NAME_high."""
+    kind, columns = _KINDS.get(task), dict[str, Any]()
+    # The verdict first.
+    of_run = sorted(known.quantities(), key=lambda one: not one.key.startswith("verdict."))
+    for quantity in of_run if kind is None else quantities_of(kind, result):
+        columns |= quantity.columns(result)
+    si = result.get("si") or {}
+    return columns | {f"{name}_si": si[name] for name in FLOW if name in si}
 
 
 @contextmanager
 def _logged() -> Iterator[list[str]]:
-    """Gather the messages that the program logs in the block."""
+    """Collect the program's log messages of the block."""
     lines: list[str] = []
     handler, log = logging.Handler(logging.INFO), logging.getLogger("incipient")
     handler.emit = lambda record: lines.append(record.getMessage())  # type: ignore[method-assign]

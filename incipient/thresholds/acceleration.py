@@ -1,4 +1,4 @@
-"""The load of a growing flow on a grain at rest, besides that of its strength: added mass, pressure gradient."""
+"""The additional load of a growing flow on a grain at rest: added mass and pressure gradient."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..parallel import Comm
 from ..planning.driving_force import DisplacedFluid
@@ -17,16 +18,15 @@ from ..planning.flow_setup import Setup
 from ..simulation.build import prepared
 from .outcome import Threshold
 
-FARTHEST = 20.0  # times the critical strength, or its inverse: end of the search
+FARTHEST = 20.0  # range of the search: factor on the critical strength, and its inverse
 LARGEST_LOGARITHM = 5.0  # of a safety factor in a root search
 APART = 1.03  # ratio of growths between which critical strengths are interpolated
 
 
 def load_of_growth(setup: Setup, comm: Comm) -> Floats:
-    """Force and torque (6,) on the grain where the scene's flow grows by itself in unit time. Collective.
+    """Force and torque (6,) about the grain's centroid for growth by the scene's flow in unit time. Collective.
 
-    The torque is about the centroid. The load is that of the pressure gradient on the displaced fluid, and of the
-    potential disturbance, before viscosity has acted.
+    The load of the pressure gradient on the displaced fluid and of the potential disturbance, without viscosity.
     """
     from ..fluid.acceleration import load_of_disturbance
 
@@ -47,7 +47,7 @@ def load_of_growth(setup: Setup, comm: Comm) -> Floats:
 class CriticalStrength:
     """The strength at which a grain begins to move in a flow that grows or fades.
 
-    Near the critical flow the load goes as a power of the strength.
+    Near the critical flow the load is a power of the strength.
 
     factor, load, power: of the critical steady flow
     of_growth: (6,) load where the strength grows by one in unit time
@@ -58,20 +58,20 @@ class CriticalStrength:
     power: float
     of_growth: Floats
     contacts: Contacts
-    friction: float
+    law: Law
     _known: dict[tuple[float, bool], float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, threshold: Threshold, of_growth: Floats, friction: float) -> CriticalStrength:
+    def of(cls, threshold: Threshold, of_growth: Floats, law: Law) -> CriticalStrength:
         """The critical strengths of a grain about its threshold."""
         assert threshold.steepness is not None
         steady = threshold.factor, threshold.load, threshold.steepness
-        return cls(*steady, of_growth, threshold.contacts, friction)
+        return cls(*steady, of_growth, threshold.contacts, law)
 
     def near(self, growth: float, relative: bool) -> float:
-        """The critical strength as of `at`; for a growth that is not relative interpolated between neighbours.
+        """The critical strength as in `at`, interpolated between neighbours for an absolute growth.
 
-        Such a growth is another one in every mean flow.
+        An absolute growth differs between mean flows.
         """
         if relative or not growth:
             return self.at(growth, relative)
@@ -101,6 +101,6 @@ class CriticalStrength:
         added = growth * (strength if relative else 1.0) * self.of_growth
         force, torque = ratio * self.load.flow_force, ratio * self.load.flow_couple
         load = Load(force + added[:3], torque + added[3:], self.load.weight, self.load.centre)
-        value = safety_factor(load, self.contacts, self.friction).value
+        value = safety_factor(load, self.contacts, self.law).value
         bound = math.exp(LARGEST_LOGARITHM)
         return math.log(min(max(value, 1.0 / bound), bound))

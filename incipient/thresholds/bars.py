@@ -1,7 +1,7 @@
 """Error bars of a critical flow: each error of force and torque as a change of the critical factor.
 
-Within the errors of the load the safety factor at the critical flow, one there, has a range [S_low, S_high]. Nearby S
-goes as a power -p of the factor f. So the critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
+The safety factor at the critical flow is 1, with a range [S_low, S_high] within the errors of the load. Nearby S is
+proportional to f^-p with the factor f, so that the critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ..results.errorbars import ErrorBars
 from .search import CriticalFlow
 
 ADDED = "absolute errors of that multiple, added in full: "
-OWN_MESH = "own mesh"  # the change by a mesh made for the walls in the critical flow itself
-NEARBY = (0.02, 0.1, 0.3)  # relative widths in which the corrected critical flow is searched
+OWN_MESH = "own mesh"  # term: change by a mesh for the walls of the critical flow
+NEARBY = (0.02, 0.1, 0.3)  # relative ranges of the search for the corrected critical flow
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class CriticalBars:
         return {"factor": factor, "load": self.loads.to_dict()}
 
     def lines(self) -> list[str]:
-        """The sources of the error of the factor, for a reader."""
+        """The sources of the factor's error as text."""
         known = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
         missing = self.loads.left_out | {
             name: f"not computed: {why}" for name, why in self.loads.failed.items()
@@ -59,7 +59,7 @@ class CriticalBars:
 
 def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
     """The error bars of a critical flow from those of force and torque there."""
-    errors = {term.name: np.concatenate([term.force, term.couple]) for term in loads.terms}
+    errors = {term.name: np.concatenate([term.force, term.torque]) for term in loads.terms}
     if flow.own_mesh is not None:
         errors[OWN_MESH] = flow.own_mesh.change
     ranges = {name: factor_range(flow, error) for name, error in errors.items()}
@@ -72,15 +72,14 @@ def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
 
 
 def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, ErrorBars]:
-    """The critical flow of the load corrected by its errors there, with the error bars of the corrected load.
+    """The critical flow of the corrected load, with the error bars of that load.
 
-    The correction is assumed to grow with the factor. If the corrected load has no critical flow nearby, both are
-    returned without corrections.
+    The correction is assumed proportional to the factor. Without a critical flow nearby both are uncorrected.
     """
     change = loads.correction
     if change is None:
         return flow, loads
-    shift = np.concatenate([change.force, change.couple]) / flow.factor
+    shift = np.concatenate([change.force, change.torque]) / flow.factor
     path = replace(flow.path, loads=flow.path.loads + shift)
     for width in NEARBY:
         low, high = flow.factor / (1.0 + width), flow.factor * (1.0 + width)
@@ -93,14 +92,14 @@ def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, Error
 def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
     """The smallest and the largest critical factor within an error (6,) of force and torque."""
     path, factor = flow.path, flow.factor
-    safety = safety_range(flow.load, path.contacts, path.friction, ErrorBox.of(error))
+    safety = safety_range(flow.load, path.contacts, path.law, ErrorBox.of(error))
     power = path.steepness(factor)
     low, high = min(safety.low, 1.0), max(safety.high, 1.0)
     return factor * _root(low, power), factor * _root(high, power)
 
 
 def _root(value: float, power: float) -> float:
-    """value^(1/power); without bound where S does not fall with the factor."""
+    """value^(1/power); unbounded if S does not fall with the factor."""
     if 0.0 < value < math.inf and power > 0.0:
         return float(value ** (1.0 / power))
     return value if value == 1.0 else 0.0 if value < 1.0 else math.inf

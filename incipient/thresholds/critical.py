@@ -1,7 +1,7 @@
-"""The critical flow: how fast the scene's flow must be for its grain to begin to move.
+"""The critical flow: the slowest flow that moves the scene's grain.
 
-The flow is made faster by a factor at the same viscosity, grain and gravity, from rest upwards; the critical factor is
-the smallest one at which the grain is not held (`search`). Its error bars follow from those of force and torque there
+The scene's flow is multiplied by a factor at the same viscosity, grain and gravity, from rest upwards; the critical
+factor is the smallest one without equilibrium (`search`). Its error bars follow from those of force and torque
 (`bars`).
 """
 
@@ -19,14 +19,14 @@ from ..accuracy.finish import improved_loads
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
-from ..effects.known import EFFECTS
+from ..effects.turbulence import threshold_needs, threshold_notes
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.si import in_si
+from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.units import nominal_diameter
@@ -41,8 +41,8 @@ from .outcome import DOUBTED, Threshold
 from .search import CriticalFlow, CriticalSearch
 
 KEEPS_SHAPE = "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead"
-BEYOND = 1e-4  # relative excess over the critical flow of the flow that shows the motion
-NOT_ONE = 0.02  # deviation from one of the safety factor on a mesh of its own that is reported
+BEYOND = 1e-4  # relative excess over the critical flow, for the mode of motion
+NOT_ONE = 0.02  # reported deviation of the safety factor on its own mesh from 1
 OTHERWISE = (
     "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
     "for a threshold; use a smaller numerics.mesh_size"
@@ -62,22 +62,22 @@ def find_threshold(
     With `numerics.accuracy` the mesh is refined until the error of the critical flow is small enough.
 
     Args:
-        keep: is called with the threshold before its error bars are computed; returns where it is kept.
+        keep: called with the threshold before its error bars are estimated; returns its directory.
 
     Raises:
-        SceneError: the scene has no weight, friction or bed to judge the grain by, or is time-dependent.
+        SceneError: a scene without weight, friction or bed, or an unsteady one.
         ConvergenceError: not even the slowest flow converged.
     """
     _require(scene)
     if scene.fluid.inertia and scene.effects.inertia == "auto":
-        # Inertia that the plan would leave out may matter at the threshold.
+        # Inertia omitted by the plan may matter at the threshold.
         effects = scene.effects.model_copy(update={"inertia": True})
         scene = scene.model_copy(update={"effects": effects})
 
     def concluded(
         run: Run, search: CriticalSearch, flow: CriticalFlow, adaptation: Adaptation | None = None
     ) -> Threshold:
-        """The threshold, with error bars if requested; kept before these begin."""
+        """The threshold, with error bars if requested; first kept without them."""
         threshold = replace(
             _threshold(run, flow), adaptation=adaptation if flow.is_critical else None
         )
@@ -113,14 +113,14 @@ def _require(scene: Scene) -> None:
     )
     lacking = [need for met, need in needs if not met]
     setup = Setup(scene)
-    for need in lacking or (need for effect in EFFECTS for need in effect.threshold_needs(setup)):
+    for need in lacking or threshold_needs(setup):
         raise SceneError(f"a threshold needs {need}")
 
 
 def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
     """The threshold without error bars. Collective."""
     scene, load, contacts = run.scene, flow.load, run.contacts
-    if flow.rocking is not None:  # the grain is where it has rocked to
+    if flow.rocking is not None:  # the pose after rocking
         rest = flow.rocking.rests[-1]
         load, contacts = replace(load, centre=spatial(rest.placement.centre)), rest.contacts
     assert scene.grain is not None and contacts is not None
@@ -149,7 +149,9 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
         return threshold
     return replace(
         threshold,
-        si=in_si(scene, flow.factor, load.flow_force, load.flow_couple),
+        si=with_loads(
+            in_si(scene, flow.factor), {"force": load.flow_force, "torque": load.flow_couple}
+        ),
         steepness=flow.path.steepness(flow.factor),
         notes=(threshold.shields_note(scene.gdim), *_notes(run, flow)),
     )
@@ -161,13 +163,13 @@ def _with_bars(
     """The threshold with error bars, or the reason why they were not computed. Collective."""
     with run.stage("error bars"):
         try:
-            force, couple = search.at_nearest(flow.factor)
-            # The nearest computed flow may be far away where the load is proportional.
+            force, torque = search.at_nearest(flow.factor)
+            # The nearest computed flow may be far away for a proportional load.
             force = replace(force, flow=flow.load.flow_force)
-            couple = replace(couple, flow=flow.load.flow_couple)
+            torque = replace(torque, flow=flow.load.flow_couple)
             solve = Beside(run, coarse_scenes, loads_of, flow.factor)
             improve = partial(improved_loads, comm=run.comm, speed=flow.factor)
-            terms = error_terms(run, force, couple, solve, flow.factor, improve)
+            terms = error_terms(run, force, torque, solve, flow.factor, improve)
             flow, terms = corrected(flow, terms)
             bars = critical_bars(flow, terms)
         except IncipientError as error:
@@ -177,8 +179,8 @@ def _with_bars(
 
 
 def _notes(run: Run, flow: CriticalFlow) -> list[str]:
-    """What effects, walls and the search say of the critical flow. Collective."""
-    notes = [note for effect in EFFECTS for note in effect.threshold_notes(run.setup, flow.factor)]
+    """Notes of effects, walls and the search on the critical flow. Collective."""
+    notes = [*threshold_notes(run.setup, flow.factor)]
     if (walls := run.wall_report()) is not None and (doubt := walls.doubt):
         notes.append(f"{DOUBTED}{doubt}")
     if flow.rocking is not None:
@@ -194,7 +196,7 @@ def _notes(run: Run, flow: CriticalFlow) -> list[str]:
 
 
 def _mode(run: Run, flow: CriticalFlow, contacts: Contacts) -> str:
-    """How the grain begins to move when the flow is a little faster than critical."""
+    """The mode of motion slightly above the critical flow."""
     if not np.isfinite(flow.factor):
         return "rest"
     if flow.rocking is not None:
@@ -207,4 +209,4 @@ def _judged(run: Run, contacts: Contacts, load: Load) -> Verdict:
     scene = run.scene
     assert scene.body is not None and scene.contact is not None
     inert = mass_and_inertia(scene.body, scene.placement)
-    return judge(load, contacts, scene.contact.friction, inert)
+    return judge(load, contacts, scene.contact.law, inert)

@@ -1,8 +1,8 @@
-"""Entrainment by random gusts: how often the velocity at a grain exceeds the critical one.
+"""Entrainment by random gusts: fraction of time with a velocity at the grain above the critical one.
 
-The velocity at the grain is the mean times a random factor of mean one (`laws`). So the grain moves at instants at
-which the factor exceeds the critical strength of the scene's flow over that of the mean flow. The load is that of the
-steady flow of equal strength, and, where the flow's changes are known in time, that of their acceleration.
+The velocity at the grain is the mean times a random factor of mean 1 (`laws`). The grain moves while the factor exceeds
+the ratio of the critical strength to the strength of the mean flow. The load is that of the steady flow of equal
+strength, with that of the acceleration if the time scales are known.
 """
 
 from __future__ import annotations
@@ -31,11 +31,14 @@ from .outcome import DOUBTED, Threshold, with_error
 
 SCHEMA_VERSION = 1
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
-ON_CURVE, ENDS = 25, (1e-4, 0.99)  # strengths of a default curve, and probabilities at its ends
-WEAKEST, STRONGEST = 1e-3, 1e3  # mean flows over the critical one: range of the search
+ON_CURVE, ENDS = (
+    25,
+    (1e-4, 0.99),
+)  # number of strengths of a default curve, and probabilities at its ends
+WEAKEST, STRONGEST = 1e-3, 1e3  # range of mean flows over the critical one
 ENOUGH = 10.0  # mean flow over the critical one at the end of a curve
-FARTHEST = 1e6  # range of mean flows over the scene's, and its inverse
-# The critical strength has kinks where the mode changes: equal steps miss less of them than those of Hermite.
+FARTHEST = 1e6  # largest mean flow over the scene's, and inverse of the least
+# Equal steps: the critical strength has kinks at changes of mode, which Hermite quadrature misses.
 NODES = np.linspace(-4.5, 4.5, 31)  # of the quadrature over the flow's growth, in deviations
 WEIGHTS = norm.pdf(NODES) / norm.pdf(NODES).sum()
 SOURCES = {
@@ -53,8 +56,8 @@ class OfStrength:
     strength: of the mean flow over the scene's; shields: its Shields number
     probability: of motion at an instant; low, high: its range from the errors of threshold and series, and with the
         other law of the same intensity
-    rate: upcrossings of the critical strength in unit time; None: not known
-    lasting: those that last long enough to move the grain out of its pocket; None: not requested
+    rate: upcrossings of the critical strength per unit time; None: not known
+    lasting: gusts that last long enough to move the grain out of its pocket; None: not requested
     """
 
     strength: float
@@ -68,7 +71,7 @@ class OfStrength:
 
 @dataclass(frozen=True)
 class Quantile:
-    """The mean flow in which motion has a probability at an instant.
+    """The mean flow with a given probability of motion at an instant.
 
     strength, shields, rate, lasting: as of `OfStrength`
     terms: errors of the Shields number by source
@@ -83,11 +86,11 @@ class Quantile:
 
     @property
     def error(self) -> float | None:
-        """Error of the Shields number, the terms added; None: that of the flow is not known."""
+        """Error of the Shields number, the sum of the terms; None: that of the flow is not known."""
         return sum(self.terms.values()) if "flow" in self.terms else None
 
     def line(self) -> str:
-        """Probability and Shields number for a reader."""
+        """Probability and Shields number as text."""
         sources = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
         rate = "" if self.rate is None else f"; {self.rate:.3g} in unit time"
         if self.lasting is not None:
@@ -104,7 +107,7 @@ class Entrainment:
     threshold: the critical steady flow; law: of the factor of the velocity
     scene: motion in the scene's own mean flow
     quantiles: mean flows of given probabilities; curve: motion in mean flows from weak to strong
-    assumed: assumptions, in one line each
+    assumed: assumptions, one line each
     """
 
     title: str
@@ -160,13 +163,13 @@ def find_entrainment(
 
     Args:
         setup: of a grain that rests on a bed, in a steady flow, with [gusts].
-        probabilities: of motion at an instant, for which the mean flow is computed; default: those of `PROBABILITIES`
-            that the data can tell.
-        strengths: mean flows over the scene's, for which the probability is computed; default: some along the curve.
-        weakest: gusts that move the grain out of its pocket; then the rate of gusts as strong is computed.
+        probabilities: of motion at an instant, for which mean flows are computed; default: those of `PROBABILITIES`
+            within the range of the data.
+        strengths: mean flows over the scene's, for which probabilities are computed; default: along the curve.
+        weakest: weakest gusts that move the grain out of its pocket, for the rate of such gusts.
 
     Raises:
-        SceneError: the scene has no gusts or no threshold; a measured series cannot tell a probability.
+        SceneError: the scene has no gusts or no threshold; a probability is outside the range of a measured series.
     """
     scene, gusts = setup.scene, setup.scene.gusts
     if gusts is None:
@@ -178,7 +181,7 @@ def find_entrainment(
     flow = MeanFlow(setup, gusts)
     flow.require_intensity()  # errors of the input come before any computation
     law = _law_of(gusts, flow, 1.0)
-    least, most = law.told
+    least, most = law.known_range
     usual = [probability for probability in PROBABILITIES if least <= probability <= most]
     wanted = probabilities or usual or PROBABILITIES
     for probability in wanted:
@@ -194,7 +197,7 @@ def find_entrainment(
     growing, without = None, _without_growth(setup, gusts, threshold)
     if not without:
         growth = load_of_growth(setup, comm)
-        growing = CriticalStrength.of(threshold, growth, scene.contact.friction)
+        growing = CriticalStrength.of(threshold, growth, scene.contact.law)
     motion = Motion(gusts, flow, threshold, threshold.factor, growing, weakest)
     points = tuple(motion.quantile(probability) for probability in wanted)
     if not strengths:
@@ -213,7 +216,7 @@ def find_entrainment(
 
 
 def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
-    """Why the load of the flow's growth is left out; empty where it is known."""
+    """Why the load of the flow's growth is omitted; empty if it is known."""
     reasons = (
         (gusts.law in GIVEN, "the data are taken as of slow changes"),
         (gusts.microscale is None, "gusts.microscale is not given"),
@@ -237,7 +240,7 @@ def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
 
 
 def _assumed(gusts: Gusts, law: Law) -> list[str]:
-    """The assumptions of load and law, in one line each."""
+    """The assumptions of load and law, one line each."""
     steady = "the load is that of the steady flow as strong as the gust, of the scene's own profile"
     if isinstance(law, Measured):
         known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
@@ -262,9 +265,9 @@ def _assumed(gusts: Gusts, law: Law) -> list[str]:
 class Motion:
     """Motion of the grain in mean flows of any strength over the scene's.
 
-    factor: critical strength, of the threshold or of an end of its error bar
-    growing: critical strengths of a flow that grows; None: growth is left out
-    other: whether the law is the other one of equal intensity
+    factor: critical strength of the threshold or of an end of its error bar
+    growing: critical strengths of a growing flow; None: growth is omitted
+    other: whether the other law of equal intensity is used
     """
 
     gusts: Gusts
@@ -277,7 +280,7 @@ class Motion:
 
     @cached_property
     def _data(self) -> Measured | Events | None:
-        """The law of data, which is that of all mean flows."""
+        """The law of data, common to all mean flows."""
         law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in GIVEN else None
         return None if isinstance(law, Gaussian) else law
 
@@ -306,7 +309,7 @@ class Motion:
         return OfStrength(strength, shields, probability, low, high, *self._rates(strength))
 
     def quantile(self, probability: float) -> Quantile:
-        """The mean flow of a probability of motion, with its error bars. Raises SceneError where there is none."""
+        """The mean flow of a probability of motion, with error bars. Raises SceneError without one."""
         strength, terms = self.strength(probability), dict[str, float]()
         if math.isinf(strength):
             why = f"{probability:g} is not reached in any mean flow"
@@ -328,7 +331,7 @@ class Motion:
         return Quantile(probability, strength, shields, terms, *self._rates(strength))
 
     def _rates(self, strength: float) -> tuple[float | None, RateOfLasting | None]:
-        """Upcrossings of the critical strength in unit time, and those that last long enough, where known."""
+        """Upcrossings of the critical strength per unit time, and those that last long enough, if known."""
         law = self.law(strength)
         rate, lasting = law.upcrossings(self.factor / strength), None
         if self.weakest is not None:
@@ -355,13 +358,13 @@ class Motion:
         return float(WEIGHTS @ exceeded)
 
     def nearest(self, probability: float) -> float:
-        """The nearest probability that the data can tell, and that a flow of at most `ENOUGH` has."""
-        least, most = self.law(1.0).told
+        """The nearest probability within the range of the data that a flow of at most `ENOUGH` has."""
+        least, most = self.law(1.0).known_range
         most = min(most, max(least, self.probability(ENOUGH * self.factor)))
         return min(max(probability, least), most)
 
     def strength(self, probability: float) -> float:
-        """The mean flow in which motion has a probability; infinite where none has it."""
+        """The mean flow with a probability of motion; infinite without one."""
         if math.isinf(self.factor):
             return math.inf
         if self._data is not None:
@@ -369,7 +372,7 @@ class Motion:
             return self.factor / level if level > 0.0 else math.inf
 
         def excess(logarithm: float) -> float:
-            """Probability in a mean flow beyond the given one, in standard deviations of a Gaussian."""
+            """Excess of the probability in a mean flow over the given one, in standard deviations of a Gaussian."""
             return _standard(self.probability(math.exp(logarithm))) - _standard(probability)
 
         ends = [math.log(end * self.factor) for end in (WEAKEST, STRONGEST)]
@@ -379,5 +382,5 @@ class Motion:
 
 
 def _standard(probability: float) -> float:
-    """The Gaussian variable of variance one below which a fraction of the probability is."""
+    """Quantile of the standard normal distribution."""
     return float(norm.ppf(min(max(probability, 1e-300), 1.0 - 1e-15)))

@@ -1,8 +1,8 @@
 """The weakest gusts that move a grain out of its pocket, by their duration.
 
-A gust of given duration is made stronger until the released grain leaves its pocket; then the strength is bisected. A
-shorter gust has to be at least as strong as a longer one, so strengths that a grain withstood carry over. The error of
-cells and steps is the difference from the same search on coarser cells with longer steps.
+The strength of a gust of given duration grows until the released grain leaves its pocket, and is then bisected. Shorter
+gusts must be at least as strong, so that lower bounds carry over. The discretisation error is the difference from the
+same search with coarser cells and longer steps.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
 
 
 def runs_expected(durations: int, with_error_bars: bool) -> int:
-    """Expected number of simulations in a search for a number of durations."""
+    """Expected number of simulations for a number of durations."""
     each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
     return 1 + durations * each * (2 if with_error_bars else 1)
 
@@ -38,9 +38,9 @@ def runs_expected(durations: int, with_error_bars: bool) -> int:
 class CriticalGust:
     """The critical strength for one duration.
 
-    duration: of the gust [time]; shape: of its course
-    held, leaves: strengths at which the grain stays and leaves, with the critical one between them
-    error: of the strength, from the bracket and from coarser cells and longer steps; None: not estimated
+    duration: of the gust [time]; shape: of the gust over time
+    held, leaves: lower and upper bound of the critical strength: the grain stays, and leaves
+    error: of the strength, from bracket and discretisation; None: not estimated
     runs: number of simulations
     """
 
@@ -57,7 +57,7 @@ class CriticalGust:
         return math.sqrt(self.held * self.leaves)
 
     def line(self) -> str:
-        """Duration and strength for a reader."""
+        """Duration and strength as text."""
         error = "not known" if self.error is None else f"{self.error:.2g}"
         return f"gust of {self.duration:<10.4g} strength {self.strength:.4g} +- {error} in {self.runs} runs"
 
@@ -75,7 +75,7 @@ class GustSearch:
     longer: time steps over those of the scene
     runs: simulations so far
 
-    Raises SceneError for a scene without a released grain in a pocket, or without gusts of a duration.
+    Raises SceneError for a scene without a released grain in a pocket or without a gust.
     """
 
     scene: Scene
@@ -89,7 +89,7 @@ class GustSearch:
             raise SceneError(why)
 
     def static_strength(self) -> float:
-        """Factor on the flow at which it begins to move the grain when steady. Collective."""
+        """Critical strength of the steady flow. Collective."""
         plain = self._plain()
         plain["body"]["motion"] = "fixed"
         plain["flow"].pop("gust", None)
@@ -104,8 +104,8 @@ class GustSearch:
     ) -> list[CriticalGust]:
         """Search the critical strength for each duration, the longest first. Collective.
 
-        `keep` is called with each as soon as it is known. Raises SceneError where the grain leaves without a gust or
-        withstands all, and IncipientError where a run fails.
+        `keep` is called with each result. Raises SceneError if the grain leaves without a gust or never, and
+        IncipientError if a run fails.
         """
         require_durations(durations)
         if self.leaves(1.0, min(durations)):
@@ -141,7 +141,7 @@ class GustSearch:
         return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
-        """Strengths, close to each other, of which the grain withstands the first. Collective."""
+        """Close lower and upper bounds of the critical strength. Collective."""
         while not self.leaves(leaves, duration):
             held, leaves = leaves, STRONGER * leaves
             if leaves > STRONGEST:
@@ -164,7 +164,7 @@ class GustSearch:
         return left
 
     def _plain(self) -> dict[str, Any]:
-        """The scene in plain data, without error bars and output."""
+        """The scene as plain data, without error bars and output."""
         plain = self.scene.model_dump(exclude_unset=True)
         plain["numerics"] = {**plain.get("numerics", {}), "error_bars": False}
         return {**plain, "output": {"fields": False, "pictures": False}}
@@ -198,7 +198,7 @@ def require_durations(durations: Sequence[float]) -> None:
 
 
 def _missing(scene: Scene) -> str:
-    """Why the scene has no critical gusts; empty if it has."""
+    """Why the scene has no critical gusts; empty otherwise."""
     body, bed, flow = scene.body, scene.bed, scene.flow
     if body is None or body.motion != "released":
         return 'body.motion: gusts are computed for a grain that rests on its bed; use "released"'

@@ -1,6 +1,6 @@
 """Gusts that last long enough to move a grain out of its pocket, in a series of the factor of the velocity.
 
-A gust moves the grain if the velocity stays above a strength for the duration of the weakest gust of that strength
+A gust moves the grain if the velocity exceeds a strength for the duration of the weakest gust of that strength
 (`gusts`). Series of Gaussian laws are generated from their spectrum: the correlation of y is
 (T1 exp(-t/T1) - T2 exp(-t/T2))/(T1 - T2), with the integral time T1 + T2 and the microscale sqrt(2 T1 T2)
 (Sawford 1991, Phys. Fluids A 3, 1577).
@@ -20,10 +20,10 @@ from .laws import NONE_FOUND, Events, Law, Measured
 
 PER_MICROSCALE = 16  # points of a generated series
 MOST_POINTS = 4_000_000
-LENGTH = 20_000.0  # of it, in integral times
+LENGTH = 20_000.0  # of a generated series, in integral times
 LEVELS = 40  # strengths at which the curve of weakest gusts is sampled
 SEED = 7
-DIFFERENT = 1.25  # ratio of the critical steady flows of different scenes
+DIFFERENT = 1.25  # least ratio of the critical steady flows of different scenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class WeakestGusts:
     """Strengths of the weakest gusts that move a grain out of its pocket, by their duration.
 
     durations, strengths, errors: (n,) the shortest first; strengths over the flow of the scene
-    static: strength from which a steady flow moves it
-    known:  whether all errors are; those that are not are zero
+    static: critical strength of a steady flow
+    known:  whether all errors are known; unknown ones are zero
     """
 
     durations: Floats
@@ -62,13 +62,13 @@ class WeakestGusts:
         return cls(durations, strengths, errors, static, known)
 
     def require_of(self, critical: float) -> None:
-        """Raise SceneError where they belong to a flow with another critical strength."""
+        """Raise SceneError for a flow with another critical strength."""
         if not critical / DIFFERENT < self.static < critical * DIFFERENT:
             why = f"there a steady flow moves the grain from {self.static:.3g} on, here from {critical:.3g}"
             raise _refused(f"{why}; search gusts of this scene with incipient gust")
 
     def needed(self, sign: float = 0.0) -> tuple[Floats, Floats]:
-        """Strengths (m,), shifted by `sign` times their errors, and the duration (m,) that each needs."""
+        """Strengths (m,), shifted by `sign` times their errors, and their durations (m,)."""
         strengths = self.strengths + sign * self.errors
         order = np.argsort(strengths)
         levels = np.geomspace(strengths.min(), strengths.max(), LEVELS)
@@ -82,7 +82,7 @@ def _refused(why: str) -> SceneError:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """The factor (n,) at times of equal distance, linear in between."""
+    """The factor (n,) at equally spaced times, linear in between."""
 
     factors: Floats
     step: float
@@ -93,7 +93,7 @@ class Series:
         return self.step * (len(self.factors) - 1)
 
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
-        """Number of excursions above `static` that stay above one of the levels for its duration."""
+        """Number of excursions above `static` that exceed one of the levels for its duration."""
         above = self.factors > static
         excursion, moving = np.cumsum(np.diff(above, prepend=False) & above), set[int]()
         for level, duration in zip(levels, durations, strict=True):
@@ -105,7 +105,7 @@ class Series:
 
 
 def series_of(law: Law, integral_time: float | None) -> Series | Events:
-    """The series of a law, measured or generated, or the events. Raises SceneError where its times are not known."""
+    """The series of a law, measured or generated, or its events. Raises SceneError without its time scales."""
     if isinstance(law, Events):
         return law
     if isinstance(law, Measured):
@@ -132,7 +132,7 @@ def series_of(law: Law, integral_time: float | None) -> Series | Events:
 
 @dataclass(frozen=True)
 class RateOfLasting:
-    """Gusts in unit time that last long enough.
+    """Rate of gusts that last long enough.
 
     low, high: from the errors of the weakest gusts and the number of gusts in the series
     """
@@ -142,7 +142,7 @@ class RateOfLasting:
     high: float
 
     def words(self) -> str:
-        """Rate and range for a reader."""
+        """Rate and range as text."""
         return f"{self.rate:.3g} ({self.low:.2g} to {self.high:.2g}) of them long enough"
 
 

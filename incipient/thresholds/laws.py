@@ -1,6 +1,6 @@
-"""Laws of the factor that multiplies the velocity at a grain: how often it exceeds a level, and how often per time.
+"""Laws of the factor on the velocity at a grain: fraction of time above a level, and rate of upcrossings.
 
-The factor g has the mean one. A normal one is 1 + I y with a Gaussian process y of variance one, I the relative
+The factor g has mean 1. A normal one is 1 + I y with a Gaussian process y of variance one, I the relative
 intensity; a lognormal one is exp(s y - s^2/2), s^2 = log(1 + I^2). Where the correlation of y is 1 - (t/lambda)^2 at
 short times, y rises through z exp(-z^2/2)/(sqrt(2) pi lambda) times in unit time (Rice 1945, Bell Syst. Tech. J. 24,
 46).
@@ -20,8 +20,10 @@ from scipy.stats import norm
 from ..arrays import Floats
 from ..errors import SceneError
 
-SHORTEST = 20.0  # integral times of a series
-NONE_FOUND = 3.0  # expected number of gusts where none came, with a probability of 5% (Poisson)
+SHORTEST = 20.0  # least duration of a series, in integral times
+NONE_FOUND = (
+    3.0  # expected number of gusts of which none is observed with a probability of 5% (Poisson)
+)
 
 
 @dataclass(frozen=True)
@@ -29,14 +31,14 @@ class Gaussian:
     """The law of a factor that is a function of a Gaussian process.
 
     intensity: root mean square of the fluctuation over the mean
-    lognormal: whether the factor's logarithm is Gaussian, otherwise the factor is
+    lognormal: whether the factor's logarithm is Gaussian, instead of the factor
     microscale: lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known
     """
 
     intensity: float
     lognormal: bool = True
     microscale: float | None = None
-    told = (0.0, 1.0)  # range of probabilities whose levels are known
+    known_range = (0.0, 1.0)  # of probabilities whose levels are known
 
     @cached_property
     def _deviation(self) -> float:
@@ -58,9 +60,9 @@ class Gaussian:
         return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
 
     def growth(self, strength: float) -> float:
-        """How fast a flow of mean `strength` grows where the Gaussian process grows by one in unit time.
+        """Growth rate of a flow of mean `strength` at unit growth rate of the Gaussian process.
 
-        Relative to the flow's own strength at that instant for a lognormal factor, otherwise to the scene's.
+        Relative to the present strength for a lognormal factor, otherwise to the scene's.
         """
         return self._deviation if self.lognormal else strength * self.intensity
 
@@ -73,7 +75,7 @@ class Gaussian:
         return float(self.factor(norm.isf(probability)))
 
     def upcrossings(self, level: float) -> float | None:
-        """Upcrossings of a level in unit time, by Rice's formula; None without a microscale."""
+        """Upcrossings of a level per unit time, Rice's formula; None without a microscale."""
         if self.microscale is None:
             return None
         crossings = math.exp(-0.5 * self.standard(level) ** 2)
@@ -91,7 +93,7 @@ class Measured:
     times, factors: (n,) the series, over its mean
     integral_time: of its correlation; None: computed, up to the first zero of the correlation
 
-    Raises SceneError where the series is too short for its integral time.
+    Raises SceneError for a series that is too short for its integral time.
     """
 
     times: Floats
@@ -122,7 +124,7 @@ class Measured:
 
     @property
     def even(self) -> tuple[Floats, float]:
-        """The series (n,) at times of equal distance, and that distance."""
+        """The series (n,) at equally spaced times, and their spacing."""
         times, step = np.linspace(self.times[0], self.times[-1], len(self.times), retstep=True)
         return np.interp(times, self.times, self.factors), float(step)
 
@@ -144,8 +146,8 @@ class Measured:
         return self.duration / (2.0 * self.integral)
 
     @property
-    def told(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the series can tell."""
+    def known_range(self) -> tuple[float, float]:
+        """Range of probabilities whose levels the series determines."""
         return 1.0 / self.independent, 1.0 - 1.0 / self.independent
 
     def exceeded(self, level: float) -> float:
@@ -156,17 +158,17 @@ class Measured:
         return float(np.diff(self.times) @ above) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability. Raises SceneError beyond what the series can tell."""
-        _require_told(probability, self.told, "series")
+        """The level that is exceeded with a probability. Raises SceneError outside the known range."""
+        _require_known(probability, self.known_range, "series")
         low, high = float(self.factors.min()), float(self.factors.max())
-        if self.exceeded(low) <= probability:  # the series is at its lowest value for the rest
+        if self.exceeded(low) <= probability:  # the series has its minimum otherwise
             return low
         return float(
             brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10)
         )
 
     def upcrossings(self, level: float) -> float:
-        """Upcrossings of a level in unit time."""
+        """Upcrossings of a level per unit time."""
         rises = (self.factors[:-1] <= level) & (self.factors[1:] > level)
         return float(np.count_nonzero(rises)) / self.duration
 
@@ -179,7 +181,7 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """The law of counted gusts, each of constant strength; between them nothing moves.
+    """The law of counted gusts of constant strength, without motion in between.
 
     strengths, lengths: (n,) velocities over the mean, the strongest first, and their durations
     duration: of the record
@@ -201,8 +203,8 @@ class Events:
         return np.cumsum(self.lengths) / self.duration
 
     @property
-    def told(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the events can tell."""
+    def known_range(self) -> tuple[float, float]:
+        """Range of probabilities whose levels the events determine."""
         return float(self._fractions[0]), float(self._fractions[-1])
 
     def exceeded(self, level: float) -> float:
@@ -210,30 +212,30 @@ class Events:
         return float(self.lengths[self.strengths > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability. Raises SceneError beyond what the events can tell."""
-        _require_told(probability, self.told, "events")
+        """The level that is exceeded with a probability. Raises SceneError outside the known range."""
+        _require_known(probability, self.known_range, "events")
         return float(np.interp(probability, self._fractions, self.strengths))
 
     def upcrossings(self, level: float) -> float:
-        """Gusts above a level in unit time."""
+        """Gusts above a level per unit time."""
         return float(np.count_nonzero(self.strengths > level)) / self.duration
 
     def spread(self, probability: float) -> float:
-        """Standard error of a fraction of the time, for gusts that come independently (Poisson)."""
+        """Standard error of a fraction of the time, for independent gusts (Poisson)."""
         if not probability > 0.0:
             return NONE_FOUND * float(self.lengths.mean()) / self.duration
         count = int(np.searchsorted(self._fractions, probability)) + 1
         return math.sqrt(float((self.lengths[:count] ** 2).sum())) / self.duration
 
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
-        """Number of gusts that are above one of the levels for its duration."""
+        """Number of gusts that exceed one of the levels for its duration."""
         lasting = (self.strengths[:, None] > levels) & (self.lengths[:, None] >= durations)
         return int(np.count_nonzero(lasting.any(axis=1)))
 
 
-def _require_told(probability: float, told: tuple[float, float], what: str) -> None:
-    if not told[0] <= probability <= told[1]:
-        why = f"probability {probability:g} is outside the range of the {what}, {told[0]:.2g} to {told[1]:.2g}"
+def _require_known(probability: float, known: tuple[float, float], what: str) -> None:
+    if not known[0] <= probability <= known[1]:
+        why = f"probability {probability:g} is outside the range of the {what}, {known[0]:.2g} to {known[1]:.2g}"
         raise SceneError(f"gusts.points: {why}; give longer data, or a law")
 
 

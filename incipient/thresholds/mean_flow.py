@@ -1,4 +1,4 @@
-"""The mean flow at a grain: velocity, shear velocity, intensity and times of its fluctuation, by its strength."""
+"""The mean flow at a grain: velocity, shear velocity, intensity and time scales of its fluctuation, by strength."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
 
 INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon (Pope 2000, section 6.5)
 AT_REST = "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
-LARGEST = 3.0  # intensity beyond which the laws do not hold
+LARGEST = 3.0  # largest intensity of the laws
 
 
 @dataclass(frozen=True, eq=False)
 class MeanFlow:
     """The base flow of a scene at its grain. Strengths are relative to the flow of the scene.
 
-    Raises SceneError for an intensity that the scene does not have.
+    Raises SceneError without an intensity.
     """
 
     setup: Setup
@@ -42,7 +42,7 @@ class MeanFlow:
 
     @cached_property
     def _stress(self) -> Callable[[float], float]:
-        """The stress on the bed by strength, computed once for each."""
+        """The bed stress by strength, cached."""
         return cache(self.setup.bed_stress)
 
     def intensity(self, strength: float) -> float:
@@ -56,10 +56,10 @@ class MeanFlow:
         return math.sqrt(2.0 / 3.0 * flow._energy_and_loss[0]) / flow.speed
 
     def microscale(self, strength: float) -> float | None:
-        """Time of the correlation at short times, 1 - (t/lambda)^2; None: not known.
+        """Microscale lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known.
 
-        From the model: the longitudinal microscale of isotropic turbulence, lambda^2 = 30 nu u'^2/epsilon, over the
-        mean velocity.
+        From the turbulence model: the longitudinal microscale of isotropic turbulence,
+        lambda^2 = 30 nu u'^2/epsilon, over the mean velocity.
         """
         return self._time(
             self.gusts.microscale,
@@ -70,7 +70,7 @@ class MeanFlow:
     def integral_time(self, strength: float) -> float | None:
         """Integral of the correlation over time; None: not known.
 
-        From the model: the longitudinal integral scale 0.43 k^1.5/epsilon over the mean velocity.
+        From the turbulence model: the longitudinal integral scale 0.43 k^1.5/epsilon over the mean velocity.
         """
         return self._time(
             self.gusts.integral_time, strength, lambda k, epsilon, nu: INTEGRAL * k**1.5 / epsilon
@@ -82,7 +82,7 @@ class MeanFlow:
         strength: float,
         length: Callable[[float, float, float], float],
     ) -> float | None:
-        """A time as the scene has it, or of a length by the model's k and epsilon and the viscosity."""
+        """A time scale from the scene, or from a length in terms of the model's k and epsilon and the viscosity."""
         if not isinstance(known, str):
             return known
         flow, _ = self._in(strength)
@@ -92,9 +92,9 @@ class MeanFlow:
         return length(energy, loss, flow.setup.scene.viscosity) / (flow.speed * strength)
 
     def _in(self, strength: float) -> tuple[MeanFlow, float]:
-        """A turbulent mean flow in units of itself, and the rest of its strength.
+        """A turbulent mean flow in its own units, and the remaining factor of its strength.
 
-        Without a model the velocity keeps its profile, and the flow is that of the scene.
+        Without a turbulence model the profile is fixed, and the flow is that of the scene.
         """
         return (self._faster(strength), 1.0) if self.setup.is_averaged else (self, strength)
 
@@ -137,7 +137,7 @@ class MeanFlow:
 
     @cached_property
     def speed(self) -> float:
-        """The scene's velocity at the grain: the mean over the part of its volume that is above the datum."""
+        """The scene's velocity at the grain: mean over its volume above the datum."""
         if self.setup.is_averaged:
             return float(self._inflow[0](self._at_inflow, 0.0)[0].mean())
         speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
@@ -148,7 +148,7 @@ class MeanFlow:
 
     @cached_property
     def _speed_at_top(self) -> float:
-        """The scene's velocity at the height of the grain's top."""
+        """The scene's velocity at the top of the grain."""
         domain, scene, base_flow = self.setup.scene.domain, self.setup.scene, self.setup.base_flow
         assert scene.placement is not None
         top = np.array([self._places[:, domain.up].max()])

@@ -1,12 +1,12 @@
-"""The meshes on which a critical flow is searched: refined to an accuracy, or made for its walls.
+"""Meshes of the search for a critical flow: refined to an accuracy, or made for the walls.
 
-For an accuracy meshes are refined as for a load, by the error of the critical flow. The first mesh has the whole
-search. On the next ones the load differs little, and one flow near the previous critical one is enough in most cases.
+For an accuracy meshes are refined by the error of the critical flow. The first mesh has the complete search. On later
+meshes the load differs little, and one flow near the previous critical one suffices in most cases.
 
-The cells at walls of a turbulent flow depend on the flow: on the mesh of a slower flow they are too large for the
-thinner layer of a faster one. So a search from rest on the mesh of the scene's own flow is followed by searches near
-its result, each on a mesh made for the previous critical flow, until both meshes have the same wall cells to a tenth.
-The change of the load on a mesh made for the critical flow itself is a term of its error.
+The wall cells of a turbulent flow depend on its speed: boundary layers of faster flows are thinner. A search from rest
+on the mesh of the scene's flow is therefore followed by searches near its result, each on a mesh for the previous
+critical flow, until wall cells agree to a tenth. The change of the load on a mesh for the critical flow itself is a
+term of its error.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
@@ -38,9 +38,7 @@ from .path import flow_of
 from .search import CriticalFlow, CriticalSearch, OwnMesh
 
 DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
-CHANGED = (
-    1.1  # ratio of the wall cells of two flows up to which the mesh of one serves for the other
-)
+CHANGED = 1.1  # largest ratio of the wall cells of two flows on a common mesh
 MOST_MESHES = 6
 DIFFERING = (
     "the critical flow differs from mesh to mesh, each made for the walls in the one before: it is {factors} "
@@ -55,7 +53,7 @@ Concluded = TypeVar("Concluded")
 
 @dataclass(frozen=True)
 class CriticalGoal:
-    """The critical flow as the quantity for whose error a mesh is refined (`accuracy.goal.Quantity`).
+    """The critical flow as the goal quantity of a refinement (`accuracy.goal.Quantity`).
 
     halved: whether half of a symmetric scene is computed
     """
@@ -65,13 +63,13 @@ class CriticalGoal:
     halved: bool = False
     name: str = "critical flow"
 
-    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error of the critical factor for errors (3,) of force and torque."""
-        low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_couple])))
+        low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_torque])))
         return max(high / self.flow.factor - 1.0, 1.0 - low / self.flow.factor)
 
-    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
-        """Derivatives (3,), in 3-D (6,), of log factor by force and torque; by the force alone, where S jumps."""
+    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
+        """Derivatives (3,), in 3-D (6,), of log factor along force and torque; along force alone if S jumps."""
         path, load = self.flow.path, self.flow.load
         size = float(np.linalg.norm(load.flow_force))
         places = components(self.gdim, self.halved)
@@ -80,7 +78,7 @@ class CriticalGoal:
             load,
             steps,
             places,
-            lambda changed: safety_factor(changed, path.contacts, path.friction).value,
+            lambda changed: safety_factor(changed, path.contacts, path.law).value,
         )
         by_load /= path.steepness(self.flow.factor)
         if np.all(np.isfinite(by_load)) and np.any(by_load):
@@ -94,10 +92,10 @@ def to_accuracy(
     voice: Silent,
     conclude: Callable[[Run, CriticalSearch, CriticalFlow, Adaptation], Concluded],
 ) -> Concluded:
-    """Find the critical flow to an accuracy; returns what `conclude` makes of it on the last mesh. Collective.
+    """Find the critical flow to an accuracy; returns the result of `conclude` on the last mesh. Collective.
 
     Raises:
-        SceneError: a threshold has no such accuracy.
+        SceneError: an invalid accuracy of thresholds.
     """
     if scene.numerics.accuracy == "verdict":
         why = '"verdict" means nothing for a threshold; give a relative error of the critical flow such as 0.01'
@@ -106,12 +104,12 @@ def to_accuracy(
         why = '"all" is for runs; leave it out, and see the error bars of the threshold'
         raise SceneError(f"numerics.accuracy_includes: {why}")
     strategy = partial(_DualWeightedThreshold, conclude=conclude)
-    found: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
-    return found
+    result: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
+    return result
 
 
 class _DualWeightedThreshold(DualWeighted):
-    """Cells by the error that each vertex contributes to the critical flow."""
+    """Refinement of cells by their contribution to the error of the critical flow."""
 
     _critical: CriticalSearch
     _flow: CriticalFlow | None = None
@@ -150,9 +148,9 @@ def on_its_own_mesh(
     voice: Silent,
     conclude: Callable[[Run, CriticalSearch, CriticalFlow], Concluded],
 ) -> Concluded:
-    """Find the critical flow on a mesh made for its walls; returns what `conclude` makes of it. Collective.
+    """Find the critical flow on a mesh for its walls; returns the result of `conclude`. Collective.
 
-    Raises ConvergenceError where no such flow converges within a few meshes, or near that of the previous one.
+    Raises ConvergenceError if meshes do not converge, or without a critical flow near the previous one.
     """
     accounts, setup, speed, factors = Accounts(), Setup(scene), 1.0, list[float]()
     flow: CriticalFlow | None = None
@@ -189,7 +187,7 @@ def on_its_own_mesh(
 
 
 def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
-    """The critical flow near that on the previous mesh, or from rest on the first one. Collective."""
+    """The critical flow near the previous mesh's, on the first mesh from rest. Collective."""
     return search.near(before) if before else search.from_rest()
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..contact import Contacts, Load
+from ..results.quantity import as_stored
 from ..results.si import si_lines
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from .search import SolvedFlow
 
 SCHEMA_VERSION = 2
-DOUBTED = "in the last flow of the search "  # begins a note on walls outside the model's range
+DOUBTED = "in the last flow of the search "  # prefix of a note on walls outside the model's range
 SAME_SIZE = 1e-9  # relative
 AS_THEY_ARE = (
     *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
@@ -26,12 +27,12 @@ AS_THEY_ARE = (
 
 @dataclass(frozen=True)
 class Threshold:
-    """The critical flow of a scene, or why there is none.
+    """The critical flow of a scene, or the reason for none.
 
-    factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
-                     inf: none that was computed moves it
-    computed:        the same for the uncorrected load, where `factor` is that of the corrected one
-    held_to:         factor up to which the grain is held; inf: it always is
+    factor:          critical speed over the scene's; 0: any flow, or the weight alone, moves the grain; inf: no
+                     computed flow does
+    computed:        the same for the uncorrected load, if `factor` is corrected
+    held_to:         factor up to which the grain is stable; inf: always
     reason:          why the search ended without a critical flow, or without one computed near it
     shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
     reynolds:        the scene's Reynolds number, critical
@@ -39,13 +40,13 @@ class Threshold:
     size:            d, the largest diameter of the grain
     nominal:         its nominal diameter, of the sphere of equal volume, in 2-D the disc of equal area
     mode:            how the grain begins to move, by the exact criterion
-    load:            the critical load, which the contact forces balance; where any flow moves the grain
-                     that of a weak one, where none does that of the strongest one computed
-    verdict:         both judges there
-    trials:          the computed flows in their order; unsolved: factors at which no steady flow converged
-    stress_power:    the power of the factor that the stress on the bed goes with, nearly
-    steepness:       the power of the factor that the load goes with; None without a critical flow
-    bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
+    load:            the critical load; if any flow moves the grain that of a weak one, if none does that of the
+                     strongest one computed
+    verdict:         both criteria there
+    trials:          the computed flows in order; unsolved: factors without a converged steady flow
+    stress_power:    approximate power of the factor in the bed stress
+    steepness:       power of the factor in the load; None without a critical flow
+    bars:            error bars of the factor, None: see `without_bars`, or no threshold
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
     """
 
@@ -76,7 +77,7 @@ class Threshold:
 
     @property
     def is_critical(self) -> bool:
-        """Whether there is a flow at which the grain begins to move."""
+        """Whether there is a critical flow."""
         return 0.0 < self.factor < np.inf
 
     @property
@@ -86,7 +87,7 @@ class Threshold:
 
     @property
     def errors(self) -> dict[str, float | None]:
-        """Absolute errors of factor, shields, reynolds and shear_reynolds; None where they are not known."""
+        """Absolute errors of factor, shields, reynolds and shear_reynolds; None: not known."""
         stress = self.stress_power
         powers = {"factor": 1.0, "shields": stress, "reynolds": 1.0, "shear_reynolds": 0.5 * stress}
         if self.bars is None or not self.bars.terms:
@@ -95,13 +96,13 @@ class Threshold:
         return {name: relative * power * getattr(self, name) for name, power in powers.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data for threshold.json."""
+        """Plain data for threshold.json."""
         return {
             **{name: getattr(self, name) for name in (*self.errors, *AS_THEY_ARE)},
             "schema_version": SCHEMA_VERSION,
             "error_bars": self.bars and self.bars.to_dict(),
             "without_error_bars": self.without_bars,
-            "adaptation": self.adaptation and self.adaptation.to_dict(),
+            "adaptation": as_stored(self.adaptation),
             "load": asdict(self.load),
             "contacts": {**asdict(self.contacts), "forces": self.contact_forces},
             "trials": [asdict(trial) for trial in self.trials],
@@ -122,7 +123,7 @@ class Threshold:
         return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
 
     def why_none(self) -> str:
-        """Why there is no critical flow, in words."""
+        """The reason for no critical flow as text."""
         if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
             return f"zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
@@ -163,12 +164,12 @@ class Threshold:
 
 
 def with_error(value: float, error: float | None) -> str:
-    """A number with its error and no more digits than are certain; four where the error is not known."""
+    """A number with its error, to the certain digits; four digits without a known error."""
     if error is None:
         return f"{value:.4g}"
     if not np.isfinite(error):
         return f"{value:.2g} (error without bound)"
-    if error <= 1e-6 * value:  # digits beyond are those of the search
+    if error <= 1e-6 * value:  # further digits are below the tolerance of the search
         return f"{value:.6g}"
     place = int(np.floor(np.log10(error)))
     digits = max(0, (1 if error / 10.0**place < 2.0 else 0) - place)

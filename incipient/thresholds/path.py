@@ -1,10 +1,10 @@
 """The load on a grain as the flow grows from rest, interpolated between computed flows.
 
-The load over the flow's factor, c(f), goes from the constant of Stokes flow to a growth with the factor. It is smooth.
-The safety factor need be neither smooth, finite nor monotonic: so c is interpolated, and the exact criterion applied.
+The load over the flow's factor, c(f), is smooth: constant in Stokes flow, later growing. The safety factor need not be
+smooth, finite or monotonic: therefore c is interpolated, and the exact criterion applied to it.
 
-An interval between two flows counts as held if the judge holds every load that leaves the chord of c by at most half
-of its change: twice as much as a parabola with its vertex at one end.
+The grain counts as stable in an interval between two flows if it is stable under every load within half of the change
+of c from its chord: twice the deviation of a parabola with its vertex at one end.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats, extrapolated
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, safety_range
 from ..contact.safety import safety_factor
 
-SAMPLES = 6  # interpolated loads that are judged within an interval
+SAMPLES = 6  # interpolated loads evaluated within an interval
 BEND = 0.5  # |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and torque
-LARGEST_LOGARITHM = 3.0  # of a safety factor in a root search; infinity and zero count as that
-NEAR_TOP = 1.2  # over the fastest flow: extrapolation by a parabola up to here, linear beyond
+LARGEST_LOGARITHM = 3.0  # bound of log S in a root search, also for zero and infinity
+NEAR_TOP = 1.2  # factor over the fastest flow up to which extrapolation is parabolic, linear beyond
 ROOT = 1e-10  # relative error of a root of the interpolated load
 STEP = 1e-3  # relative, of the derivative of the safety factor
 
@@ -35,18 +36,18 @@ def flow_of(load: Load) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """Loads of the flow by its factor, interpolated.
+    """Interpolated loads of the flow by its factor.
 
     factors: (n,) ascending; loads: (n, 6) force and torque over the factor
     rest:    the load without flow
-    before:  the path of another mesh; then the difference from it is interpolated
+    before:  the path of another mesh, from which differences are interpolated
     """
 
     factors: Floats
     loads: Floats
     rest: Load
     contacts: Contacts
-    friction: float
+    law: Law
     before: LoadPath | None = None
 
     def load(self, factor: float) -> Load:
@@ -55,7 +56,7 @@ class LoadPath:
         return Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
 
     def over_factor(self, factor: float) -> Floats:
-        """The load over the factor (6,), by the parabola through the three nearest flows."""
+        """The load over the factor (6,), from the parabola through the three nearest flows."""
         chosen, known, base = self._nearest(factor), self.loads, np.zeros(6)
         if self.before is not None:
             base = self.before.over_factor(factor)
@@ -63,7 +64,7 @@ class LoadPath:
         return base + extrapolated(self.factors[chosen].tolist(), list(known[chosen]), factor)
 
     def _nearest(self, factor: float) -> list[int]:
-        """Indices of the flows on both sides, and of the nearest other one."""
+        """Indices of the adjacent flows, and of the next nearest one."""
         count = len(self.factors)
         low = int(np.clip(np.searchsorted(self.factors, factor) - 1, 0, max(count - 2, 0)))
         chosen = list(range(low, min(low + 2, count)))
@@ -74,10 +75,10 @@ class LoadPath:
 
     def safety(self, factor: float) -> float:
         """Safety factor in the flow at a factor."""
-        return safety_factor(self.load(factor), self.contacts, self.friction).value
+        return safety_factor(self.load(factor), self.contacts, self.law).value
 
     def loss(self, low: float, high: float) -> float | None:
-        """The smallest factor from `low` (held) to `high` from which the grain is not held; None: it is held."""
+        """The smallest factor from `low` (stable) to `high` without a stable grain; None: stable up to `high`."""
         samples = np.linspace(low, high, SAMPLES + 2)
         logarithms = [self._logarithm(factor) for factor in samples]
         lost = next((i for i, value in enumerate(logarithms) if i and value < 0.0), None)
@@ -91,7 +92,7 @@ class LoadPath:
     def doubtful(self, low: float, high: float, end: float) -> float | None:
         """The factor up to `end` at which rest is least certain between the computed flows `low` and `high`.
 
-        None where all loads within the possible bend of c are held.
+        None if the grain is stable under all loads within the bound on c.
         """
         change = np.reshape(self.over_factor(high) - self.over_factor(low), (2, 3))
         bend = np.repeat(np.linalg.norm(change, axis=1), 3) * np.any(self.loads, axis=0)
@@ -99,13 +100,13 @@ class LoadPath:
         for factor in np.linspace(low, end, SAMPLES + 2)[1:-1].tolist():
             fraction = (factor - low) / (high - low)
             box = ErrorBox.of(factor * BEND * 4.0 * fraction * (1.0 - fraction) * bend)
-            held = safety_range(self.load(factor), self.contacts, self.friction, box).low
+            held = safety_range(self.load(factor), self.contacts, self.law, box).low
             if held <= least:
                 least, doubtful = held, factor
         return doubtful
 
     def steepness(self, factor: float) -> float:
-        """-d log S / d log factor; infinite where S jumps, or is zero as for a grain that rocks."""
+        """-d log S / d log factor; infinite for a jump of S, and for S = 0 (rocking grain)."""
         low, high = (self.safety(factor * (1.0 + sign * STEP)) for sign in (-1.0, 1.0))
         if not (low > 0.0 and high > 0.0):
             return math.inf

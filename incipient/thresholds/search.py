@@ -1,9 +1,9 @@
-"""The search for the critical flow: the slowest one, as the flow grows from rest, that moves the grain.
+"""The search for the critical flow: the slowest flow, as it grows from rest, that moves the grain.
 
-It begins with Stokes flow, which always converges and whose load is proportional to its strength. From there the flow
-is made faster. After each computed flow the interpolated load (`path`) says where the grain is lost, where a flow in
-between is needed to be sure that it is held, or how far to go up. Where no steady flow converges the search continues
-below, or beyond it if the extrapolated load is critical there.
+The search begins with Stokes flow, which always converges and has a proportional load. After each computed flow the
+interpolated load (`path`) determines the critical factor, an intermediate flow that is needed to exclude motion, or the
+next faster flow. If a steady flow does not converge, the search continues below it, or beyond it if the extrapolated
+load is critical there.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from ..arrays import Floats
 from ..contact import Load
 from ..contact.safety import SafetyStatus, safety_factor
 from ..effects.effect import SlowestFlow
-from ..effects.known import EFFECTS
+from ..effects.turbulence import slowest_flow
 from ..errors import ConvergenceError, SceneError
 from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import from_first
 from ..planning.effects import EffectName
-from ..results.loads import Couples, Forces
+from ..results.loads import Forces, Torques
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
 from .path import LoadPath, flow_of
@@ -32,20 +32,23 @@ from .path import LoadPath, flow_of
 if TYPE_CHECKING:
     from ..contact.rocking import Rocking
 
-Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
+Solve = Callable[[Run, float, float], tuple[Forces, Torques]]
 
-CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
+CREEPING = 1e-6  # grain Reynolds number of the flow that represents Stokes flow
 FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
-GROWTH, LEAST_GROWTH = 4.0, 1.1  # from one flow to the next, at most, and from the slowest at least
-BEYOND_SQUARE = 1.05  # over the flow that is critical if the load is quadratic: it grows less
+GROWTH, LEAST_GROWTH = (
+    4.0,
+    1.1,
+)  # largest ratio of successive flows, and least ratio from the slowest
+BEYOND_SQUARE = 1.05  # over the critical flow of a quadratic load, since the load grows less
 LARGEST = 1000.0  # grain Reynolds number up to which a threshold is searched, or
 MOST_FASTER = 10.0  # this factor of the flow, whichever is larger
-NEAR = 3e-3  # relative distance of a computed flow within which the interpolated load is trusted
-NEAR_IN_SPACE = 0.01  # the same in 3-D with resolved walls, where wakes never settle
-WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
-RESOLVED = 1.1  # ratio of the ends of an interval that is not divided further
+NEAR = 3e-3  # relative distance from a computed flow within which the interpolated load is accurate
+NEAR_IN_SPACE = 0.01  # the same in 3-D with resolved walls, where wakes do not become steady
+WEAK = 0.1  # force of the flow over the weight, if any flow moves the grain
+RESOLVED = 1.1  # ratio of the ends of an interval that is not subdivided
 MOST_FLOWS, MOST_FAILURES = 40, 6
-APART = 1.03  # least ratio of a flow to one that did not converge
+APART = 1.03  # least ratio of a flow to an unconverged one
 ROCKS_IN_ALL = "the grain rocks from rest to rest in all computed flows"
 ROCKS_BELOW = "the grain rocks from rest to rest, and beyond no steady flow converged"
 NOT_WITHIN = f"the search did not converge within {MOST_FLOWS} flows"
@@ -53,7 +56,7 @@ NOT_WITHIN = f"the search did not converge within {MOST_FLOWS} flows"
 
 @dataclass(frozen=True)
 class SolvedFlow:
-    """A computed flow: its factor, and the safety factor of the grain in it."""
+    """A computed flow: its factor and safety factor."""
 
     factor: float
     safety_factor: float
@@ -61,7 +64,7 @@ class SolvedFlow:
 
 @dataclass(frozen=True, eq=False)
 class OwnMesh:
-    """The critical flow on a mesh made for it: change (6,) of force and torque, without sign, and safety factor."""
+    """The critical flow on a mesh made for it: absolute change (6,) of force and torque, and safety factor."""
 
     change: Floats
     safety_factor: float
@@ -71,11 +74,11 @@ class OwnMesh:
 class CriticalFlow:
     """The result of a search.
 
-    factor:   of the critical flow; 0: any flow, or the weight alone, moves the grain; inf: none that was computed
-    held_to:  factor up to which the grain is held
+    factor:   of the critical flow; 0: any flow, or the weight alone, moves the grain; inf: no computed flow does
+    held_to:  factor up to which the grain is stable
     reason:   why there is no critical flow, or none computed near it
-    between:  factors of the flows around it, where no nearer one converged
-    rocking:  the rests of a grain that rocks before it leaves
+    between:  factors of the adjacent flows, if no nearer one converged
+    rocking:  the equilibria of a grain that rocks before it leaves
     """
 
     factor: float
@@ -90,12 +93,12 @@ class CriticalFlow:
 
     @property
     def is_critical(self) -> bool:
-        """Whether there is a flow at which the grain begins to move."""
+        """Whether there is a critical flow."""
         return 0.0 < self.factor < np.inf
 
     @property
     def load(self) -> Load:
-        """The critical load; where any flow moves the grain that of a weak one, otherwise that of the fastest one."""
+        """The critical load; without one that of a weak flow if any flow moves the grain, otherwise of the fastest."""
         if self.factor == 0.0:
             drag = float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
             return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / drag)
@@ -113,8 +116,8 @@ class CriticalSearch:
         scene, self._loads_at = run.scene, solve
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
-        self._holds = run.contacts, scene.contact.friction
-        self._solved: dict[float, tuple[Forces, Couples]] = {}
+        self._holds = run.contacts, scene.contact.law
+        self._solved: dict[float, tuple[Forces, Torques]] = {}
         self._states: dict[float, list[Floats]] = {}
         numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
@@ -126,13 +129,12 @@ class CriticalSearch:
         )
         if self._lingers:
             self._near = NEAR_IN_SPACE
-        self._sure = 0.0  # factor up to which the grain is surely held
-        self._held: set[tuple[float, float]] = set()  # intervals in which it is
+        self._sure = 0.0  # factor up to which the grain is certainly stable
+        self._held: set[tuple[float, float]] = set()  # intervals in which it is certainly stable
 
     def from_rest(self) -> CriticalFlow:
         """Search from rest upwards."""
-        bounds = (effect.slowest_flow(self.run.setup) for effect in EFFECTS)
-        if bound := max(filter(None, bounds), key=lambda bound: bound.factor, default=None):
+        if bound := slowest_flow(self.run.setup):
             return self._from_slowest(bound)
         slow = CREEPING / self._reynolds if self._inertia else 1.0
         self._solve(slow)
@@ -144,7 +146,7 @@ class CriticalSearch:
         return self._upwards(slow)
 
     def _from_slowest(self, bound: SlowestFlow) -> CriticalFlow:
-        """Search upwards from the start of an effect if it holds the grain, otherwise from its slowest flow."""
+        """Search upwards from the start of an effect if the grain is stable there, otherwise from its slowest flow."""
         start, slow = bound.start, bound.factor
         if bound.expected:
             self.run.voice.say(bound.expected)
@@ -186,14 +188,14 @@ class CriticalSearch:
         )
 
     def load_at(self, factor: float) -> Load:
-        """The load in the flow at a factor, started from one half as fast if need be. Raises ConvergenceError."""
+        """The load in the flow at a factor, if necessary started at half the factor. Raises ConvergenceError."""
         if not self._try(factor):
             self._solve(0.5 * factor)
             self._solve(factor)
         return self._load(factor)
 
-    def at_nearest(self, factor: float) -> tuple[Forces, Couples]:
-        """Restore the computed flow nearest to a factor; force and torque there."""
+    def at_nearest(self, factor: float) -> tuple[Forces, Torques]:
+        """Restore the computed flow nearest to a factor; returns its force and torque."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda known: abs(known - within))
         if not self.run.setup.is_averaged:
@@ -202,7 +204,7 @@ class CriticalSearch:
         return self._solved[nearest]
 
     def rocks(self, factor: float) -> Rocking | None:
-        """Rests of the grain as the load of a computed flow grows; its critical factor is noted in the trial."""
+        """Equilibria of the grain under the growing load of a computed flow; the trial records its critical factor."""
         rocking = from_first(self.run.comm, lambda: followed(self.run.scene, self._load(factor)))
         if rocking is not None:
             self.trials[-1] = SolvedFlow(factor, rocking.critical)
@@ -210,7 +212,7 @@ class CriticalSearch:
         return rocking
 
     def _at_once(self, slow: float) -> CriticalFlow | None:
-        """The result where the contacts do not hold the grain in the slowest flow; None if they do."""
+        """The result for a grain that is not stable in the slowest flow; None if it is stable."""
         at_rest = safety_factor(self._load(slow), *self._holds)
         held = at_rest.status is SafetyStatus.NO_RESERVE
         power = 2.0 if self.run.setup.is_averaged else 1.0
@@ -222,10 +224,10 @@ class CriticalSearch:
         return self._ended(0.0, 0.0, why)
 
     def _rocking(self, factor: float, power: float) -> CriticalFlow | None:
-        """The flow in which a grain that rocks in slower ones leaves its pocket; None if it does not rock.
+        """The flow in which a rocking grain leaves its pocket; None without rocking.
 
-        Each computed flow says at which multiple of its load the grain leaves. That load goes as a power of the
-        factor, at first the given one, then that of the last two flows.
+        Each computed flow gives the multiple of its load at which the grain leaves. The load is a power of the factor,
+        first `power`, then that of the last two flows.
         """
         rocking, held_to, reason = self.rocks(factor), 0.0, ROCKS_IN_ALL
         if rocking is None or rocking.critical == 0.0:
@@ -243,7 +245,7 @@ class CriticalSearch:
                 break
             failed = min((one for one in self.unsolved if one > factor), default=np.inf)
             if following > failed / APART or not self._try(following):
-                following = max(self._states)  # on the way to the flow that did not converge
+                following = max(self._states)  # towards the unconverged flow
                 if following <= factor:
                     reason = ROCKS_BELOW
                     break
@@ -266,7 +268,7 @@ class CriticalSearch:
         return self._ended(np.inf, self._sure, NOT_WITHIN)
 
     def _inside(self, path: LoadPath) -> float | CriticalFlow | None:
-        """The next flow within the computed ones, or the critical one; None: the grain is held in all of them."""
+        """The next flow within the computed ones, or the critical one; None: the grain is stable in all of them."""
         for low, high in pairwise(path.factors.tolist()):
             self._sure = low
             if (low, high) in self._held:
@@ -289,7 +291,7 @@ class CriticalSearch:
         return None
 
     def _beyond(self, path: LoadPath, slow: float) -> float | CriticalFlow:
-        """The next flow beyond the computed ones, or why there is none."""
+        """The next flow beyond the computed ones, or the reason for none."""
         top = float(path.factors[-1])
         goal = min(GROWTH * top, self._largest) if top > slow else self._first(slow)
         loss = path.loss(top, max(goal, top))
@@ -325,7 +327,7 @@ class CriticalSearch:
         return all(max(factor / failed, failed / factor) > APART for failed in self.unsolved)
 
     def _try(self, factor: float, here: bool = False) -> bool:
-        """Solve; if the flow does not converge, note that, and solve where the continuation ended."""
+        """Solve; for an unconverged flow record it, and solve at the end of the continuation."""
         try:
             self._solve(factor, here)
         except ConvergenceError:
@@ -338,12 +340,12 @@ class CriticalSearch:
             self.run.voice.say(f"{said}, the last at {reached:.6g}")
             slower = max((known for known in self._states if known < factor), default=0.0)
             if not here and reached > APART * slower:
-                self._try(reached, here=True)  # intermediate flows are converged less: may fail
+                self._try(reached, here=True)  # intermediate flows are less converged: may fail
             return False
         return True
 
     def _solve(self, factor: float, here: bool = False) -> None:
-        """Solve from another flow, or from the present state, which is nearly that flow."""
+        """Solve from another flow, or from the nearby present state."""
         run, start = self.run, self._start(factor)
         if start and not here:
             self._restore(start)
@@ -354,7 +356,7 @@ class CriticalSearch:
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
     def _start(self, factor: float) -> float:
-        """The flow to start from, the next slower or, where wakes linger, the nearest; 0: none."""
+        """The initial flow: the next slower one, with unsteady wakes the nearest; 0: none."""
         if self._states and self._lingers:
             return min(self._states, key=lambda known: abs(np.log(known / factor)))
         return max((known for known in self._states if known < factor), default=0.0)

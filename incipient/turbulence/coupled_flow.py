@@ -64,7 +64,7 @@ class CoupledFlow(Holder):
         self._nest.assemble()
         self._matrix = self.holding(PETSc.Mat())
         self._solver = self.holding(
-            self._factors() if fluid.domain.gdim == 2 else BlockByBlock(fluid, self._nest)
+            self._factors() if fluid.domain.gdim == 2 else BlockByBlock(self._nest)
         )
         self._last: Floats | float = 0.0
         self._right, self._correction = (

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from ..fluid import Fluid
-from ..fluid.solvers.compressed import PART_OF_EXACT, CompressedFactors
-from ..fluid.solvers.direct import Direct, bytes_of_factors
+from ..errors import ConvergenceError
+from ..fluid.solvers.direct import Direct, bytes_of_factors, fits
 from ..fluid.solvers.options import defaults
+from ..installed import return_freed_memory
 
 log = logging.getLogger("incipient")
 
@@ -20,30 +20,85 @@ MOST_TOGETHER = 150
 ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
 # Iterations up to which factors of the flow serve on; with older ones residuals tell little.
 PATIENCE = 10
+# Relative size of what is left out of blocks, and MUMPS's numbers for blocks of low rank, what is left out, workspace
+# in percent. With 78,000 unknowns past a sphere in its pocket factors take 9.8 s instead of 31.7, an iteration more or
+# less; with 0.05 they take 7.7 s and 24 iterations instead of 5.
+LEFT_OUT = 0.01
+LOW_RANK, DROPPED, WORKSPACE, OUTCOME = 35, 7, 14, 1
+# Memory over that of exact factors, at most: past a grain of a random bed, u* d/nu = 30, a process grew by 0.44 to 0.49
+# of it at 100,000 unknowns, by 0.55 at 260,000 (benchmarks/natural_bed.py).
+PART_OF_EXACT = 0.6
+
+
+class CompressedFactors:
+    """LU factors of a matrix whose blocks away from the diagonal are of low rank, by MUMPS. Methods are collective.
+
+    Without MUMPS they are PETSc's own, which are exact and for one rank. Source: Amestoy, Buttari, L'Excellent & Mary
+    (2019), ACM Trans. Math. Software 45, 2.
+    """
+
+    def __init__(self, matrix: Any):
+        self._matrix = matrix
+        self._factors: Any = None
+
+    def assemble(self) -> None:
+        """Make factors of the matrix as it is now.
+
+        Raises:
+            ConvergenceError: there are none.
+        """
+        self.destroy()
+        self._factors = PETSc.PC().create(self._matrix.comm)
+        self._factors.setOperators(self._matrix)
+        self._factors.setType("lu")
+        mumps = PETSc.Sys.hasExternalPackage("mumps")
+        if mumps:
+            self._factors.setFactorSolverType("mumps")
+            self._factors.setFactorSetUpSolverType()
+            made = self._factors.getFactorMatrix()
+            made.setMumpsIcntl(LOW_RANK, 2)
+            made.setMumpsCntl(DROPPED, LEFT_OUT)
+            made.setMumpsIcntl(WORKSPACE, 200)
+        self._factors.setUp()
+        # PETSc else makes new factors by itself when the matrix has changed.
+        self._factors.setReusePreconditioner(True)
+        if mumps and made.getMumpsInfog(OUTCOME) < 0:
+            raise ConvergenceError(
+                "LU factorisation of the flow's matrix failed: use a larger numerics.mesh_size or more ranks"
+            )
+
+    def apply(self, right: Any, left: Any) -> None:
+        """Solve approximately with the matrix that the factors are of."""
+        self._factors.apply(right, left)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        if self._factors is not None:
+            self._factors.destroy()
+            self._factors = None
+            return_freed_memory()
 
 
 class BlockByBlock:
     """Solves A x = b, A of flow and turbulence in a nest of four blocks, by GMRES with its lower triangle.
 
-    One application solves for the flow by approximate factors, which serve until more than 10 iterations are needed, or
-    where there is no memory for them by its own preconditioner by blocks; then for the turbulence, with what the flow
-    does to it, by factors of its block. Both quantities make and destroy each other: with factors of the block of each,
-    after each other, GMRES fails in long steps of k and epsilon. PETSc options with the prefix ``turbulent_`` override
-    those of GMRES.
+    One application solves for the flow by approximate factors, which serve until more than 10 iterations are needed;
+    then for the turbulence, with what the flow does to it, by factors of its block. Both quantities make and destroy
+    each other: with factors of the block of each, after each other, GMRES fails in long steps of k and epsilon. PETSc
+    options with the prefix ``turbulent_`` override those of GMRES.
     """
 
-    def __init__(self, fluid: Fluid, nest: Any):
+    def __init__(self, nest: Any):
         self.matrix = nest
         self._blocks = [[nest.getNestSubMatrix(i, j) for j in (0, 1)] for i in (0, 1)]
         flow = self._blocks[0][0]
-        self._lasting = CompressedFactors.serve(flow)
-        if not self._lasting and nest.comm.rank == 0:
+        if not fits(flow, PART_OF_EXACT) and nest.comm.rank == 0:
             size = bytes_of_factors(flow, PART_OF_EXACT) / 1e9
             log.warning(
-                f"LU factors of the flow's matrix take up to {size:.2g} GB, more than half of the free memory, or "
-                "PETSc has no MUMPS: the flow is solved by blocks, which is slower and may fail"
+                f"LU factors of the flow's matrix take up to {size:.2g} GB, more than half of the free memory: "
+                "use a larger numerics.mesh_size or more ranks"
             )
-        self._of_flow: Any = CompressedFactors(flow) if self._lasting else fluid.triangle(flow)
+        self._of_flow = CompressedFactors(flow)
         self._aged = True
         self._flow = self._blocks[0][0].createVecs()
         self._turbulence = self._blocks[1][1].createVecs()
@@ -92,7 +147,7 @@ class BlockByBlock:
             solver.setTolerances(max_it=MOST_TOGETHER)
             solver.solve(b, x)
         failed = solver.getConvergedReason() <= 0
-        self._aged = failed or not self._lasting
+        self._aged = failed
         if failed:
             x.set(np.inf)
 
@@ -102,7 +157,7 @@ class BlockByBlock:
         left_fields, of_fields = self._turbulence
         number = flow.getLocalSize()
         flow.setArray(values[:number])
-        self._of_flow.apply(None, flow, found)
+        self._of_flow.apply(flow, found)
         self._blocks[1][0].mult(found, of_fields)
         of_fields.setArray(values[number:] - of_fields.array_r)
         self._factors.approximate(of_fields, left_fields)
@@ -114,6 +169,6 @@ class BlockByBlock:
             return
         solver, self._solver = self._solver, None
         solver.destroy()
-        self._of_flow.destroy(None)
+        self._of_flow.destroy()
         for held in (self._factors, *self._flow, *self._turbulence):
             held.destroy()

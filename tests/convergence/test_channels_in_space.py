@@ -13,7 +13,7 @@ from scipy.interpolate import RectBivariateSpline
 import incipient
 from incipient.pictures import elevation
 from incipient.pictures.record import read
-from incipient.planning.duct import duct_mean, duct_speed
+from incipient.planning.base_flow import duct_mean, duct_speed
 from incipient.planning.flow_setup import Setup
 from incipient.scene.file import dumps, loads
 

@@ -12,7 +12,7 @@ from incipient.arrays import Floats
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.geometry.closest import NearBed
+from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
@@ -35,7 +35,7 @@ class Case:
         velocities: Floats | None = None,
     ):
         self.body = RigidBody(Inertia.about(grain.volume, grain.inertia, grain.gdim))  # type: ignore[arg-type]
-        near = NearBed(grain, bed)  # type: ignore[arg-type]
+        near = proximity(grain, bed)  # type: ignore[arg-type]
         self.moves = ContactMotion(self.body, near.gaps, law, grain.size)  # type: ignore[attr-defined]
         self.state = BodyState.at(placement, velocities)
         self.contacts = ActiveContacts.none(placement.gdim)
@@ -78,6 +78,7 @@ def down(gdim: int, slope: float = 0.0) -> Floats:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("friction", [0.5, 0.05])
 def test_round_grains_roll_or_slide_down_an_incline(gdim: int, friction: float) -> None:
@@ -346,6 +347,7 @@ def _leaves(pocket: str, force: float, duration: float, friction: float = 100.0)
     return bool(case.state.place[0] >= saddle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gdim", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_a_grain_rolls_to_and_fro_in_a_hollow_in_the_time_of_a_pendulum(gdim: int) -> None:
     """T = 2 pi sqrt((1 + k)(R - r)/g), k = 1/2 of a disc and 2/5 of a sphere, R the hollow's radius of curvature.

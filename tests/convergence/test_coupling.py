@@ -210,7 +210,7 @@ def test_momentum_is_balanced_at_the_end_of_every_step(ratio: float) -> None:
             state = found.part.state.velocities
             momentum = masses * sum(a * u for a, u in zip(rate, [state, *past[::-1]], strict=False))
             probe = found.part.probe.resultant()
-            load = np.array([*probe.force[:2], probe.couple[2]])
+            load = np.array([*probe.force[:2], probe.torque[2]])
             resisting = found.part._response.resistance @ state  # type: ignore[union-attr]
             largest = max(largest, float(np.abs(resisting).max()), float(np.abs(load).max()))
             assert np.abs(load - momentum).max() < 1e-8 * largest

@@ -89,17 +89,20 @@ def test_error_bars_of_a_mode(viscosity: float, how: tuple[str, ...]) -> None:
 def test_error_bars_of_a_wave_released_from_rest() -> None:
     result = incipient.run(scene(DEEP, *COARSE_STEPS))
     bars = result.error_bars
-    assert bars is not None and bars.elevation is not None
+    assert bars is not None and bars.total.elevation is not None
     assert [part.name for part in bars.terms[0].parts] == ["time step", "mesh"]
     assert result.elevations is not None
     true = true_error(
         result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi)
     )
-    assert 0.75 < bars.elevation.max() / AMPLITUDE / true < 3.0
-    assert bars.level is not None
-    assert f"within {bars.level[1]:.1e}, in the run {bars.elevation[1]:.1e}" in result.text()
+    assert 0.75 < bars.total.elevation.max() / AMPLITUDE / true < 3.0
+    assert bars.total.level is not None
     assert (
-        bars.to_dict()["force"] is None and bars.to_dict()["terms"][0]["parts"][0]["couple"] is None
+        f"within {bars.total.level[1]:.1e}, in the run {bars.total.elevation[1]:.1e}"
+        in result.text()
+    )
+    assert (
+        bars.to_dict()["force"] is None and bars.to_dict()["terms"][0]["parts"][0]["torque"] is None
     )
 
 

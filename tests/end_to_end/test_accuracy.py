@@ -71,7 +71,7 @@ course = ["0", "0", "sin(2*t)"]
 end = 4.0
 step = 0.05
 [numerics]
-accuracy_of = "couple"
+accuracy_of = "torque"
 error_bars = false
 [output]
 fields = false
@@ -134,9 +134,9 @@ def test_what_is_asked_for_is_reached_and_not_much_more(
 
 
 def test_couple() -> None:
-    result = run(on_bed(accuracy=0.001, accuracy_of="couple"))
-    assert result.couple is not None and result.adaptation is not None and result.adaptation.met
-    assert abs(result.couple.flow[2] / COUPLE_ON_BED - 1.0) < 0.001
+    result = run(on_bed(accuracy=0.001, accuracy_of="torque"))
+    assert result.torque is not None and result.adaptation is not None and result.adaptation.met
+    assert abs(result.torque.flow[2] / COUPLE_ON_BED - 1.0) < 0.001
 
 
 def test_adapted_meshes_beat_uniform_refinement() -> None:
@@ -225,6 +225,7 @@ def test_flow_in_time(tmp_path: Path) -> None:
     assert f"of the step {found.trials[-1].of_step:.1e}, of the mesh" in found.lines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [0.01, pytest.param(1e-4, marks=pytest.mark.slow)])
 def test_a_disc_that_is_turned_in_fluid_at_rest(accuracy: float) -> None:
     """Against the exact couple: the moving grain's load is as accurate as asked for, and steps are refined for it."""
@@ -232,9 +233,9 @@ def test_a_disc_that_is_turned_in_fluid_at_rest(accuracy: float) -> None:
     exact = couple_on_a_turned_disc(4.0, viscosity=0.05, radius=0.5, frequency=2.0)
     found = result.adaptation
     assert (
-        result.couple is not None and found is not None and found.met and found.reached is not None
+        result.torque is not None and found is not None and found.met and found.reached is not None
     )
-    error = abs(result.couple.flow[2] / exact - 1.0)
+    error = abs(result.torque.flow[2] / exact - 1.0)
     assert error < accuracy
     assert 0.5 < found.reached / error < 3.0
     first, last = found.trials[0], found.trials[-1]
@@ -300,6 +301,7 @@ def test_a_budget_stops_flow_in_time(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "result.json").read_text())["status"] == "complete"
 
 
+@pytest.mark.slow
 def test_two_ranks_choose_alike(tmp_path: Path, mpirun: Any) -> None:
     path = tmp_path / "grain.toml"
     path.write_text(commented(grain_on_bed()))

@@ -158,8 +158,8 @@ def test_a_grain_and_a_bed_that_are_registered_are_planned_meshed_solved_and_jud
     )
     result = incipient.run(scene)
     assert result.status == "complete"
-    assert result.force is not None and result.couple is not None and result.verdict is not None
-    flow, couple = result.force.flow[:2], result.couple.flow[2]
+    assert result.force is not None and result.torque is not None and result.verdict is not None
+    flow, couple = result.force.flow[:2], result.torque.flow[2]
     weight = (result.force.weight + result.force.buoyancy)[:2]
     assert flow[0] > 0.0
     assert weight[1] == pytest.approx(-(2.0 - 1.0) * 500.0 * scene.grain.volume)

@@ -17,14 +17,13 @@ from dolfinx import fem
 
 import incipient
 from incipient import compat
-from incipient.effects.flow import FlowEffect
-from incipient.effects.unsteadiness import UnsteadinessEffect
+from incipient.effects.flow import FlowEffect, UnsteadinessEffect
 from incipient.planning.flow_setup import Setup
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
 from incipient.results.quantity import OutputQuantity
 from incipient.scene import Disc, Domain, Fluid, Numerics, Output, Poiseuille, Scene, Time
-from incipient.sweep.quantities import quantities
+from incipient.sweep.worker import quantities
 
 LENGTH, HEIGHT, SHARE = 6.0, 3.0, 0.01
 SCENE = Scene(
@@ -56,7 +55,7 @@ FLUX = OutputQuantity(
     heading="other numbers",
     measure=_flux,
     at_steps=True,
-    in_text=True,
+    line="flux of volume",
 )
 
 
@@ -76,7 +75,8 @@ def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> N
     with (tmp_path / "history.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) > 1 and float(rows[-1]["flux"]) == stored["flux"]
-    assert "flux of volume [velocity area length]" in result.text()
+    assert f"flux of volume [velocity area length] {stored['flux']:.6g}" in result.text()
+    assert "pressure part" in result.text(details=True) and "pressure part" not in result.text()
     row = quantities("run", stored)
     ends = pytest.approx((0.99 * flux, 1.01 * flux), rel=1e-3)
     assert row["flux"] == stored["flux"] and (row["flux_low"], row["flux_high"]) == ends

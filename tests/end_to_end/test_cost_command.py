@@ -86,6 +86,7 @@ def test_cost_in_3d_against_an_exact_force(command: Any, tmp_path: Path) -> None
         assert float(row["error"]) < 0.05
 
 
+@pytest.mark.slow
 def test_cost_of_a_threshold(command: Any, tmp_path: Path) -> None:
     out = tmp_path / "study"
     size = settings(numerics_mesh_size=3.0, contact_gap=0.05)

@@ -14,8 +14,9 @@ import incipient
 from incipient.accuracy.coarse_runs import farther
 from incipient.contact.safety import safety_factor
 from incipient.evaluation.contact_verdict import load_of
-from incipient.output.critical_flow import write_threshold
+from incipient.output.searches import write
 from incipient.pictures.record import parsed_json
+from incipient.results.kinds import THRESHOLD
 from incipient.scene import loads
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import loads_at
@@ -173,7 +174,7 @@ def test_shields_against_many_spacings_has_no_jumps() -> None:
 
 
 def test_a_disc_on_a_plane_has_none() -> None:
-    """Any couple about its only contact rolls a disc on a flat bed."""
+    """Any torque about its only contact rolls a disc on a flat bed."""
     threshold = threshold_of(on_bed("numerics.mesh_size=2.0"))
     assert threshold.factor == 0.0 and threshold.bars is None
     assert "any flow moves the grain, rolling" in threshold.text()
@@ -204,6 +205,7 @@ def test_a_threshold_at_a_high_reynolds_number() -> None:
     assert below > 1.0 > above
 
 
+@pytest.mark.slow
 def test_the_smallest_disc_of_the_stability_curve_at_its_largest_reynolds_number() -> None:
     """The flows up to 8.12 times the scene's give 8.3; that flow is found from one of its own order, not of two."""
     found = threshold_of(
@@ -244,6 +246,7 @@ def test_none_is_said_as_far_as_was_looked() -> None:
     assert f"none up to {threshold.held_to:.3g} times the flow" in threshold.text()
 
 
+@pytest.mark.slow
 def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
     """A finer mesh, a gap nearly closed and a larger domain change the threshold as much as the terms say."""
     kept: list[Threshold] = []
@@ -266,13 +269,13 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
         coarse.bars.terms["gap"] < 3.0 * changes["gap"]
         and coarse.bars.terms["domain"] < 3.0 * changes["domain"]
     )
-    # Errors of force and couple may cancel in the threshold, which the term does not count on: they are compared.
+    # Errors of force and torque may cancel in the threshold, which the term does not count on: they are compared.
     term = next(term for term in coarse.bars.loads.terms if term.name == "discretisation")
     fine = load_per_flow(better["discretisation"]) * coarse.factor
     changed = np.abs(fine - load_per_flow(coarse) * coarse.factor).sum()
-    assert changed / 3.0 < np.concatenate([term.force, term.couple]).sum() < 3.0 * changed
+    assert changed / 3.0 < np.concatenate([term.force, term.torque]).sum() < 3.0 * changed
     assert coarse.bars.low < coarse.factor < coarse.bars.high
-    write_threshold(tmp_path, on_bed(*STOKES), coarse, MPI.COMM_SELF)
+    write(THRESHOLD, tmp_path, on_bed(*STOKES), coarse.to_dict(), MPI.COMM_SELF)
     assert_told(coarse, tmp_path)
 
 
@@ -288,7 +291,7 @@ def test_error_bars_cover_the_datum(datum: str) -> None:
 
 
 def load_per_flow(threshold: Threshold) -> np.ndarray:
-    """Force and couple (6,) of the flow of the scene, which are linear in its strength without inertia."""
+    """Force and torque (6,) of the flow of the scene, which are linear in its strength without inertia."""
     load = threshold.load
     return np.concatenate([load.flow_force, load.flow_couple]) / threshold.factor
 

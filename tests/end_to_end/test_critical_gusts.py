@@ -13,7 +13,7 @@ from test_released import POCKET
 
 import incipient
 from incipient.errors import SceneError
-from incipient.output.gust_curve import GustCurve
+from incipient.output.searches import GustCurve
 from incipient.parallel import world
 from incipient.pictures.charts import gusts
 from incipient.scene import Scene, loads
@@ -166,6 +166,7 @@ def in_sweep(tmp_path: Path, do: str, over: dict[str, object]) -> list[dict[str,
     return rows(tmp_path / "sweep.sqlite")
 
 
+@pytest.mark.slow
 def test_a_sweep_varies_gusts_and_says_which_moved_the_grain_out(tmp_path: Path) -> None:
     """Columns of strength and duration, of when the grain moved and left, and of what ended the runs."""
     weak, strong = in_sweep(

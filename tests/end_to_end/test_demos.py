@@ -58,7 +58,7 @@ def pinned(result):
         numbers |= {"time": path["ended"]["time"], "remeshings": len(path["remeshings"])}
     elif result["force"] is not None:
         numbers |= {"force_x": result["force"]["flow"][0], "force_y": result["force"]["flow"][1]}
-        numbers |= {"couple": result["couple"]["flow"][2], "moves": result["verdict"]["moves"]}
+        numbers |= {"couple": result["torque"]["flow"][2], "moves": result["verdict"]["moves"]}
     return numbers
 
 

@@ -46,6 +46,7 @@ def scene(tmp_path: Path) -> Path:
     return tmp_path / "scene.toml"
 
 
+@pytest.mark.slow
 def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) -> None:
     options = ("--gusts", "gusts", "--data", "flume.csv", "--strengths", "0.5", "1", "2")
     done = command("entrainment", scene, "--out", "out", *options)
@@ -119,6 +120,7 @@ def test_bad_input_is_one_line(command, scene: Path, options: tuple[str, ...], s
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_sweep_of_intensities(tmp_path: Path) -> None:
     coarse = loads(SCENE + "[gusts]\nintensity = 0.3\n")
     path = tmp_path / "sweep.sqlite"
@@ -133,6 +135,7 @@ def test_a_sweep_of_intensities(tmp_path: Path) -> None:
     assert weak["shields_at_0.01_low"] < weak["shields_at_0.01"] < weak["shields_at_0.01_high"]
 
 
+@pytest.mark.slow
 def test_a_measured_series(command, scene: Path) -> None:
     times = [0.25 * k for k in range(4000)]
     rows = (f"{t},{2.0 + 0.5 * math.sin(t) + 0.3 * math.sin(math.sqrt(2.0) * t)}" for t in times)
@@ -144,6 +147,7 @@ def test_a_measured_series(command, scene: Path) -> None:
     assert "as in the series" in done.stdout and "length of the record" in done.stdout
 
 
+@pytest.mark.slow
 def test_gusts_that_were_counted(command, scene: Path) -> None:
     """A hundred gusts of strengths 1.02 to 3 for half a unit of time each, in 500: their shares at the threshold."""
     rows = (f"{1.0 + 0.02 * k},0.5" for k in range(1, 101))

@@ -473,6 +473,7 @@ assert all(abs(together[k] / found[k] - 1.0) < 1e-9 for k in (0, 1))
 """
 
 
+@pytest.mark.slow
 def test_threads_of_several_ranks_compute_each_for_themselves_alone(mpirun) -> None:
     """What waited for ever: one rank in one scene's collective calls, the other in those of the other scene."""
     ended = mpirun(2, IN_THREADS_OF_RANKS, timeout=240)

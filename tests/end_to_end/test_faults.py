@@ -163,7 +163,7 @@ def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, comman
     last = command(*further(), timeout=120)
     assert last.returncode == 0, last.stderr
     one, other = (result_of(directory) for directory in (target, whole))
-    for name in ("force", "couple", "coefficients"):
+    for name in ("force", "torque", "coefficients"):
         assert_same_numbers(one[name], other[name])
 
 
@@ -206,6 +206,7 @@ FEW_FORMS = settings(fluid_inertia=False, numerics_order=2, numerics_mesh_size=4
 CAVITY = Path(__file__).parents[2] / "demos" / "scenes" / "cavity.toml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_first_run_killed_at_random_does_not_block_the_next(
     tmp_path: Path, started: Any, command: Any, times: int
@@ -227,6 +228,7 @@ def test_a_first_run_killed_at_random_does_not_block_the_next(
     assert left == [], "folders of compilations that were cut short"
 
 
+@pytest.mark.slow
 def test_two_first_runs_at_once_are_right(tmp_path: Path, started: Any) -> None:
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     both = [

@@ -93,7 +93,7 @@ def test_a_scene_and_its_loads_as_a_case_have_one_verdict(tmp_path: Path) -> Non
     )
     text = incipient.run(scene, tmp_path).text()
     stored = json.loads((tmp_path / "result.json").read_text())
-    verdict, force, couple = stored["verdict"], stored["force"], stored["couple"]
+    verdict, force, couple = stored["verdict"], stored["force"], stored["torque"]
     weight = np.add(force["weight"], force["buoyancy"])
     contacts, (mass, inertia) = stored["contacts"], mass_and_inertia(scene.body, scene.placement)
     case = Case(

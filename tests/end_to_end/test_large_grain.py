@@ -48,6 +48,7 @@ def stone(reynolds=2e5, acceleration=10.0, mesh_size=4.0, **changes):
     return Scene(**{**sections, **changes})
 
 
+@pytest.mark.slow
 def test_what_grain_and_bed_bear_is_what_the_stream_loses():
     """Balance of momentum along the whole channel, with the reaction of the inflow; to the tolerance of the flow."""
     with prepared(stone(), MPI.COMM_SELF) as run:

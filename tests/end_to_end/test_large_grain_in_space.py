@@ -52,10 +52,11 @@ def stone(mesh_size=7.0, **changes):
     return Scene(**{**sections, **changes})
 
 
+@pytest.mark.slow
 def test_what_grain_and_walls_bear_is_what_the_stream_loses():
     """Balance of momentum along half of the channel, with the eddies of the inflow: to the tolerance of the flow.
 
-    Force and couple are those of the whole grain; across the stream they vanish.
+    Force and torque are those of the whole grain; across the stream they vanish.
     """
     with prepared(stone(), MPI.COMM_SELF) as run:
         assert run.fluid.solver.regular, "on few cells factors are faster than blocks"
@@ -65,7 +66,7 @@ def test_what_grain_and_walls_bear_is_what_the_stream_loses():
         force, result = run.probe.resultant(), outcome(run)
     assert sum(borne) == pytest.approx(lost, rel=1e-5)
     assert force.force[0] == pytest.approx(2.0 * borne[0], rel=1e-10)
-    assert force.force[1] == force.couple[0] == force.couple[2] == 0.0
+    assert force.force[1] == force.torque[0] == force.torque[2] == 0.0
     assert result.verdict["moves"]
 
 
@@ -82,6 +83,7 @@ def channel(length=2.0, width=None, **changes):
     return Scene(**{**sections, **changes})
 
 
+@pytest.mark.slow
 def test_ridges_across_the_stream_are_the_plane_s():
     """u* along a wavy bed of a slice of a channel between sides without friction, by cells half as large in the plane.
 
@@ -132,7 +134,7 @@ def test_a_sphere_on_two_ranks(mpirun, tmp_path):
 
         found = incipient.run(loads(open({path!r}).read()))
         if MPI.COMM_WORLD.rank == 0:
-            print(*map(repr, found.force.flow.tolist() + found.couple.flow.tolist()))
+            print(*map(repr, found.force.flow.tolist() + found.torque.flow.tolist()))
     """
     scene = stone(numerics=Numerics(mesh_size=7.0, error_bars=False, tolerance=1e-9))
     (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")

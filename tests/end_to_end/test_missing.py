@@ -72,6 +72,7 @@ def test_a_run_names_the_missing_module(module: str, tmp_path: Path) -> None:
     assert_one_line(done, f"{module} is not installed", "apt-get install python3-dolfinx")
 
 
+@pytest.mark.slow
 def test_a_module_that_one_rank_misses_ends_both(tmp_path: Path) -> None:
     """gmsh is for the first rank only."""
     done = without("gmsh", "run", CAVITY, *COARSE, "--out", tmp_path, ranks=2)

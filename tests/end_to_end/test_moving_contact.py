@@ -57,7 +57,7 @@ def test_momentum_is_balanced(tmp_path: Path) -> None:
     force = np.array([found[f"force_{axis}"] for axis in "xy"])
     force[1] -= (mass - AREA) * GRAVITY
     inertia = mass * sum(a**2 for a in SEMI_AXES) / 4
-    loads = np.vstack([force, found["couple"]])
+    loads = np.vstack([force, found["torque"]])
     names = ("velocity_x", "velocity_y", "spin")
     velocities = np.array([np.r_[0.0, found[name]] for name in names])
     now, before, earlier = velocities[:, 2:], velocities[:, 1:-1], velocities[:, :-2]

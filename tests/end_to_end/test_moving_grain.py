@@ -28,7 +28,7 @@ from incipient.scene import (
 )
 
 Columns = dict[str, Any]
-LOADS_AND_VELOCITIES = ("force_x", "force_y", "couple", "velocity_x", "velocity_y", "spin")
+LOADS_AND_VELOCITIES = ("force_x", "force_y", "torque", "velocity_x", "velocity_y", "spin")
 
 
 def history_of(directory: Path) -> Columns:
@@ -189,6 +189,7 @@ def carried_in_a_cavity(**numerics: Any) -> Scene:
     )
 
 
+@pytest.mark.slow
 def test_ten_new_meshes_leave_no_jump(tmp_path: Path) -> None:
     """Loads and velocities through ten new meshes are those through one or two, within their error bars.
 

@@ -123,8 +123,8 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
         "spin_x",
         "spin_z",
         "force_y",
-        "couple_x",
-        "couple_z",
+        "torque_x",
+        "torque_z",
         "quaternion_x",
     ):
         assert np.abs(whole[name]).max() == 0.0, name

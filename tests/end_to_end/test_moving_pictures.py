@@ -73,6 +73,7 @@ def quantities(figure):
 # -- pictures ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_all_pictures_of_a_grain_that_moves(run):
     written = draw_apart(run).paths
     names = ["trajectory", "flow", "pressure", "vorticity", "traction", "mesh"]

@@ -65,6 +65,7 @@ def still(motion, start):
     return incipient.run(moving(0.1, 0.05, start, motion=motion, course=("0",) * 3))
 
 
+@pytest.mark.slow
 def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
     """On a mesh that may move, but does not; also what both say of the walls."""
     held, by_course = (still(motion, "rest") for motion in ("fixed", "prescribed"))
@@ -75,7 +76,7 @@ def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
 @pytest.mark.slow
 def test_a_run_with_new_meshes_goes_on_where_it_was_kept(tmp_path):
     """Kept after three steps, with a new mesh after each, and gone on with: it ends where the whole run does."""
-    names = ("x", "couple", "y_plus_max", "mesh_quality")
+    names = ("x", "torque", "y_plus_max", "mesh_quality")
     resumed, whole = resumed_and_whole(
         lambda end: moving(end, 0.02, "rest", 0.9995, 3), (0.06, 0.1), tmp_path, names
     )

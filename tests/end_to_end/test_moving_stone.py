@@ -80,6 +80,7 @@ def balances(scene):
     return gained, load, weight, np.array(borne), lost
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "share"), [(moving, 1.0), pytest.param(ball, 2.0, marks=pytest.mark.slow)]
 )
@@ -92,6 +93,7 @@ def test_a_stone_and_the_stream_exchange_momentum(made, share):
     assert gained == pytest.approx(load + weight, abs=1e-6 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "made", [partial(moving, remesh_below=0.998), pytest.param(ball, marks=pytest.mark.slow)]
 )
@@ -189,7 +191,7 @@ def test_a_disc_without_mass_follows_at_every_moment(tmp_path):
     disc = Disc(diameter=0.2, centre=(1.9375, 0.25), motion="free", mass=0.0, inertia=0.0)
     time, gravity = Time(end=0.1, step=0.01, start="steady"), Gravity(acceleration=0.2)
     incipient.run(moving(0.1, 0.01, body=disc, gravity=gravity, time=time), tmp_path)
-    load = np.array([column(tmp_path, name) for name in ("force_x", "force_y", "couple")])
+    load = np.array([column(tmp_path, name) for name in ("force_x", "force_y", "torque")])
     buoyancy = 0.2 * 0.01 * np.pi
     assert load == pytest.approx(
         np.outer([0.0, -1.0, 0.0], np.full(10, buoyancy)), abs=1e-3 * buoyancy

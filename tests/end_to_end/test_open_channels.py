@@ -139,6 +139,7 @@ def test_a_film_whose_level_is_held_up_beyond_its_end_follows_the_backwater_curv
     assert found[-1] == pytest.approx(exact[-1], abs=0.45 * np.tan(slope) / 3)
 
 
+@pytest.mark.slow
 def test_a_resumed_channel_is_the_whole_one_and_two_ranks_are_as_one(tmp_path, session: Session):
     incipient.run(loads(SHORT), tmp_path / "whole")
     half = changed(SHORT, time=loads(SHORT).time.model_copy(update={"end": 0.4}))

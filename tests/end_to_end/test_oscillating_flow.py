@@ -61,7 +61,7 @@ def threshold() -> tuple[float, float]:
     _, found = history(held)
     time, along, up, couple = (
         np.array([float(one) for one in found[name]])
-        for name in ("time", "force_x", "force_y", "couple")
+        for name in ("time", "force_x", "force_y", "torque")
     )
     placement = Setup(held).geometry.stance.placement
     assert placement is not None
@@ -80,6 +80,7 @@ def test_the_torques_are_largest_before_the_velocity_is() -> None:
     assert 0.05 < 0.75 - when < 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "moves"), [(1.03, False), (0.97, True)])
 def test_a_disc_in_a_flow_to_and_fro_rolls_from_where_the_torques_say(
     share: float, moves: bool

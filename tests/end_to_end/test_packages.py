@@ -102,6 +102,7 @@ def test_the_wheel_has_every_file(wheel: Path) -> None:
     assert contents_of(wheel) == {f"incipient/{name}" for name in files_below(ROOT / "incipient")}
 
 
+@pytest.mark.slow
 def test_the_wheel_runs(wheel: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(tmp_path)

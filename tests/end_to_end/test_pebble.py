@@ -50,6 +50,7 @@ def test_scans_converge_with_their_facets(scan, tmp_path):
     assert (middle - coarse) / (fine - middle) == pytest.approx(4.0, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_given_load_on_several_scans(scan, tmp_path):
     """What is judged is the pebble: facets elsewhere on it, or four times as many, change little.
 

@@ -237,7 +237,7 @@ def test_within_the_viscous_sublayer_a_turbulent_stream_is_shear():
         )
         assert scene.viscosity == pytest.approx(2.0)
         result = incipient.run(scene)
-        loads.append([result.force.flow[0], result.couple.flow[2]])
+        loads.append([result.force.flow[0], result.torque.flow[2]])
     assert loads[0] == pytest.approx(loads[1], rel=2e-3)
 
 
@@ -260,7 +260,7 @@ def test_a_grain_in_still_water_has_its_buoyancy_and_rests(kind):
     result = in_still_water(domain=Domain(kind=kind, length=6.0, height=3.0))
     area = math.pi * 0.5 * 0.3
     assert np.abs(result.force.flow).max() < 1e-14
-    assert np.abs(result.couple.flow).max() < 1e-14
+    assert np.abs(result.torque.flow).max() < 1e-14
     assert result.force.buoyancy == pytest.approx([0, 9.81 * area, 0], rel=1e-14)
     assert result.force.weight == pytest.approx([0, -2 * 9.81 * area, 0], rel=1e-14)
     assert result.verdict["moves"] is False
@@ -309,7 +309,7 @@ def test_the_mirrored_flow_gives_the_mirrored_force():
             numerics=Numerics(order=4, error_bars=False),
         )
         result = incipient.run(scene)
-        return np.array([*result.force.flow[:2], result.couple.flow[2]])
+        return np.array([*result.force.flow[:2], result.torque.flow[2]])
 
     below, above = loads(0.45, 30.0), loads(0.55, -30.0)
     assert above == pytest.approx(below * (1, -1, -1), rel=1e-4)  # 4e-5 in the couple when written
@@ -326,7 +326,7 @@ def test_stokes_flow_is_linear():
         )
         result = incipient.run(scene)
         assert result.cost["iterations"]["newton"] == 1
-        return np.array([*result.force.flow[:2], result.couple.flow[2]])
+        return np.array([*result.force.flow[:2], result.torque.flow[2]])
 
     once = loads(1.0, 1.0)
     assert np.abs(once).min() > 0.1
@@ -350,7 +350,7 @@ def test_loads_converge_as_the_gap_closes():
         )
         result = incipient.run(scene)
         assert result.gap.resolved and result.gap.width == pytest.approx(gap)
-        return np.array([*result.force.flow[:2], result.couple.flow[2]])
+        return np.array([*result.force.flow[:2], result.torque.flow[2]])
 
     wide, middle, narrow = (loads(gap) for gap in (0.04, 0.02, 0.01))
     assert np.all(
@@ -376,7 +376,7 @@ def test_any_number_of_ranks_gives_the_same_numbers_and_speaks_with_one_voice(
     assert (alone["cost"]["ranks"], together["cost"]["ranks"]) == (1, ranks)
     loads, bars = [], []
     for result in (alone, together):
-        loads.append([*result["force"]["flow"][:2], result["couple"]["flow"][2]])
+        loads.append([*result["force"]["flow"][:2], result["torque"]["flow"][2]])
         bars.append([term["force"] for term in result["error_bars"]["terms"]])
     assert loads[1] == pytest.approx(loads[0], rel=1e-8)
     assert np.array(bars[1]) == pytest.approx(np.array(bars[0]), rel=1e-4)

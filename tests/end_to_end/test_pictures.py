@@ -23,7 +23,9 @@ from incipient.pictures import flow, style, traction, verdict
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.mesh import QuadraticMesh, enclosed_area
+from incipient.pictures.plane import Plane
 from incipient.pictures.record import read
+from incipient.results.kinds import JUDGEMENT, THRESHOLD
 from incipient.scene.file import dumps, loads
 
 RADIUS, SIDE = 1.0, 8.0
@@ -143,7 +145,7 @@ def grain_run(tmp_path):
         "schema_version": 1,
         "title": "A disc in a square",
         "force": {"flow": FLOW, "buoyancy": [0, 1.0, 0], "weight": [0, -3.0, 0]},
-        "couple": {"about": [0, 0, 0], "flow": COUPLE},
+        "torque": {"about": [0, 0, 0], "flow": COUPLE},
         "coefficients": {"drag": 6.28, "lift": 1.0, "moment": None},
         "contacts": [{"point": point, "normal": point} for point in POINTS],
         "grain": {"centre": [0, 0], "angle": 0.0},
@@ -166,6 +168,7 @@ def box_run(tmp_path):
     return write_run(tmp_path, mesh, rotation(mesh[0]), scene, result)
 
 
+@pytest.mark.slow
 def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run, capsys):
     """By the command, which says what it has written."""
     assert main(["show", str(box_run)]) == 0
@@ -287,8 +290,8 @@ def test_a_defect_in_one_picture_is_named_and_the_others_are_drawn(tmp_path, mon
     for name in ("threshold", "judgement"):
         (tmp_path / f"{name}.json").write_text("{}")
     makers = {
-        "threshold.json": lambda directory: [][0],
-        "judgement.json": lambda directory: [directory / "judgement.png"],
+        THRESHOLD: lambda directory: [][0],
+        JUDGEMENT: lambda directory: [directory / "judgement.png"],
     }
     monkeypatch.setattr("incipient.pictures.directory_pictures._OTHERS", makers)
     announced = []
@@ -311,11 +314,14 @@ def test_boundary_of_a_mesh_with_a_hole():
 def test_fields_are_sampled_on_a_grid_within_the_fluid():
     points, cells = quadratic_grid(around_disc, 48, 24, closed=True)
     mesh, view = QuadraticMesh(points, cells), (-2.0, 3.0, -1.0, 1.0)
-    x, y, (value,) = flow.sample(mesh, (points[:, 0] - 3.0 * points[:, 1])[:, None], view, 50)
+    linear = np.column_stack([points[:, 0] - 3.0 * points[:, 1], 2.0 * points])
+    plane = Plane(points, mesh.quarters, {"velocity": linear}, [], [])
+    x, y, (value, other) = plane.velocities(view, 50)
     across, up = np.meshgrid(x, y)
     radius = np.hypot(across, up)
     assert value.mask[radius < 0.99 * RADIUS].all() and not value.mask[radius > RADIUS].any()
     assert np.allclose(value, across - 3.0 * up, atol=1e-12)
+    assert np.allclose(other, 2.0 * across, atol=1e-12)
 
 
 def test_components_of_the_traction_are_those_along_normal_and_surface(grain_run):

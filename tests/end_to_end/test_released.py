@@ -318,6 +318,7 @@ def test_what_a_released_grain_cannot_go_with_is_refused(
         Scene(**plain)
 
 
+@pytest.mark.slow
 def test_a_run_that_its_grain_has_ended_goes_on_only_when_asked_for_more(tmp_path: Path) -> None:
     """A free disc sinks into the pocket below it and rests there; its run keeps a checkpoint."""
     free = {"motion": "free", "on_contact": "touch", "x": None, "centre": (3.5, 0.93)}

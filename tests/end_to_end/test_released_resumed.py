@@ -50,6 +50,7 @@ def same(found: Path, expected: Path, rel: float) -> None:
     assert one["works"] == pytest.approx(other["works"], rel=1e3 * rel, abs=1e3 * rel)
 
 
+@pytest.mark.slow
 def test_a_released_grain_that_was_stopped_on_its_way(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -62,6 +63,7 @@ def test_a_released_grain_that_was_stopped_on_its_way(
     same(tmp_path, whole, 1e-6)
 
 
+@pytest.mark.slow
 def test_a_released_grain_on_two_ranks_as_on_one(
     whole: Path, tmp_path: Path, session: Session
 ) -> None:

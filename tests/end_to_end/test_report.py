@@ -120,10 +120,10 @@ def numbers_of(*parts: Any) -> list[float]:
 def test_the_numbers_of_a_run_are_those_of_its_result(run: Path) -> None:
     page, stored = Seen(run / "report.html"), json.loads((run / "result.json").read_text())
     assert page.stands_alone()
-    force, couple, bars = stored["force"], stored["couple"], stored["error_bars"]
+    force, couple, bars = stored["force"], stored["torque"], stored["error_bars"]
     planar = [vector[:2] for name, vector in force.items() if name != "repulsion"]
     turning = [couple[name][2] for name in ("flow", "surface_integral")]
-    terms = [[*term["force"][:2], term["couple"][2]] for term in bars["terms"]]
+    terms = [[*term["force"][:2], term["torque"][2]] for term in bars["terms"]]
     shares = [share["wall_time"] for share in stored["cost"]["effects"].values()]
     wanted = numbers_of(
         planar,
@@ -183,6 +183,7 @@ def test_every_term_has_a_remedy() -> None:
     assert {*named, terms.GROUND, terms.OF_MESH} <= REMEDIES.keys()
 
 
+@pytest.mark.slow
 def test_a_sweep_shows_curves_cases_and_failures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import incipient
-from incipient.accuracy.kept_runs import KeptRuns
+from incipient.accuracy.coarse_runs import KeptRuns
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
 from incipient.scene import (
@@ -43,6 +43,7 @@ def over_bump(mesh_size: float) -> Result:
     )
 
 
+@pytest.mark.slow
 def test_cells_along_a_bump_follow_its_friction():
     """With cells 0.1 long the friction behind the crest was 40% too small."""
     walls = over_bump(1.0).turbulence

@@ -74,11 +74,12 @@ def on_sand(number, roughness, mesh_size=2.0, length=10.0, depth=4.0, upstream=0
 
 
 def loads(scene):
-    """Drag, lift and couple."""
+    """Drag, lift and torque."""
     found = incipient.run(scene)
-    return np.array([*found.force.flow[:2], found.couple.flow[2]])
+    return np.array([*found.force.flow[:2], found.torque.flow[2]])
 
 
+@pytest.mark.slow
 def test_flow_over_sand_on_a_free_mesh_is_developed_flow():
     """Waves of no height to speak of, with thin cells along them: u* within 1% of finite volumes in one dimension."""
     walls = waves(0.02, 5e-4, 1.4)
@@ -180,7 +181,7 @@ def test_new_meshes_over_sand_leave_a_free_grain_as_it_is(tmp_path):
 @pytest.mark.slow
 def test_a_run_over_sand_goes_on_where_it_was_kept(tmp_path):
     """Kept after three steps, with a new mesh after each: it ends where the whole run does."""
-    names = ("x", "couple", "y_plus_max", "mesh_quality")
+    names = ("x", "torque", "y_plus_max", "mesh_quality")
     resumed, whole = resumed_and_whole(
         lambda end: moving("free", end, 0.9995, checkpoint=3), (0.15, 0.25), tmp_path, names
     )
@@ -198,7 +199,7 @@ def test_a_sphere_on_hydraulically_smooth_sand_bears_what_it_does_on_a_smooth_be
     }
     rough, smooth = (incipient.run(over_sand(k, 1500.0, 3.0, domain, **sphere)) for k in (0.2, 0.0))
     assert rough.force.flow == pytest.approx(smooth.force.flow, rel=0.01, abs=1e-6)
-    assert rough.couple.flow == pytest.approx(smooth.couple.flow, rel=0.01, abs=1e-6)
+    assert rough.torque.flow == pytest.approx(smooth.torque.flow, rel=0.01, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -220,7 +221,7 @@ def test_a_sphere_in_a_pocket_of_hydraulically_smooth_sand_bears_what_it_does_am
     rough, smooth = (incipient.run(over_sand(k, 1.0, 2.5, domain, **pocket)) for k in (0.1, 0.0))
     print(rough.force.flow, smooth.force.flow)
     assert rough.force.flow == pytest.approx(smooth.force.flow, rel=0.01, abs=1e-6)
-    assert rough.couple.flow == pytest.approx(smooth.couple.flow, rel=0.01, abs=1e-6)
+    assert rough.torque.flow == pytest.approx(smooth.torque.flow, rel=0.01, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -254,6 +255,7 @@ def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, 
     assert (np.abs(space / plane - 1.0) < within).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.05, pytest.param(0.02, marks=pytest.mark.slow)])
 def test_a_slice_of_a_rough_channel_is_the_plane_s(roughness):
     """u* in space between sides without friction, in as many rows: within 0.5% of the plane's."""
@@ -306,6 +308,7 @@ def test_sand_is_told_that_is_as_large_as_forms():
     assert not any("forms" in one for one in make_plan(finer).warnings)
 
 
+@pytest.mark.slow
 def test_a_slice_that_a_measured_profile_enters_is_the_plane_s():
     """Two rows over sand: u* in space, at the outflow and in the mean, within 0.5% of the plane's in as many rows."""
     rows = {

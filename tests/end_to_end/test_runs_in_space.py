@@ -28,7 +28,7 @@ ON_PLANE = {
     "contact": Contact(friction=0.5),
     "numerics": COARSE,
 }
-# Force over 6 pi mu a G h and couple over 4 pi mu a^3 G on a sphere whose centre is h = 1.02 a above the plane
+# Force over 6 pi mu a G h and torque over 4 pi mu a^3 G on a sphere whose centre is h = 1.02 a above the plane
 # (Goldman, Cox & Brenner 1967, Chem. Eng. Sci. 22, 653; by bispherical coordinates in two resolutions).
 EXACT = 1.685911, 0.94565455
 RANKS = """
@@ -36,14 +36,14 @@ import incipient, sys
 from mpi4py import MPI
 result = incipient.run(incipient.load(sys.argv[1]))
 if MPI.COMM_WORLD.rank == 0:
-    print(*result.force.flow, *result.couple.flow)
+    print(*result.force.flow, *result.torque.flow)
 """
 
 
 def scaled(scene, result):
-    """Force along the stream and couple across it in the units of the exact ones."""
+    """Force along the stream and torque across it in the units of the exact ones."""
     mu, a, h = scene.viscosity, 0.5, 0.51
-    return result.force.flow[0] / (6 * pi * mu * a * h), result.couple.flow[1] / (
+    return result.force.flow[0] / (6 * pi * mu * a * h), result.torque.flow[1] / (
         4 * pi * mu * a**3
     )
 
@@ -53,13 +53,14 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
     result = incipient.run(scene, tmp_path)
     # On the coarse mesh, with sides 20 diameters away: measured 1.1% and 1.0%.
     assert scaled(scene, result) == pytest.approx(EXACT, rel=0.02)
-    assert result.force.flow[1] == 0.0 and np.all(result.couple.flow[[0, 2]] == 0.0)
+    assert result.force.flow[1] == 0.0 and np.all(result.torque.flow[[0, 2]] == 0.0)
     assert result.verdict["mode"] == "rolling" and result.verdict["safety_factor"] == 0.0
     stored = incipient.load(tmp_path / "scene.toml")
     assert stored == scene and (tmp_path / "fields.xdmf").exists()
-    assert "torque (0, " in result.text()
+    assert "torque about the centre of mass (0, " in result.text()
 
 
+@pytest.mark.slow
 def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     scene = sphere_on_plane(
         fluid=SLOW,
@@ -68,7 +69,7 @@ def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     )
     (tmp_path / "scene.toml").write_text(dumps(scene))
     alone = incipient.run(scene, comm=MPI.COMM_SELF)
-    one = np.concatenate([alone.force.flow, alone.couple.flow])
+    one = np.concatenate([alone.force.flow, alone.torque.flow])
     done = mpirun(2, RANKS, tmp_path / "scene.toml")
     assert done.returncode == 0, done.stderr
     two = np.array(done.stdout.split(), dtype=float)
@@ -83,7 +84,7 @@ def test_half_of_a_scene_gives_what_the_whole_does():
         result = incipient.run(
             Scene(**{**ON_PLANE, "domain": domain, "body": Sphere(diameter=1, x=6.0)})
         )
-        found[symmetric] = np.concatenate([result.force.flow, result.couple.flow])
+        found[symmetric] = np.concatenate([result.force.flow, result.torque.flow])
     # The meshes differ: their errors are about 1% (see above).
     assert found[True] == pytest.approx(found[False], abs=0.015 * np.abs(found[False]).max())
 
@@ -112,10 +113,10 @@ def test_error_bars_cover_the_exact_numbers():
     terms = {term.name: term for term in result.error_bars.terms}
     assert set(terms) == {"discretisation", "gap", "domain"}
     counted = [terms["discretisation"], terms["domain"]]  # the exact numbers are those with the gap
-    force, couple = sum(term.force[0] for term in counted), sum(term.couple[1] for term in counted)
+    force, torque = sum(term.force[0] for term in counted), sum(term.torque[1] for term in counted)
     bars = (
         force / (6 * pi * scene.viscosity * 0.5 * 0.51),
-        couple / (4 * pi * scene.viscosity * 0.125),
+        torque / (4 * pi * scene.viscosity * 0.125),
     )
     assert np.all(np.abs(np.subtract(scaled(scene, result), EXACT)) <= np.array(bars))
 

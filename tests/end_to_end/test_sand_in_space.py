@@ -56,7 +56,7 @@ def test_in_a_slow_stream_loads_are_those_of_laminar_flow():
     found = incipient.run(sand(100.0, 1.5))
     assert any("laminar by the k-omega model" in one for one in found.plan.warnings)
     assert found.force.flow == pytest.approx(laminar.force.flow, rel=0.01, abs=1e-6)
-    assert found.couple.flow == pytest.approx(laminar.couple.flow, rel=0.01, abs=1e-6)
+    assert found.torque.flow == pytest.approx(laminar.torque.flow, rel=0.01, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -65,7 +65,7 @@ def test_over_an_inclined_bed_the_flow_is_that_over_a_level_one():
     level, inclined = (
         incipient.run(sand(300.0, 3.0, bed=bed)) for bed in (Flat(), Inclined(slope=5.0))
     )
-    for of in ("force", "couple"):
+    for of in ("force", "torque"):
         exact = getattr(level, of).flow
         assert getattr(inclined, of).flow == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
@@ -89,7 +89,7 @@ def test_the_error_bar_of_the_mesh_holds_what_a_finer_one_finds():
     found, finer = loads(scene), loads(sand(1500.0, 1.1))
     term = by_coarser_mesh(scene, found, loads)
     assert (abs(found.force - finer.force) <= term.force).all()
-    assert (abs(found.couple - finer.couple) <= term.couple).all()
+    assert (abs(found.torque - finer.torque) <= term.torque).all()
 
 
 @pytest.mark.slow
@@ -198,7 +198,7 @@ def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
 
         found = incipient.run(loads(open({path!r}).read()), {directory!r})
         if MPI.COMM_WORLD.rank == 0:
-            print(found.force.flow.tolist(), found.couple.flow.tolist())
+            print(found.force.flow.tolist(), found.torque.flow.tolist())
     """
     ends = []
     for ranks in (1, 2, 2):

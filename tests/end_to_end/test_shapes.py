@@ -40,6 +40,7 @@ HALF_DISCS = 'kind = "half-discs"\nradius = 0.4\nspacing = 0.9'
 SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "bed"),
     [

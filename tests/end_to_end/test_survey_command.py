@@ -52,6 +52,7 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.slow
 def test_a_bed_without_runs(command, bed: Path) -> None:
     done = command("survey", bed, "--out", "out")
     assert done.returncode == 0, done.stderr

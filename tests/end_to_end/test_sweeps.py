@@ -186,6 +186,7 @@ def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:
     assert done["status"] == "done" and done["reason"] == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_worker_killed_at_random_loses_no_case(tmp_path: Path, times: int) -> None:
     """Each of 40 cases is finished once; the one that was lost is begun once more."""
@@ -210,6 +211,7 @@ def test_a_worker_killed_at_random_loses_no_case(tmp_path: Path, times: int) -> 
         assert all(f"host {socket.gethostname()}, process " in log for (log,) in rows(file, "log"))
 
 
+@pytest.mark.slow
 def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
     tmp_path: Path, started: Any, capfd: Any
 ) -> None:
@@ -230,6 +232,7 @@ def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
     assert rows(file, "reason") == [("was ended: it took longer than 1 s",)]
 
 
+@pytest.mark.slow
 def test_others_go_on_beside_a_case_that_never_ends(tmp_path: Path) -> None:
     table, file = tmp_path / "cases.csv", tmp_path / "sweep.sqlite"
     table.write_text("errors.samples\n40\n1000000\n41\n42\n")
@@ -309,6 +312,7 @@ def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(
     assert rows(file, "status, tries") == [("waiting", 0)] * 2
 
 
+@pytest.mark.slow
 def test_the_time_is_kept(tmp_path: Path, command: Any) -> None:
     scene, file = written(tmp_path, ENDLESS), tmp_path / "sweep.sqlite"
     ended = command(*order(scene, file, 2, "--jobs", 1, "--wall", "2s"))
@@ -323,6 +327,7 @@ incipient.sweep.run(sys.argv[1], sys.argv[2], {"contacts.friction": [0.1, 0.2]},
 """
 
 
+@pytest.mark.slow
 def test_a_script_without_a_main_guard_is_told_so(tmp_path: Path, mpirun: Any) -> None:
     scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
     ended = mpirun(1, FREE_OF_GUARD, scene, file)
@@ -334,15 +339,9 @@ def test_a_script_without_a_main_guard_is_told_so(tmp_path: Path, mpirun: Any) -
     ("arguments", "said"),
     [
         (("--over", "contacts.friction=0.1,-1"), "case 2 of 2"),
-        (("--over", "contacts.nothing=1,2"), "unknown key"),
-        (("--over", "contacts.friction"), "is not a key with values"),
-        (("--over", "contacts.friction=1,2", "--wall", "soon"), "is not a time"),
         (("--over", "contacts.friction=1,2", "--limit", "20x"), "--limit 20x: is not a time"),
-        (("--over", "contacts.friction=1,2", "--jobs", "0"), "--jobs 0: is not above zero"),
         (("--over", "contacts.friction=1,2", "--ranks", "2"), "computes each case on one rank"),
         (("--executor", "dask://HOST:9"), "is now --scheduler; write --scheduler tcp://HOST:9"),
-        (("--cases", "absent.csv"), "absent.csv: cannot be read"),
-        ((), "nothing is varied"),
     ],
 )
 def test_wrong_sweeps_are_refused_in_one_line(
@@ -402,6 +401,7 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_goes_away_and_comes_back_loses_no_case(
     tmp_path: Path, started: Any
 ) -> None:
@@ -418,6 +418,7 @@ def test_a_scheduler_that_goes_away_and_comes_back_loses_no_case(
     assert rows(file, "status, tries") == [("done", 1)] * 40
 
 
+@pytest.mark.slow
 def test_workers_of_a_cluster_do_not_go_on_with_a_sweep_that_is_interrupted(
     tmp_path: Path, started: Any
 ) -> None:

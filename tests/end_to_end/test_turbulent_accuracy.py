@@ -32,8 +32,8 @@ def test_a_level_channel_is_as_accurate_as_asked():
     assert told == [
         2**0.5 * size < coarsest(Setup(channel(22000.0, 5.0))) for size in sizes
     ] and any(told)
-    assert found.error_bars.shear[0] == pytest.approx(adapted.reached * walls.at_outflow)
-    assert abs(walls.at_outflow - finer.at_outflow) < found.error_bars.shear[0]
+    assert found.error_bars.total.shear[0] == pytest.approx(adapted.reached * walls.at_outflow)
+    assert abs(walls.at_outflow - finer.at_outflow) < found.error_bars.total.shear[0]
     assert abs(walls.friction - finer.friction) < 2.0 * adapted.reached * walls.friction
     assert found.scene["numerics"]["mesh_size"] == 1.0
     assert (
@@ -64,7 +64,7 @@ def test_error_bars_of_shear_velocities_cover_what_finer_cells_change(mesh_size)
         finer = incipient.run(scene.model_copy(update={"numerics": FINE})).turbulence
         which = finer.leading
         change = abs(found.turbulence.shear_velocities - finer.shear_velocities)[which]
-        assert 0.0 < change < found.error_bars.shear[which] < widest * finer.shear_velocity
+        assert 0.0 < change < found.error_bars.total.shear[which] < widest * finer.shear_velocity
 
 
 @pytest.mark.slow

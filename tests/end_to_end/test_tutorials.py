@@ -37,11 +37,12 @@ def numbers(pattern: str, page: str) -> list[float]:
 def test_the_first_verdict() -> None:
     result = incipient.run(scene_of("verdict"))
     x, y, turning = numbers(
-        r"force of the flow +\(([\d.]+), ([\d.]+)\) +torque (-[\d.]+)", "verdict"
+        r"force of the flow +\(([\d.]+), ([\d.]+)\) +torque about the centre of mass (-[\d.]+)",
+        "verdict",
     )
-    assert result.force and result.couple and result.verdict
+    assert result.force and result.torque and result.verdict
     assert result.force.flow[:2] == approx([x, y], rel=SHOWN)
-    assert result.couple.flow[-1] == approx(turning, rel=SHOWN)
+    assert result.torque.flow[-1] == approx(turning, rel=SHOWN)
     shown = r"certain [\w ]+: it rests; safety factor ([\d.]+), between ([\d.]+) and ([\d.]+)"
     assert result.error_bars and result.error_bars.safety
     bar = result.error_bars.safety

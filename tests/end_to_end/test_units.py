@@ -36,8 +36,8 @@ def scene(
 
 def loads_of(found: Result, unit: float) -> NDArray[np.float64]:
     """Force and couple over V^2 L and V^2 L^2, V and L being the unit."""
-    assert found.force is not None and found.couple is not None
-    return np.array([*found.force.flow[:2] / unit**3, found.couple.flow[2] / unit**4])
+    assert found.force is not None and found.torque is not None
+    return np.array([*found.force.flow[:2] / unit**3, found.torque.flow[2] / unit**4])
 
 
 @pytest.fixture(scope="module")

@@ -198,7 +198,7 @@ MOTIONS: dict[str, Callable[[Floats, Sequence[float]], Floats]] = {
 
 
 def wall_force(motion: str, gap: float, wide: float = 6.0) -> float:
-    """Force (or couple) that resists a cylinder's motion of unit speed (spin) beside a wall in Stokes flow, over nu."""
+    """Force (or torque) that resists a cylinder's motion of unit speed (spin) beside a wall in Stokes flow, over nu."""
     placement = Placement((0.0, DISC.size * (0.5 + gap)), 0.0)
     near = (Near(0.1 * DISC.size, 0.25, boundary="body"), near_gap(placement, gap))
     domain = box_with_disc(placement, near, 0.6, (-0.5 * wide, 0.5 * wide), 0.5 * wide)
@@ -207,7 +207,7 @@ def wall_force(motion: str, gap: float, wide: float = 6.0) -> float:
     with Fluid(domain, FlowModel(inertia=False), [moved, *walls], 1.0) as fluid:
         fluid.solve(1e-10)
         found = TractionProbe(fluid, "body", placement.centre).resultant()
-    of_motion = {"towards": found.force[1], "along": -found.force[0], "turning": -found.couple[2]}
+    of_motion = {"towards": found.force[1], "along": -found.force[0], "turning": -found.torque[2]}
     return float(of_motion[motion])
 
 

@@ -310,7 +310,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
 def _check(result: dict[str, Any]) -> None:
     """A result has finite loads on its grain, and nothing in it is not a number."""
     if result["scene"]["body"] is not None and result["status"] == "complete":
-        for name in ("force", "couple"):
+        for name in ("force", "torque"):
             assert np.isfinite(np.asarray(result[name]["flow"], dtype=float)).all(), result[name]
     for place, value in _leaves(result):
         assert not (isinstance(value, float) and math.isnan(value)), place

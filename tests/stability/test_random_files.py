@@ -103,6 +103,7 @@ def tried(number: int, directory: Path) -> Counter[str]:
     return found
 
 
+@pytest.mark.slow
 def test_mesh_files_and_height_maps_are_read_or_refused_in_one_line(directory: Path) -> None:
     found = tried(300, directory)
     assert found["refused"] > 100 and found["read"] > 30 and found["planned"] > 5, found

@@ -11,7 +11,7 @@ import pytest
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.geometry.closest import NearBed
+from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Ellipse, Polygon, Rectangle
@@ -62,7 +62,7 @@ def drawn(seed: int, round_grain: bool) -> tuple[ContactMotion, BodyState, np.nd
     place, turn = random.uniform(-2.0, 2.0, d), random.uniform(0.0, 2.0 * math.pi)
     under = bed.height([place[0]] if d == 2 else place[None, :2])
     place[-1] = float(np.asarray(under).ravel()[0]) + 0.55 * grain.size
-    near = NearBed(grain, bed)
+    near = proximity(grain, bed)
     placement = Placement(tuple(place), turn) if d == 2 else Placement(tuple(place))
     while near.gaps(placement, 0.05 * grain.size).gaps.min(initial=1.0) < 0.0:
         placement = placement.raised(0.1 * grain.size)
@@ -119,6 +119,7 @@ def followed(seed: int, round_grain: bool) -> bool:
     return touched > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("round_grain", "seeds"), [(True, 12), (False, 3)])
 def test_some_random_releases(round_grain: bool, seeds: int) -> None:
     """With restitution no energy is looked at: with friction Newton's law may add some (Kane & Levinson 1985)."""

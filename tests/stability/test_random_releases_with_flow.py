@@ -115,7 +115,7 @@ class Release:
 
 def _turned_over(found: dict[str, np.ndarray]) -> float:
     """The sum over all steps of the contacts' loads times the grain's ways, all counted as positive."""
-    pairs = (("contact_x", "velocity_x"), ("contact_y", "velocity_y"), ("contact_couple", "spin"))
+    pairs = (("contact_x", "velocity_x"), ("contact_y", "velocity_y"), ("contact_torque", "spin"))
     fastest = {
         name: np.maximum(np.abs(found[name]), np.abs(np.roll(found[name], 1))) for _, name in pairs
     }

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from domains import curved_box
+from energy_stable import EnergyStable
 from waves import Mode, tank
 
 # An explicit surface is stable for steps up to about sqrt(h/(pi g)), h the smallest width of its cells.
@@ -33,7 +34,7 @@ def energies(seed, steps, length, viscosity=1e-3, elevation=0.1, scheme=1, pinne
         waves = sum(h * np.cos((k + 1) * np.pi * x[:, 0]) / (k + 1) for k, h in enumerate(heights))
         return elevation * waves / np.abs(heights).sum()
 
-    options = {"scheme": scheme, "energy_stable": True, "tolerance": 1e-9}
+    options = {"scheme": scheme, "kind": EnergyStable, "tolerance": 1e-9}
     with tank(curved_box(2, 4, 2), viscosity, surface, pinned=pinned, **options) as made:
         random_start(made, generator, elevation, 0.05)
         made.surface.place()

@@ -26,9 +26,8 @@ from incipient.fluid import (
     no_slip,
     solve_steady,
 )
-from incipient.fluid.tolerance import ShareOfError
-from incipient.fluid.transient import Transient
-from incipient.fluid.vorticity import vorticity
+from incipient.fluid.derived import vorticity
+from incipient.fluid.transient import ShareOfError, Transient
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
@@ -74,9 +73,9 @@ def readings(fluid: Fluid, about: tuple[float, ...], points: Any) -> dict[str, A
     return {
         "ranks": fluid.domain.comm.size,
         "force": by_residual.force.tolist(),
-        "couple": by_residual.couple.tolist(),
+        "couple": by_residual.torque.tolist(),
         "surface force": by_integral.force.tolist(),
-        "surface couple": by_integral.couple.tolist(),
+        "surface couple": by_integral.torque.tolist(),
         "velocity norm": integral(fluid.domain, ufl.inner(velocity, velocity)) ** 0.5,
         "pressure norm": integral(
             fluid.domain, (pressure - dolfinx.fem.Constant(fluid.domain.mesh, mean)) ** 2

@@ -17,7 +17,7 @@ from incipient.accuracy.first_mesh import planned
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
-from incipient.effects.turbulence import TurbulenceEffect
+from incipient.effects.turbulence import findings
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup, order_of
 from incipient.planning.wall_cells import coarsest
@@ -37,8 +37,8 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
-from incipient.sweep.quantities import quantities
 from incipient.sweep.table import in_words
+from incipient.sweep.worker import quantities
 from incipient.turbulence.continuation import Continued
 
 NOTHING = Loads(np.zeros(3), np.zeros(3))
@@ -78,8 +78,8 @@ def test_a_flow_that_has_not_converged_is_told_everywhere(told):
     found = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
     assert found["load_spread"] == spread
     row = {"status": "done", "task": "run", **found}
-    report = TurbulenceEffect().findings({"turbulence": walls.to_dict()})
-    texts = ("\n".join(walls.lines()), in_words(row), report.sentence)
+    report = findings({"turbulence": walls.to_dict()})
+    texts = ("\n".join(walls.lines()), in_words(row), report[0])
     words = (
         "NOT CONVERGED after 2 iterations: the flow changed by 1.0e-02 in the last, the turbulence by 3.0e-02; "
         "loads are means of the last ones, within 1.2%",
@@ -298,7 +298,7 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     assert (table["separation"], table["reattachment"]) == (1.0, 5.31)
     assert table["separation_high"] == pytest.approx(1.0 + max(0.048, within[0]))
     words = "x = 0.2 to 0.4, 1 to 5.31 (within {:.1e} and {:.1e})".format(*found.separated)
-    assert words in "\n".join(walls[0].lines(bars.shear, bars.separated))
+    assert words in "\n".join(walls[0].lines(bars.total.shear, bars.total.separated))
     assert "x of separation" in "\n".join(bars.lines())
 
 
@@ -350,7 +350,7 @@ def test_components_of_loads_in_space_err_alike():
     term = by_coarser_mesh(in_space(1.0), solved(in_space(1.0)), solved)
     coarser = 2.0**0.5
     assert term.force == pytest.approx([0.5 * coarser, 0.0, 0.5 * coarser])
-    assert term.couple == pytest.approx([0.0, 0.2 * coarser, 0.0])
+    assert term.torque == pytest.approx([0.0, 0.2 * coarser, 0.0])
 
 
 def test_cells_in_space_that_tell_nothing_are_not_compared_with():
@@ -372,7 +372,7 @@ def test_walls_in_space_that_are_no_planes_are_told_from_those_that_are():
 def test_what_a_flow_still_changes_by_is_in_the_error_of_a_search():
     term = Term("discretisation", np.array([0.1, 0.0, 0.2]), np.array([0.0, 0.3, 0.0]), "")
     found = term.with_changes(np.array([0.01, 0.0, 0.02, 0.0, 0.04, 0.0]))
-    assert found.force == pytest.approx([0.11, 0.0, 0.22]) and found.couple == pytest.approx(
+    assert found.force == pytest.approx([0.11, 0.0, 0.22]) and found.torque == pytest.approx(
         [0.0, 0.34, 0.0]
     )
 

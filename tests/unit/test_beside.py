@@ -21,7 +21,7 @@ from incipient.simulation.beside import Beside, InTurn
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
 
-# Force over 6 pi mu a G h and couple over 4 pi mu a^3 G with gaps of 1.25% and 5% of the diameter (Goldman, Cox &
+# Force over 6 pi mu a G h and torque over 4 pi mu a^3 G with gaps of 1.25% and 5% of the diameter (Goldman, Cox &
 # Brenner 1967, Chem. Eng. Sci. 22, 653, in bispherical coordinates; the table of docs/validation/laminar.md).
 AT_FIVE_PERCENT = 1.6325, 0.9518
 
@@ -42,6 +42,7 @@ def never(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
     raise AssertionError("the mesh of the run serves")
 
 
+@pytest.mark.slow
 def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     """With four times the gap the exact loads, to the error of such cells (1.1%, docs/contribute/defaults.md)."""
     scene = on_plane()
@@ -55,13 +56,13 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
         assert np.array_equal(run.domain.mesh.geometry.x, before)
         faster = Beside(run, coarse_scenes, never, speed=3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
-    assert found[0].force == pytest.approx(own.force) and found[0].couple == pytest.approx(
-        own.couple
+    assert found[0].force == pytest.approx(own.force) and found[0].torque == pytest.approx(
+        own.torque
     )
     assert faster.force == pytest.approx(3.0 * own.force)  # creeping: in proportion to the speed
     units = 6 * pi * scene.viscosity * 0.5 * 0.55, 4 * pi * scene.viscosity * 0.125
     assert found[2].force[0] / units[0] == pytest.approx(AT_FIVE_PERCENT[0], rel=0.015)
-    assert found[2].couple[1] / units[1] == pytest.approx(AT_FIVE_PERCENT[1], rel=0.015)
+    assert found[2].torque[1] / units[1] == pytest.approx(AT_FIVE_PERCENT[1], rel=0.015)
     assert (
         own.force[0] < found[1].force[0] < found[2].force[0]
     )  # the shear is faster where the centre is higher
@@ -146,6 +147,7 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
     assert len(larger) == 2 and larger[1].domain.bottom < larger[0].domain.bottom < 0.0
 
 
+@pytest.mark.slow
 def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
     """Where no mesh serves for all the run of each scene gives its loads; none is run a second time."""
     scene = on_plane(
@@ -160,6 +162,7 @@ def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
     assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_is_not_handed_over_nor_used_again() -> None:
     """One Newton update does not solve a flow at G d^2/nu = 40; the run before it has been freed by then."""
     scene = on_plane(
@@ -213,6 +216,7 @@ except ValueError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
     """It leaves the contexts of coarse runs and of a projection at once, as its traceback has to be shown."""
     done = mpirun(2, DEFECT, timeout=40)

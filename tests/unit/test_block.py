@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import ufl
 from domains import SIDES, ball_in_box, unit_box
 from petsc4py import PETSc
 
@@ -23,7 +22,6 @@ from incipient.fluid import (
     no_slip,
     solve_steady,
 )
-from incipient.fluid.conditions import Friction
 from incipient.fluid.projection import Projection
 from incipient.fluid.space import boundary_blocks
 from incipient.fluid.transient import Transient
@@ -76,6 +74,7 @@ def solved(
     """The flow and a dual solution, pressures without a level."""
     with Fluid(domain, model, conditions, reynolds) as fluid:
         assert fluid.solve(RTOL).converged
+        fluid.correct()  # by the Jacobian of the solution
         dual = fluid.dual(wall_motion(fluid))
         return without_level(fluid, fluid.state.x.array), without_level(fluid, dual)
 
@@ -111,22 +110,8 @@ def test_steps_in_time_are_those_of_the_direct_solver(conditions: Any, convectio
         assert one == pytest.approx(found[0], abs=1e-6 * np.abs(found[0]).max())
 
 
-def test_in_long_steps_blocks_with_convection_take_fewer_iterations() -> None:
-    """Steps of 0.2 cross more than a cell at Re 1000: the same flow, in two thirds of the iterations at most."""
-    domain, found, iterations = unit_box(3, 4), [], []
-    for convected in (False, True):
-        model = FlowModel(unsteady=True, solver="block", convected=convected)
-        with Fluid(domain, model, channel(3), 1000.0) as fluid:
-            for _ in Transient(fluid, tolerance=1e-8).march(1.0, 0.2):
-                pass
-            found.append(fluid.state.x.array.copy())
-            iterations.append(fluid.solver.statistics.krylov_iterations)
-    assert np.linalg.norm(found[1] - found[0]) < 1e-5 * np.linalg.norm(found[0])
-    assert 3 * iterations[1] < 2 * iterations[0]
-
-
 def test_a_step_whose_linear_system_is_not_solved_is_taken_shorter() -> None:
-    """The blocks leave convection out: of a step in which the flow crosses 30 cells nothing converges."""
+    """Of a step in which the flow crosses 30 cells GMRES solves no system within its iterations."""
     model = FlowModel(unsteady=True, convection="extrapolated", solver="block")
     with Fluid(unit_box(3, 3), model, channel(3), reynolds=1000.0) as fluid:
         transient = Transient(fluid, tolerance=1e-4)
@@ -262,53 +247,6 @@ def test_a_steady_flow_that_gmres_does_not_solve_is_solved_by_factors() -> None:
         assert other == pytest.approx(one, abs=1e-9 * np.abs(one).max())
 
 
-def with_eddies(domain: Domain, solver: str = "block") -> FlowModel:
-    """Eddies 350 times as viscous as the molecules in the middle between bottom and top, 100 times at these."""
-    z = ufl.SpatialCoordinate(domain.mesh)[1]
-    varying = 1 + 1000 * (0.1 + z * (1 - z))
-    return FlowModel(
-        upwind=True, solver=solver, viscosity=lambda nu: nu * varying, shear_velocity=0 * z
-    )
-
-
-def rubbing(level: bool) -> list[Condition]:
-    """A channel along whose walls the flow is resisted: held strongly from crossing, or on two by Nitsche's way."""
-
-    def drag(speed: Any, *_: Any) -> Any:
-        return 0.01 + 0.01 * speed
-
-    walls = [Friction("back", 0.05, drag, axis=2)]
-    walls += [Friction(name, 0.05, drag, 1 if level else None) for name in ("bottom", "top")]
-    return [Open("right"), *walls, Slip("front", axis=2), Prescribed("left", stream)]
-
-
-@pytest.mark.parametrize("level", [True, False])
-def test_flow_with_eddies_along_walls_and_its_dual_are_those_of_the_direct_solver(
-    level: bool,
-) -> None:
-    """Differences as of steady flow with inertia."""
-    domain = unit_box(3, 3)
-    direct, blocks = (
-        solved(domain, with_eddies(domain, solver), rubbing(level), 2e4)
-        for solver in ("direct", "block")
-    )
-    for one, other, tolerance in zip(direct, blocks, (1e-8, 1e-6), strict=True):
-        assert other == pytest.approx(one, abs=tolerance * np.abs(one).max())
-
-
-@pytest.mark.parametrize("level", [True, False])
-def test_iterations_with_eddies_along_walls_grow_little_with_the_mesh(level: bool) -> None:
-    """At most by half when cells are halved, as aimed at (docs/contribute/defaults.md)."""
-    found = []
-    for n in (3, 6):
-        domain = unit_box(3, n)
-        with Fluid(domain, with_eddies(domain), rubbing(level), 2e4) as fluid:
-            assert fluid.solve(1e-6).converged
-            done = fluid.solver.statistics
-            found.append(done.krylov_iterations / done.solves)
-    assert found[1] <= 1.5 * found[0] and max(found) < 30, found
-
-
 def test_curved_cells_and_a_body() -> None:
     domain = ball_in_box(0.6)
     conditions = [
@@ -331,8 +269,8 @@ def test_a_wrong_pressure_is_no_converged_flow(solver: str) -> None:
     with Fluid(unit_box(3, 3), FlowModel(upwind=True, solver=solver), channel(3), 1.0) as fluid:
         assert fluid.solve(1e-10).converged
         fluid.state.x.array[fluid.space.pressure_map] *= 2.0
-        assert 0.3 < fluid.correction(1e-10) < 1.1
-        assert fluid.correction(1e-10) < 1e-8
+        assert 0.3 < fluid.correction(True, 1e-10) < 1.1
+        assert fluid.correction(True, 1e-10) < 1e-8
 
 
 def test_from_creeping_flow_to_inertia_at_once() -> None:

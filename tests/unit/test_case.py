@@ -157,7 +157,7 @@ WRONG = [
         "load.flow_force: is for 3-D, load.weight has 2 components",
     ),
     (PLANE, "-0.2", "[0.0, 0.0, -0.2]", "load.flow_couple: is for 3-D, load.weight has 2"),
-    (PLANE, "-0.2", "[0.0, -0.2]", "load.flow_couple: is not a couple"),
+    (PLANE, "-0.2", "[0.0, -0.2]", "load.flow_couple: is not a torque"),
     (PLANE, "centre = [1.0, 0.5]\n", "", "load.centre: is missing"),
     (
         PLANE,

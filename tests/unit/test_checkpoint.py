@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
@@ -17,13 +16,13 @@ from domains import ball_in_box, curved_box, ring, square_in_box, unit_box
 from mpi4py import MPI
 
 from incipient.errors import OutputError, SceneError
-from incipient.files import MARK, cut_after
+from incipient.files import cut_after
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.transient import Transient
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.directory import CHECKPOINT
-from incipient.output.reopening import reopened
+from incipient.output.runs import reopened
 from incipient.planning.flow_setup import order_of
 from incipient.restart.checkpoint import (
     Checkpoint,
@@ -255,18 +254,6 @@ def test_a_damaged_file(path: Path, damage: str | int) -> None:
     with pytest.raises(OutputError, match=damaged) as told:
         read(path, COMM)
     assert "\n" not in str(told.value)
-
-
-def test_a_failed_write_keeps_the_old_checkpoint(path: Path) -> None:
-    old = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, old[1]))
-    try:
-        with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be written: file too large"):
-            write(path, sample(time=1.5), COMM)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, old)
-    assert read(path, COMM).time == 1.0
-    assert sorted(p.name for p in path.parent.iterdir()) == [MARK, CHECKPOINT, "scene.toml"]
 
 
 # -- the history -----------------------------------------------------------------------------------------------

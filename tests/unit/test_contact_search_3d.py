@@ -41,12 +41,6 @@ def rows(count, direction=-UP):
 
 
 class TestPoints:
-    def test_sphere_on_a_plane(self):
-        points, normals, areas = found(Sphere(1.0), Plane((0.0, 0.0), 0.3), (1.0, 2.0))
-        assert points == pytest.approx(np.array([[1.0, 2.0, 0.3]]), abs=1e-12)
-        assert normals == pytest.approx(rows(1), abs=1e-12)
-        assert areas is None
-
     def test_sphere_on_a_slope(self):
         # Slope 3/4: the normal out of the sphere is (3, 0, -4)/5.
         points, normals, _ = found(Sphere(1.0), Plane((0.75, 0.0)))
@@ -216,11 +210,6 @@ class TestTolerance:
         ):
             touching(grain, raised, bed, 0.99 * gap)
         assert len(touching(grain, raised, bed, 1.01 * gap)) == count
-
-    @pytest.mark.parametrize("tolerance", [0.0, -1.0, float("nan")])
-    def test_must_be_positive(self, tolerance):
-        with pytest.raises(SceneError, match="not a positive length"):
-            touching(Sphere(1.0), Placement((0, 0, 0.5)), Plane(), tolerance)
 
     def test_tilted_within_the_tolerance_it_is_still_a_patch(self):
         grain, tilt = Box((1.0, 0.6, 0.4)), rotation_by((0.0, 1e-5, 0.0))

@@ -25,7 +25,7 @@ from incipient.scene import (
     dumps,
     loads,
 )
-from incipient.sweep.quantities import quantities
+from incipient.sweep.worker import quantities
 
 HEIGHTS = np.linspace(0.0, 6.0, 6001)
 PHASES = np.linspace(0.0, 1.2, 5)

@@ -1,4 +1,4 @@
-"""Estimated errors of force and couple against true ones, and their split over the mesh."""
+"""Estimated errors of force and torque against true ones, and their split over the mesh."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.terms import by_dual
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
-from incipient.fluid.vorticity import vorticity
+from incipient.fluid.derived import vorticity
 from incipient.mesh.domain import Domain
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import grain_on_bed
@@ -28,7 +28,7 @@ DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # Drag and lift of DFG 2D-1 over V^2 L/2 = 0.2^2 0.1/2: G. Nabh, On high order methods for the stationary
 # incompressible Navier-Stokes equations, Heidelberg 1998.
 CYLINDER = np.array([5.57953523384, 0.010618948146]) * 0.5 * 0.2**2 * 0.1
-# Force and couple of a disc on a bed in a domain of 12 x 6, cells of half the default size in elements of order
+# Force and torque of a disc on a bed in a domain of 12 x 6, cells of half the default size in elements of order
 # four, improved by the estimate: see docs/contribute/defaults.md. In Stokes flow the same.
 ON_BED = {True: (1.507031, 0.809692, -0.1948145), False: (0.38955958, 0.00290848, -0.09471539)}
 EXAMPLE = (
@@ -48,7 +48,7 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 def solved(scene: Scene) -> dict[str, np.ndarray]:
-    """Force and couple in the plane, their estimated errors, and the sums of shares."""
+    """Force and torque in the plane, their estimated errors, and the sums of shares."""
     with prepared(scene, MPI.COMM_SELF) as run:
         loads_at(run, 1.0)
         assert run.layout.placement is not None
@@ -61,14 +61,14 @@ def described(goals: GoalErrors) -> dict[str, np.ndarray]:
     owned = mesh.topology.index_map(0).size_local
     sums = [mesh.comm.allreduce(goals.shares(goal)[:owned].sum()) for goal in np.eye(3)]
     return {
-        "load": in_plane(goals.computed.force, goals.computed.couple),
-        "estimate": in_plane(goals.force, goals.couple),
+        "load": in_plane(goals.computed.force, goals.computed.torque),
+        "estimate": in_plane(goals.force, goals.torque),
         "shares": np.array(sums),
     }
 
 
-def in_plane(force: np.ndarray, couple: np.ndarray) -> np.ndarray:
-    return np.array([*force[:2], couple[2]])
+def in_plane(force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    return np.array([*force[:2], torque[2]])
 
 
 def in_cavity(cell: float, order: int, reynolds: float = 20.0, inertia: bool = True) -> Fluid:
@@ -122,7 +122,7 @@ def test_effectivity_on_the_cylinder(order: int, mesh_size: float) -> None:
     ],
 )
 def test_effectivity_on_the_bed(order: int, mesh_size: float, inertia: bool) -> None:
-    """Of force and couple, at Re = 20 and in Stokes flow.
+    """Of force and torque, at Re = 20 and in Stokes flow.
 
     In elements of order four these errors are 1e-6 of the force: those of the circle's geometry, unseen.
     """
@@ -142,7 +142,7 @@ def test_effectivity_on_the_bed(order: int, mesh_size: float, inertia: bool) -> 
 
 @pytest.mark.parametrize(("order", "mesh_size"), [(2, 1.0), (3, 1.4)])
 def test_effectivity_in_a_wide_domain(order: int, mesh_size: float) -> None:
-    """Most cells are far away and large; of the example scene, force and couple as one vector."""
+    """Most cells are far away and large; of the example scene, force and torque as one vector."""
     scene = changed(grain_on_bed(), numerics={"order": order, "mesh_size": mesh_size})
     found = solved(scene)
     true = np.linalg.norm(found["load"] - np.array(EXAMPLE))
@@ -240,7 +240,7 @@ mesh_size = 2.5
 
 def goals(left: float) -> Any:
     """Estimates on an upwinded flow, of whose two corrections the second made a part."""
-    pair = {"force": np.array([-0.1, 0.0, 0.0]), "couple": np.zeros(3)}
+    pair = {"force": np.array([-0.1, 0.0, 0.0]), "torque": np.zeros(3)}
     return SimpleNamespace(is_upwinded=True, correct_again=lambda: left, **pair)
 
 
@@ -273,7 +273,7 @@ def test_the_second_correction_covers_what_upwinding_changes() -> None:
 
 @pytest.mark.slow
 def test_a_couple_that_vanishes_is_no_doubt() -> None:
-    """Nothing turns a sphere in a uniform stream: that corrections of its couple scatter says nothing of its drag.
+    """Nothing turns a sphere in a uniform stream: that corrections of its torque scatter says nothing of its drag.
 
     The drag is 0.4288 to 0.4290 in this domain (on finer cells, docs/contribute/defaults.md); on these it is 0.4320.
     """
@@ -291,6 +291,6 @@ def test_a_couple_that_vanishes_is_no_doubt() -> None:
         loads_at(run, 1.0)
         assert run.layout.placement is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals_:
-            assert np.linalg.norm(goals_.couple) < 1e-3 * np.linalg.norm(goals_.computed.force)
+            assert np.linalg.norm(goals_.torque) < 1e-3 * np.linalg.norm(goals_.computed.force)
             assert by_dual(goals_, 1.0).doubt == ""
             assert goals_.improved.force[0] == pytest.approx(0.4289, abs=3e-4)

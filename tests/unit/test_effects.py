@@ -9,9 +9,8 @@ import pytest
 from incipient import load, make_plan
 from incipient.errors import SceneError
 from incipient.fluid.solvers import SOLVERS
-from incipient.planning.effects import EffectName, accuracy_asked
+from incipient.planning.effects import OSEEN, EffectName, accuracy_asked
 from incipient.planning.flow_setup import Setup
-from incipient.planning.inertia import OSEEN
 from incipient.planning.numbers import numbers_of
 from incipient.scene import (
     Contact,
@@ -26,6 +25,7 @@ from incipient.scene import (
     Numerics,
     OpenChannel,
     Poiseuille,
+    Rectangle,
     Scene,
     Shear,
     Sinusoidal,
@@ -364,10 +364,40 @@ def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
 
 
 @pytest.mark.parametrize(
-    ("settle", "said"), [(True, "with friction 0.3"), ("frictionless", "without friction")]
+    ("settle", "said"),
+    [
+        (True, "with friction 0.3"),
+        ("frictionless", "without friction"),
+        ("level", "with friction 0.3 on the level bed"),
+    ],
 )
 def test_the_plan_says_what_the_rest_of_a_grain_depends_on(settle, said):
     body = Disc(diameter=1, x=4, density=2.65, settle=settle)
     case = Scene(**{**GRAIN_ON_BED, "body": body, "contact": Contact(friction=0.3)})
     contact = next(one for one in make_plan(case).effects if one.name is EffectName.CONTACT)
     assert said in contact.reason
+
+
+def test_a_released_grain_begins_with_the_gap_at_each_contact():
+    """A box with rounded corners across a trough: beside its contact the end of a side has a small gap as well."""
+    body = Rectangle(
+        width=0.9,
+        height=0.6,
+        corner_radius=0.1,
+        x=2.802084,
+        density=2.5,
+        settle=True,
+        motion="released",
+    )
+    case = Scene(
+        **{
+            **GRAIN_ON_BED,
+            "bed": Sinusoidal(amplitude=0.1, wavelength=2.0),
+            "body": body,
+            "contact": Contact(friction=0.2842, gap=0.01),
+            "time": Time(end=0.8, step=0.1),
+        }
+    )
+    geometry = Setup(case).geometry
+    assert len(geometry.contacts.points) == 2
+    assert geometry.stance.gap == pytest.approx(0.01 * geometry.grain.size, rel=1e-6)

@@ -97,11 +97,13 @@ def test_step_and_mesh_are_told_apart():
     bars = ErrorBars((term,))
     # What an estimate leaves out is in proportion to the error, relative to the largest elevation.
     both = of_step + of_mesh
-    assert bars.elevation == pytest.approx(both / (1.0 - both[0] / 1.001))
+    assert bars.total.elevation == pytest.approx(both / (1.0 - both[0] / 1.001))
     assert bars.force.shape == (0,)
-    assert f"discretisation    elevation {bars.elevation[0]:.1e}" in "\n".join(bars.lines())
-    found = SimpleNamespace(force=None, couple=None, elevations=wave(40, size=0.5))
-    assert relative(Goal.of(loads(WAVE)), found, term) == pytest.approx(2.0 * bars.elevation[0])
+    assert f"discretisation    elevation {bars.total.elevation[0]:.1e}" in "\n".join(bars.lines())
+    found = SimpleNamespace(force=None, torque=None, elevations=wave(40, size=0.5))
+    assert relative(Goal.of(loads(WAVE)), found, term) == pytest.approx(
+        2.0 * bars.total.elevation[0]
+    )
 
 
 def test_waves_out_of_phase_are_no_small_error():
@@ -160,8 +162,8 @@ def test_an_accuracy_without_a_grain_is_that_of_the_elevation():
         ),
         (
             "accuracy = 0.01",
-            'accuracy = 0.01\naccuracy_of = "couple"',
-            'numerics.accuracy_of: "couple" needs a grain but there is none; add a section [body] or use',
+            'accuracy = 0.01\naccuracy_of = "torque"',
+            'numerics.accuracy_of: "torque" needs a grain but there is none; add a section [body] or use',
         ),
     ],
 )

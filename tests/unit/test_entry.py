@@ -6,7 +6,7 @@ from domains import curved_box
 
 from incipient import compat
 from incipient.fluid.conditions import Entering
-from incipient.fluid.entry import Entry
+from incipient.fluid.constraints import Entry
 from incipient.fluid.space import taylor_hood
 
 

@@ -16,11 +16,10 @@ from scenes import CARRIED, IN_STREAM, SETTLED
 from scenes import on_bed as example
 
 import incipient
-from incipient.accuracy.coarse_runs import changed, coarse, comparisons, farther
+from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
-from incipient.accuracy.finish import finished
-from incipient.accuracy.kept_runs import Solve
 from incipient.accuracy.modelling import not_estimated
+from incipient.accuracy.run import finished
 from incipient.accuracy.terms import (
     MOVES,
     by_coarser_runs,
@@ -38,7 +37,7 @@ from incipient.planning.boundary_layer import is_resolved
 from incipient.planning.flow_setup import Setup, order_of
 from incipient.planning.meshed_bed import resolved_bed
 from incipient.results.errorbars import Correction, Loads, Term
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
 from incipient.scene.example import grain_in_pocket, grain_on_bed
@@ -103,16 +102,16 @@ def on_bed(**sections: dict[str, Any]) -> Scene:
 
 def difference(one: Loads, other: Loads) -> Iterator[float]:
     yield float(np.linalg.norm(one.force - other.force))
-    yield float(np.linalg.norm(one.couple - other.couple))
+    yield float(np.linalg.norm(one.torque - other.torque))
 
 
 def estimated(term: Term) -> Iterator[float]:
     yield float(np.linalg.norm(term.force))
-    yield float(np.linalg.norm(term.couple))
+    yield float(np.linalg.norm(term.torque))
 
 
 def effectivities(term: Term, one: Loads, other: Loads) -> list[float]:
-    """Estimated over true error, of the force and of the couple."""
+    """Estimated over true error, of the force and of the torque."""
     return [e / true for e, true in zip(estimated(term), difference(one, other), strict=True)]
 
 
@@ -120,6 +119,7 @@ def effectivities(term: Term, one: Loads, other: Loads) -> list[float]:
 TIMES = [None, Time(end=4.0, step=0.5, start="steady"), Time(end=4.0, step=0.2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("time", "inertia"),
     [
@@ -137,7 +137,7 @@ TIMES = [None, Time(end=4.0, step=0.5, start="steady"), Time(end=4.0, step=0.2)]
     ],
 )
 def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None:
-    """The gap is closed to a sixteenth; the rest changes force and couple by another few per cent of that."""
+    """The gap is closed to a sixteenth; the rest changes force and torque by another few per cent of that."""
     scene = Scene(**{**on_bed(fluid={"inertia": inertia}).model_dump(), "time": time})
     closed = changed(scene, contact={"gap": scene.contact.gap / 16.0})
     found = effectivities(of_gap(scene, solve(coarse(scene)), solve), solve(scene), solve(closed))
@@ -171,7 +171,7 @@ def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
 
 @pytest.mark.parametrize("inertia", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_domain_of_the_example_is_large_enough(inertia: bool) -> None:
-    """It stands for an endless one to 2% of force and couple, by the estimate and by a domain five times as large."""
+    """It stands for an endless one to 2% of force and torque, by the estimate and by a domain five times as large."""
     scene = on_bed(fluid={"inertia": inertia})
     large = changed(scene, domain={"origin": (-64.0, 0.0), "length": 120.0, "height": 100.0})
     here, there, term = solve(scene), solve(large), of_domain(scene, solve(coarse(scene)), solve)
@@ -182,7 +182,7 @@ def test_domain_of_the_example_is_large_enough(inertia: bool) -> None:
 
 
 def sizes(one: Loads) -> list[float]:
-    return [float(np.linalg.norm(one.force)), float(np.linalg.norm(one.couple))]
+    return [float(np.linalg.norm(one.force)), float(np.linalg.norm(one.torque))]
 
 
 def test_a_stream_without_a_bed_is_endless_downwards_too() -> None:
@@ -250,9 +250,9 @@ def test_step_and_mesh_are_told_apart(scheme: str, order: int, adapts: bool) -> 
     of_step, of_mesh = term.parts
     assert of_step.force == pytest.approx([0.3 * 0.1**order, 0.0, 0.0], abs=1e-12)
     assert of_mesh.force == pytest.approx([0.0, 0.01, 0.0], abs=1e-12)
-    assert [part.couple[2] for part in term.parts] == pytest.approx([0.1**order, 0.5])
+    assert [part.torque[2] for part in term.parts] == pytest.approx([0.1**order, 0.5])
     assert term.force == pytest.approx([0.3 * 0.1**order, 0.01, 0.0])
-    assert term.couple[2] == pytest.approx(0.5 + 0.1**order)
+    assert term.torque[2] == pytest.approx(0.5 + 0.1**order)
     longer, beside = (one.time for one in comparisons(scene))
     assert longer == beside and longer is not None
     if adapts:
@@ -278,14 +278,14 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
     walls = WallReport("k-epsilon", 0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, iteration=unsteady)
     flow, nothing = np.array([4.0, 0.0, 0.0]), np.zeros(3)
     force = Forces(flow, flow, nothing, nothing)
-    couple = Couples(np.array([0.0, 6.0, 0.0]), np.zeros(3), nothing)
-    changing = Loads.at_the_end(force, couple, None, None, walls, size=2.0)
+    torque = Torques(np.array([0.0, 6.0, 0.0]), np.zeros(3), nothing)
+    changing = Loads.at_the_end(force, torque, None, None, walls, size=2.0)
     assert changing.unsteady == pytest.approx([0.05, 0.0, 0.0, 0.0, 0.1, 0.0])
-    steady = Loads.at_the_end(force, couple, None, None, replace(walls, iteration=None), size=2.0)
+    steady = Loads.at_the_end(force, torque, None, None, replace(walls, iteration=None), size=2.0)
     assert not steady.unsteady.any()
     for one, other, times in ((steady, changing, 3.0), (changing, changing, 6.0)):
         term = Term.of_difference("discretisation", one, other, 3.0, "")
-        assert np.concatenate([term.force, term.couple]) == pytest.approx(times * changing.unsteady)
+        assert np.concatenate([term.force, term.torque]) == pytest.approx(times * changing.unsteady)
 
 
 @pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1), (1, 2)])
@@ -332,7 +332,7 @@ def test_a_part_that_is_known_spares_its_run() -> None:
     mesh = Term("mesh", np.full(3, 0.1), np.full(3, 0.2), "seen before")
     term = by_coarser_runs(scene, Loads(np.ones(3), np.ones(3)), solved, mesh)
     assert asked == [comparisons(scene)[0]]
-    assert term.parts[1] is mesh and np.array_equal(term.couple, mesh.couple)
+    assert term.parts[1] is mesh and np.array_equal(term.torque, mesh.torque)
 
 
 def test_coarser_runs_against_a_much_finer_one() -> None:
@@ -367,6 +367,7 @@ def test_boundary_layer_is_resolved_by_one_cell(
     assert is_resolved(Setup(loads(IN_STREAM, overrides=("time={end=1.0, step=0.1}",))))
 
 
+@pytest.mark.slow
 def test_a_boundary_layer_that_no_cell_resolves_is_in_the_bars() -> None:
     """Elements of third order on the same cells see a ninth of the error of the place."""
     scene = loads(RISING, overrides=("numerics.mesh_size=1.5",))
@@ -416,10 +417,10 @@ def test_what_does_not_apply_is_said() -> None:
         "gap": "does not apply: the grain moves, and contact.gap says where it stops",
         "domain": "does not apply: the domain is closed by walls",
     }
-    assert bars.place is not None and np.all(bars.place > 0.0)
+    assert bars.total.place is not None and np.all(bars.total.place > 0.0)
     total, *terms = bars.lines()
     assert (
-        f"   end of the path ({bars.place[0]:.1e}, {bars.place[1]:.1e}), turn {bars.place[2]:.1e} rad"
+        f"   end of the path ({bars.total.place[0]:.1e}, {bars.total.place[1]:.1e}), turn {bars.total.place[2]:.1e} rad"
         in total
     )
     assert [line[:18].strip() for line in terms[:3]] == ["discretisation", "time step", "mesh"]
@@ -550,7 +551,7 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
         )
 
     term = of_level_ground(wider, solve(scene), solve)
-    assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.couple == pytest.approx(
+    assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.torque == pytest.approx(
         [0.0, 0.03, 0.0]
     )
     assert asked[1].numerics.meshed_bed == 1.5 and not asked[1].numerics.error_bars
@@ -583,20 +584,20 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
 
-def term(force: Any, couple: Any = ZERO) -> Term:
-    return Term("gap", np.asarray(force, dtype=float), np.asarray(couple, dtype=float), "")
+def term(force: Any, torque: Any = ZERO) -> Term:
+    return Term("gap", np.asarray(force, dtype=float), np.asarray(torque, dtype=float), "")
 
 
 # -- one term -----------------------------------------------------------------------------------------
 
 
 def test_the_force_is_corrected_and_a_couple_that_is_not_known_better_is_not() -> None:
-    """Two ways agree to a tenth of the force's change, and hardly on that of the couple."""
+    """Two ways agree to a tenth of the force's change, and hardly on that of the torque."""
     change, left = np.array([0.3, 0.4, 0, 0, 0, 0.1]), np.array([0.03, 0.04, 0, 0, 0, 0.2])
     found = term([0.3, 0.4, 0.0], [0.0, 0.0, 0.1]).corrected(change, left)
     assert found.correction is not None
-    assert found.correction.force.tolist() == [0.3, 0.4, 0.0] and not found.correction.couple.any()
-    assert found.force == pytest.approx([0.03, 0.04, 0.0]) and found.couple == pytest.approx(
+    assert found.correction.force.tolist() == [0.3, 0.4, 0.0] and not found.correction.torque.any()
+    assert found.force == pytest.approx([0.03, 0.04, 0.0]) and found.torque == pytest.approx(
         [0, 0, 0.2]
     )
 
@@ -718,12 +719,13 @@ def test_what_has_not_shown_what_it_is_worth_is_not_corrected() -> None:
 # -- a run, and a threshold ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     """The verdict and the coefficients are those of the corrected load; without corrections all is as computed."""
     scene = example(*SETTLED, "output.fields=false", "numerics.mesh_size=2")
     found = incipient.run(scene, tmp_path, MPI.COMM_SELF, overwrite=True)
     plain = incipient.run(changed(scene, numerics={"correction": False}), comm=MPI.COMM_SELF)
-    assert found.force is not None and plain.force is not None and found.couple is not None
+    assert found.force is not None and plain.force is not None and found.torque is not None
     assert (
         found.error_bars is not None
         and plain.error_bars is not None
@@ -747,7 +749,7 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
         and bar.value == found.verdict["safety_factor"]
         and bar.high - bar.low < 0.4 * (high - low)
     )
-    assert "corrected for gap" in found.text() and "corrected for" not in plain.text()
+    assert "corrected by" in found.text() and "corrected by" not in plain.text()
     stored = json.loads((tmp_path / "result.json").read_text())
     assert stored["force"]["computed"] == found.force.plain.tolist()
     by_name = {one["name"]: one for one in stored["error_bars"]["terms"]}
@@ -792,12 +794,12 @@ def test_a_sphere_that_touches_a_plane() -> None:
     """
     scene = load(SCENES / "sphere_on_plane.toml", ["output.fields=false"])
     found = incipient.run(scene, comm=MPI.COMM_SELF)
-    assert found.force is not None and found.couple is not None and found.error_bars is not None
-    force, couple = 6.0 * pi * scene.viscosity * 0.5 * 0.5, 4.0 * pi * scene.viscosity * 0.5**3
+    assert found.force is not None and found.torque is not None and found.error_bars is not None
+    force, torque = 6.0 * pi * scene.viscosity * 0.5 * 0.5, 4.0 * pi * scene.viscosity * 0.5**3
     assert abs(found.force.flow[0] - 1.7009 * force) < min(
         found.error_bars.force[0], 0.001 * found.force.flow[0]
     )
-    assert abs(found.couple.flow[1] - 0.944 * couple) < min(
-        found.error_bars.couple[1], 0.001 * couple
+    assert abs(found.torque.flow[1] - 0.944 * torque) < min(
+        found.error_bars.torque[1], 0.001 * torque
     )
     assert found.force.plain[0] > 1.01 * found.force.flow[0]  # with the gap of 1%

@@ -1,16 +1,13 @@
 """Linear systems of flow and turbulence in space, beside numpy's solution, with factors of the flow that are off."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from petsc4py import PETSc
 
 from incipient.fluid.solvers import direct
-from incipient.fluid.solvers.compressed import CompressedFactors
 from incipient.turbulence import linear
 from incipient.turbulence.coupled_flow import half_where_reversed
-from incipient.turbulence.linear import ROUGH, BlockByBlock
+from incipient.turbulence.linear import ROUGH, BlockByBlock, CompressedFactors
 
 ROWS = 40
 
@@ -49,7 +46,7 @@ def solver(blocks, monkeypatch):
         [[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF
     )
     nest.assemble()
-    made = BlockByBlock(None, nest)
+    made = BlockByBlock(nest)
     made.prepare()
     yield made
     made.destroy()
@@ -90,7 +87,7 @@ def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, ca
     nest.assemble()
     for free, told in ((78e3, 0), (66e3, 1)):
         monkeypatch.setattr(direct, "free_bytes", lambda free=free: free)
-        BlockByBlock(SimpleNamespace(triangle=CompressedFactors), nest).destroy()
+        BlockByBlock(nest).destroy()
         assert (
             sum("more than half of the free memory" in one.message for one in caplog.records)
             == told

@@ -147,6 +147,7 @@ if rank == 0:
 """
 
 
+@pytest.mark.slow
 def test_ranks_with_caches_of_their_own_use_the_first(mpirun: Any, tmp_path: Path) -> None:
     """The cache of one rank of three cannot be written: forms are compiled, and loaded, where the first rank says.
 

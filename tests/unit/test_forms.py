@@ -31,6 +31,7 @@ from incipient.fluid.space import (
     taylor_hood,
 )
 from incipient.fluid.transient import backward_difference
+from incipient.forms import terms
 from incipient.mesh.cells import straight_cells
 from incipient.mesh.domain import Domain
 
@@ -59,6 +60,13 @@ RENEWED = forms.ReferenceMap.renewed(2)
 
 def mesh_velocity(x: np.ndarray) -> np.ndarray:
     return np.array([np.sin(x[1]), x[0] ** 2, x[1] * x[2] - x[0]])
+
+
+def stokes(flow: Any, viscosity: Any, reference_map: forms.ReferenceMap) -> Any:
+    """Stress and continuity of v, p, tested with w, q: the integrand."""
+    v, p, w, q = flow
+    stress = terms.internal_force(v, p, w, viscosity, reference_map)
+    return stress + terms.continuity(v, q, reference_map)
 
 
 @dataclass
@@ -90,15 +98,14 @@ class Problem:
         sides = self.domain.measure("right", "top")
         x = ufl.SpatialCoordinate(mesh) + reference_map.displacement
         viscosity = 1 / dolfinx.fem.Constant(mesh, 7.0)
-        terms = [
-            forms.Stress(viscosity),
-            forms.RateOfChange(3.0 * (v - ufl.split(self.previous)[0])),
-            *([] if carrier is None else [forms.Convection(carrier)]),
-            forms.BodyForce(ufl.as_vector([x[1], x[0] ** 2, x[0] * x[1]][: len(v)])),
-            forms.OpenBoundary(viscosity, sides(metadata=QUADRATURE)),
-        ]
-        unknowns = forms.Unknowns(v, p, w, q, reference_map)
-        return forms.residual(unknowns, terms, ufl.Measure("dx", domain=mesh, metadata=QUADRATURE))
+        force = ufl.as_vector([x[1], x[0] ** 2, x[0] * x[1]][: len(v)])
+        rate = 3.0 * (v - ufl.split(self.previous)[0])
+        cells = stokes((v, p, w, q), viscosity, reference_map)
+        cells += terms.inertia(rate, w, reference_map) + terms.body_force(force, w, reference_map)
+        cells += terms.convection(v, carrier, w, reference_map)
+        dx = ufl.Measure("dx", domain=mesh, metadata=QUADRATURE)
+        open_end = terms.open_boundary(v, w, ufl.FacetNormal(mesh), viscosity, reference_map)
+        return cells * dx + open_end * sides(metadata=QUADRATURE)
 
     @property
     def velocity(self) -> Any:
@@ -216,7 +223,7 @@ def test_a_renewed_reference_compiles_to_what_no_map_would_be() -> None:
     assert len(mapped.coefficients()) == 4
     v, p = ufl.split(problem.state)
     w, q = ufl.TestFunctions(problem.space.mixed)
-    stress = forms.residual(forms.Unknowns(v, p, w, q, RENEWED), [forms.Stress(1.0)], ufl.dx)
+    stress = stokes((v, p, w, q), 1.0, RENEWED) * ufl.dx
     D = ufl.sym(ufl.grad(v))
     plain = (2.0 * ufl.inner(D, ufl.sym(ufl.grad(w))) - p * ufl.div(w) - ufl.div(v) * q) * ufl.dx
     sizes = [len(list(nodes_of(lowered(form)))) for form in (stress, plain)]
@@ -227,11 +234,9 @@ def test_a_renewed_reference_compiles_to_what_no_map_would_be() -> None:
 
 def test_absent_terms_are_not_in_the_form() -> None:
     """Steady Stokes flow needs the state alone, and no facet integral."""
-    problem = make_problem(2, 1, affine)
-    v, p = ufl.split(problem.state)
-    w, q = ufl.TestFunctions(problem.space.mixed)
-    form = forms.residual(forms.Unknowns(v, p, w, q, RENEWED), [forms.Stress(1.0)], ufl.dx)
-    assert form.coefficients() == (problem.state,)
+    with Fluid(unit_box(2, 2), FlowModel(inertia=False), [no_slip("left")], 1.0) as fluid:
+        form = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
+    assert form.coefficients() == (fluid.state,)
     assert {integral.integral_type() for integral in form.integrals()} == {"cell"}
 
 
@@ -266,15 +271,15 @@ def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapp
     v, p = ufl.TrialFunctions(space.mixed)
     w, q = ufl.TestFunctions(space.mixed)
     measure = domain.measure("right")(metadata=QUADRATURE)
-    terms = [forms.Stress(1 / 7.0), forms.OpenBoundary(1 / 7.0, measure)]
     mapping = (
         forms.ReferenceMap.of(problem.displacement, problem.mesh_velocity)
         if mapped
         else forms.ReferenceMap.renewed(gdim)
     )
-    unknowns = forms.Unknowns(v, p, w, q, mapping)
     dx = ufl.Measure("dx", domain=domain.mesh, metadata=QUADRATURE)
-    matrix = petsc.assemble_matrix(compat.form(forms.residual(unknowns, terms, dx)))
+    open_end = terms.open_boundary(v, w, ufl.FacetNormal(domain.mesh), 1 / 7.0, mapping)
+    form = stokes((v, p, w, q), 1 / 7.0, mapping) * dx + open_end * measure
+    matrix = petsc.assemble_matrix(compat.form(form))
     matrix.assemble()
     prescribed = [
         boundary_blocks(space.velocity, domain.facets_of(name))
@@ -287,39 +292,20 @@ def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapp
     assert np.abs(entries - entries.T).max() < ROUND_OFF * np.abs(entries).max()
 
 
-@pytest.mark.parametrize(("normal", "power"), [(-2.0, 26.0), (2.0, 0.0)])
-def test_fluid_that_comes_back_through_an_open_boundary_brings_no_momentum(
-    normal: float, power: float
-) -> None:
-    """Velocity (u, 3) through the side x = 1: the term has the power -u |v|^2 where u < 0, else none (exact)."""
-    domain = unit_box(2, 2)
-    space = compat.space(domain.mesh, ("Lagrange", 2), (2,))
-    v = dolfinx.fem.Constant(domain.mesh, (normal, 3.0))
-    w, measure = ufl.TestFunction(space), domain.measure("right")(metadata=QUADRATURE)
-    returning = forms.OpenBoundary(0.0, measure, v).on_boundary(
-        forms.Unknowns(v, None, w, None, RENEWED)
-    )
-    tested = dolfinx.fem.Function(space)
-    tested.interpolate(lambda x: np.array([np.full_like(x[0], normal), np.full_like(x[0], 3.0)]))
-    found = dolfinx.fem.assemble_scalar(compat.form(ufl.action(returning, tested)))
-    assert found == pytest.approx(power, abs=1e-12)
-
-
 @pytest.mark.parametrize(("normal", "power"), [(-2.0, 20.0), (2.0, 0.0)])
-def test_fluid_that_comes_back_brings_the_momentum_of_the_stream(
+def test_fluid_that_comes_back_through_an_open_boundary_brings_the_momentum_of_the_stream(
     normal: float, power: float
 ) -> None:
-    """Velocity v = (u, 3) in a stream s = (u, -2): the term has the power -u (v - s) . v' with v' = (0, 2) (exact)."""
+    """Velocity v = (u, 3) in a stream s = (u, -2): the term has the power -u (v - s) . v' with v' = (0, 2) (exact).
+
+    In a stream at rest it brings no momentum.
+    """
     domain = unit_box(2, 2)
-    space = compat.space(domain.mesh, ("Lagrange", 2), (2,))
-    v, stream = (dolfinx.fem.Constant(domain.mesh, (normal, y)) for y in (3.0, -2.0))
-    w, measure = ufl.TestFunction(space), domain.measure("right")(metadata=QUADRATURE)
-    term = forms.OpenBoundary(0.0, measure, v, stream)
-    tested = dolfinx.fem.Function(space)
-    tested.interpolate(lambda x: np.array([np.zeros_like(x[0]), np.full_like(x[0], 2.0)]))
-    returning = term.on_boundary(forms.Unknowns(v, None, w, None, RENEWED))
-    found = dolfinx.fem.assemble_scalar(compat.form(ufl.action(returning, tested)))
-    assert found == pytest.approx(power, abs=1e-12)
+    v, stream, tested = (dolfinx.fem.Constant(domain.mesh, (normal, y)) for y in (3.0, -2.0, 0.0))
+    tested.value[:] = 0.0, 2.0
+    n, measure = ufl.FacetNormal(domain.mesh), domain.measure("right")
+    returning = terms.entering_boundary(v - stream, v, tested, n) * measure
+    assert dolfinx.fem.assemble_scalar(compat.form(returning)) == pytest.approx(power, abs=1e-12)
 
 
 # -- meshes that move ---------------------------------------------------------------------------
@@ -331,74 +317,6 @@ CELLS = pytest.mark.parametrize(("gdim", "order"), THROWS)
 
 def thrown_about(domain: Domain, order: int) -> RandomMotion:
     return RandomMotion(domain.mesh, *THROWS[domain.gdim, order], boundary="free")
-
-
-def moved_at_random(gdim: int, order: int) -> tuple[Domain, Any]:
-    """A mesh after a random motion, and the shift of its places by that motion."""
-    domain = curved_box(gdim, 2, order)
-    motion, shift = thrown_about(domain, order), geometry_function(domain.mesh)
-    before, after = motion.places(), motion.places()
-    domain.mesh.geometry.x[:] = after
-    set_geometry_function(shift, after - before)
-    return domain, shift
-
-
-@pytest.mark.parametrize("size", [2, 3])
-def test_adjugate(size: int) -> None:
-    """adj(A) = det(A) A^-1, and of a singular matrix adj(A) A = 0 all the same."""
-    entries = np.random.default_rng(size).standard_normal((size, size))
-    singular = entries.copy()
-    singular[-1] = singular[0]
-    for a, expected in (
-        (entries, np.linalg.det(entries) * np.eye(size)),
-        (singular, np.zeros((size, size))),
-    ):
-        adjugate = forms.kinematics._adjugate(ufl.as_matrix(a.tolist()))
-        found = np.array([[float(adjugate[i, j](())) for j in range(size)] for i in range(size)])
-        assert found @ a == pytest.approx(expected, abs=1e-14)
-
-
-@CELLS
-def test_volume_before_is_that_of_the_mesh_before(gdim: int, order: int) -> None:
-    domain, shift = moved_at_random(gdim, order)
-    dx = taylor_hood(domain.mesh, 2).quadrature()
-    expected = dolfinx.fem.assemble_scalar(compat.form(forms.volume_before(shift) * dx))
-    places = domain.mesh.geometry.x
-    nodes = np.empty((len(places), gdim))
-    nodes[compat.geometry_dofs(domain.mesh)] = shift.x.array.reshape(-1, gdim)[
-        compat.cell_dofs(shift.function_space)
-    ]
-    places[:, :gdim] -= nodes
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    assert dolfinx.fem.assemble_scalar(compat.form(one * dx)) == pytest.approx(expected, rel=1e-14)
-
-
-@CELLS
-def test_volume_is_swept_and_nothing_else(gdim: int, order: int) -> None:
-    """The geometric conservation law 1 - J = div(swept), at every quadrature point."""
-    _, shift = moved_at_random(gdim, order)
-    change = 1 - forms.volume_before(shift)
-    defect = change - ufl.div(forms.swept(shift))
-    squares = [
-        dolfinx.fem.assemble_scalar(compat.form(term**2 * ufl.dx(metadata=QUADRATURE)))
-        for term in (defect, change)
-    ]
-    assert squares[0] < ROUND_OFF**2 * squares[1]
-
-
-@CELLS
-def test_swept_volume_is_conserved_weakly(gdim: int, order: int) -> None:
-    """The same against test functions as in the energy-stable form: swept . n is one across facets, and
-    the quadrature is exact."""
-    domain, shift = moved_at_random(gdim, order)
-    space = taylor_hood(domain.mesh, 2)
-    q = ufl.TestFunction(compat.space(domain.mesh, ("Lagrange", 2)))
-    swept, n = forms.swept(shift), ufl.FacetNormal(domain.mesh)
-    dx, ds = space.quadrature(), space.boundary_quadrature(domain.facets)
-    gained = (1 - forms.volume_before(shift)) * q * dx
-    through = ufl.dot(swept, n) * q * ds - ufl.dot(swept, ufl.grad(q)) * dx
-    one, other = (petsc.assemble_vector(compat.form(form)).array for form in (gained, through))
-    assert np.abs(one - other).max() < ROUND_OFF * np.abs(one).max()
 
 
 # A step of second order, three quarters as long as the one before.
@@ -452,22 +370,14 @@ def test_step_on_a_moved_mesh_equals_step_on_the_reference(
 
 def test_measures_of_the_boundary_share_the_facet_tags() -> None:
     """From dolfinx 0.9 on a form whose measures of the boundary hold different tags is refused."""
-    domain = unit_box(2, 2)
-    with in_a_step(domain, FlowModel(unsteady=True, energy_stable=True)) as fluid:
+    sides = [Open("left"), Open("right"), no_slip("bottom"), no_slip("top")]
+    with Fluid(unit_box(2, 2), FlowModel(), sides, reynolds=1.0) as fluid:
         form = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
     held = [
         one.subdomain_data() for one in form.integrals() if one.integral_type() == "exterior_facet"
     ]
     assert len(held) == 2
     assert all(tags is held[0] for tags in held)
-
-
-def test_energy_stable_form_refuses_a_reference_map() -> None:
-    """It would leave F and J out, and be wrong without a word."""
-    problem = make_problem(2, 1, affine)
-    given = forms.ReferenceMap.of(problem.displacement, problem.mesh_velocity)
-    with pytest.raises(ValueError, match="a mesh that is itself moved"):
-        FlowModel(energy_stable=True, reference_map=given)
 
 
 @pytest.mark.parametrize(("gdim", "order"), [(2, 2), (2, 3), (3, 2)])
@@ -482,11 +392,10 @@ def test_straight_cells_take_fewer_points(gdim: int, order: int) -> None:
     state = dolfinx.fem.Function(space.mixed)
     state.x.array[:] = np.random.default_rng(5).normal(size=len(state.x.array))
     v, p = ufl.split(state)
-    terms = [forms.Stress(0.1), forms.RateOfChange(v), forms.Convection(v)]
-    found = []
+    found, at = [], forms.ReferenceMap.renewed(gdim)
     for measure in (space.quadrature(), space.quadrature(polynomial=True)):
         w, q = ufl.TestFunctions(space.mixed)
-        unknowns = forms.Unknowns(v, p, w, q, forms.ReferenceMap.renewed(gdim))
-        form = forms.residual(unknowns, terms, measure)
+        integrand = stokes((v, p, w, q), 0.1, at) + terms.inertia(v, w, at)
+        form = (integrand + terms.convection(v, v, w, at)) * measure
         found.append(petsc.assemble_vector(compat.form(form)).array.copy())
     assert found[1] == pytest.approx(found[0], abs=1e-13 * np.abs(found[0]).max())

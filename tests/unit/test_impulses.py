@@ -12,7 +12,7 @@ from incipient.body.state import BodyState, Inertia
 from incipient.contact.acceleration import incipient_motion
 from incipient.contact.impulses import contact_impulses, resisted_impulses
 from incipient.contact.problem import Load
-from incipient.geometry.closest import NearBed
+from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat
@@ -150,7 +150,7 @@ def test_bodies_without_mass_and_with_any_take_the_same_steps(density: float) ->
     """With added mass a body without mass rests on its bed as any other: no step is shortened."""
     grain = Disc(1.0)
     body = RigidBody(Inertia.about(density * grain.volume, density * grain.inertia, grain.gdim))
-    moves = ContactMotion(body, NearBed(grain, Flat()).gaps, ContactLaw(0.5), grain.size)
+    moves = ContactMotion(body, proximity(grain, Flat()).gaps, ContactLaw(0.5), grain.size)
     state, load = BodyState.at(Placement((0.0, 0.5))), np.array([0.2, -1.0, 0.0])
     added = np.diag([1.0, 1.0, 0.1])
     taken = moves.step(state, 0.1, load, added)
@@ -161,11 +161,11 @@ def test_bodies_without_mass_and_with_any_take_the_same_steps(density: float) ->
 
 def test_gaps_are_those_of_corners_and_of_the_lowest_points() -> None:
     """Both lower corners of a block that stands on a plane, and the one place of a disc."""
-    block = NearBed(Rectangle(1.0, 0.5), Flat()).gaps(Placement((0.0, 0.26)), 0.05)
+    block = proximity(Rectangle(1.0, 0.5), Flat()).gaps(Placement((0.0, 0.26)), 0.05)
     assert isinstance(block, ClosestPoints)
     assert sorted(block.points[:, 0].tolist()) == pytest.approx([-0.5, 0.5])
     assert block.gaps == pytest.approx([0.01, 0.01])
-    disc = NearBed(Disc(1.0), Flat()).gaps(Placement((0.3, 0.49)), 0.05)
+    disc = proximity(Disc(1.0), Flat()).gaps(Placement((0.3, 0.49)), 0.05)
     assert disc.gaps == pytest.approx([-0.01])
     assert disc.normals == pytest.approx(np.array([[0.0, 1.0]]))
-    assert len(NearBed(Disc(1.0), Flat()).gaps(Placement((0.3, 5.0)), 0.05)) == 0
+    assert len(proximity(Disc(1.0), Flat()).gaps(Placement((0.3, 5.0)), 0.05)) == 0

@@ -162,13 +162,17 @@ class TestSphereOnAPlane:
         assert first.acceleration[0] == pytest.approx(math.sin(1.0) - 0.2 * math.cos(1.0))
         assert first.angular_acceleration[1] == pytest.approx(0.2 * math.cos(1.0) * 0.5 / 0.1)
 
-    @pytest.mark.parametrize("torque", [[0.0, 0.1, 0.0], [0.06, -0.08, 0.0]])
-    def test_rolls_under_a_torque(self, torque):
-        # a = tau r / (J + m r^2) across the torque: the paper calls this sliding.
+    @pytest.mark.parametrize(
+        ("torque", "uniqueness"),
+        [([0.0, 0.1, 0.0], Uniqueness.ONLY), ([0.06, -0.08, 0.0], Uniqueness.NOT_EXCLUDED)],
+    )
+    def test_rolls_under_a_torque(self, torque, uniqueness):
+        # a = tau r / (J + m r^2) across the torque: the paper calls this sliding. All motions are known in a coordinate
+        # plane alone.
         found, first = motion(sphere(torque=torque), 0.5)
         size = 0.1 * 0.5 / (0.1 + 0.25)
         across = size * np.cross(torque, [0, 0, 1]) / 0.1
-        assert (first.mode, found.uniqueness) == (Mode.ROLLING, Uniqueness.ONLY)
+        assert (first.mode, found.uniqueness) == (Mode.ROLLING, uniqueness)
         assert first.acceleration == pytest.approx(across, abs=1e-12)
         along = 2.0 * size * np.array(torque) / 0.1
         assert first.angular_acceleration == pytest.approx(along, abs=1e-12)
@@ -354,7 +358,7 @@ class TestConsistency:
         solid = ReleaseProblem.of(problem, np.ones(1), 0.1 * np.eye(3)[None])
         (count,), in_3d, _ = solid.motions(12)
         known = [[*one.acceleration, *one.angular_acceleration] for one in flat.solutions]
-        units = solid.acceleration_unit[0] / np.array([1.0] * 3 + [problem.cases.reach[0]] * 3)
+        units = solid.acceleration_unit[0] / np.array([1.0] * 3 + [problem.reach[0]] * 3)
         assert count or not flat.moves
         if flat.uniqueness is not Uniqueness.FAMILY:
             for candidate in in_3d[0, :count]:

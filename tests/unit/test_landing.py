@@ -9,7 +9,7 @@ from incipient.body.state import BodyState
 from incipient.effects.moving_grain.landing import FARTHER, landing
 from incipient.geometry.placement import Placement
 from incipient.planning.flow_setup import Setup
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.scene import (
     Contact,
     Disc,
@@ -47,10 +47,10 @@ def landed(found, centre, push, angle=0.0):
     """The landing of the grain at a place, moving, under a push of the flow through its centre."""
     gravity, area = np.append(found.gravity_vector, 0.0), found.grain.volume
     force = Forces(np.array(push), np.array(push), -area * gravity, (found.mass or 0.0) * gravity)
-    couple = Couples(np.zeros(3), np.zeros(3), np.array([*centre, 0.0]))
+    torque = Torques(np.zeros(3), np.zeros(3), np.array([*centre, 0.0]))
     state = BodyState.at(Placement(centre, math.radians(angle)), [0.3, -0.4, 1.0])
     met = Setup(found).surroundings.clearance(state.placement)
-    return landing(Setup(found), state, met, force, couple)
+    return landing(Setup(found), state, met, force, torque)
 
 
 @pytest.mark.parametrize("bed", [None, Flat()])

@@ -103,7 +103,7 @@ class TestEvents:
             [0.05, 0.02, 0.005, 0.0]
         )
         assert self.LAW.upcrossings(1.4) == pytest.approx(0.03)
-        assert self.LAW.level(0.02) == pytest.approx(1.5) and self.LAW.told == pytest.approx(
+        assert self.LAW.level(0.02) == pytest.approx(1.5) and self.LAW.known_range == pytest.approx(
             (0.005, 0.05)
         )
         # The sum of a Poisson number of lengths has the variance of the sum of their squares: 0.25 + 0.25 + 1.

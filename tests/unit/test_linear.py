@@ -17,8 +17,9 @@ from incipient.errors import ConvergenceError, UnsolvedError
 from incipient.fluid import no_slip
 from incipient.fluid.constraints import Constraints
 from incipient.fluid.solvers import Direct, LinearSolver, direct
-from incipient.fluid.solvers.mass import solve_mass_matrix
 from incipient.fluid.space import taylor_hood
+from incipient.forms import terms
+from incipient.symmetric import solve_symmetric
 
 ROWS = 40
 
@@ -128,8 +129,9 @@ def test_a_solver_of_singular_matrices_gets_the_pressure_without_a_level(level: 
     walls = [no_slip(name) for name in domain.names]
     held = Constraints(domain, space, walls, level=level).dirichlet
     (v, p), (w, q) = ufl.TrialFunctions(space.mixed), ufl.TestFunctions(space.mixed)
-    unknowns = forms.Unknowns(v, p, w, q, forms.ReferenceMap.renewed(domain.gdim))
-    form = forms.residual(unknowns, [forms.Stress(1.0)], space.quadrature())
+    at = forms.ReferenceMap.renewed(domain.gdim)
+    form = terms.internal_force(v, p, w, 1.0, at) + terms.continuity(v, q, at)
+    form = form * space.quadrature()
     matrix = petsc.assemble_matrix(compat.form(form), held)
     matrix.assemble()
     pressure, image = matrix.createVecRight(), matrix.createVecLeft()
@@ -213,7 +215,7 @@ def test_projection_onto_the_whole_domain() -> None:
     mesh = unit_box(2, 3).mesh
     space = compat.space(mesh, ("Lagrange", 2))
     x, into = ufl.SpatialCoordinate(mesh), dolfinx.fem.Function(space)
-    solve_mass_matrix(*mass_problem(ufl.dx, space, 2 * x[0] - x[1]), into)
+    solve_symmetric(*mass_problem(ufl.dx, space, 2 * x[0] - x[1]), into)
     points = space.tabulate_dof_coordinates()
     assert into.x.array == pytest.approx(2 * points[:, 0] - points[:, 1], abs=1e-10)
 
@@ -223,7 +225,7 @@ def test_projection_onto_a_boundary() -> None:
     domain = unit_box(2, 3)
     space = compat.space(domain.mesh, ("Lagrange", 2))
     x, into = ufl.SpatialCoordinate(domain.mesh), dolfinx.fem.Function(space)
-    solve_mass_matrix(*mass_problem(domain.measure("left"), space, 1 + x[1]), into)
+    solve_symmetric(*mass_problem(domain.measure("left"), space, 1 + x[1]), into)
     points = space.tabulate_dof_coordinates()
     assert into.x.array == pytest.approx(
         np.where(points[:, 0] < 1e-9, 1 + points[:, 1], 0.0), abs=1e-10

@@ -55,6 +55,7 @@ def test_cells_follow_the_bed(factor: float, order: int) -> None:
         assert max(bed.size, bed.away.largest) <= BED_LARGEST * 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("diameter", "radius", "reach"),
     [(1.0, 0.5, 3.0), (1.0, 0.1, 3.0), (1.0, 0.05, 1.5), (0.5, 0.8, 2.4)],

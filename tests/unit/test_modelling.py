@@ -12,9 +12,8 @@ from mpi4py import MPI
 from scenes import SETTLED, on_bed
 
 import incipient
-from incipient.accuracy.coarse_runs import changed, coarse, farther
+from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, farther
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.kept_runs import KeptRuns, Solve
 from incipient.accuracy.modelling import SMALLEST_GAP, Suited, _is_noise, remedies, suited
 from incipient.accuracy.search import Search
 from incipient.accuracy.strategies import DualWeighted
@@ -22,7 +21,7 @@ from incipient.accuracy.terms import of_domain, of_gap
 from incipient.errors import ConvergenceError, SceneError
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
@@ -51,6 +50,7 @@ def relative(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
+@pytest.mark.slow
 def test_all_errors_are_brought_below_the_accuracy() -> None:
     """The force is that of a domain far larger and a gap far smaller, to the accuracy that was asked for."""
     asked = 0.03
@@ -112,8 +112,8 @@ def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> 
 def advice(asked: float, scene: Scene, term: Term) -> tuple[str, ...]:
     """What is said of one term beside a force of size one."""
     unit, none = np.array([1.0, 0.0, 0.0]), np.zeros(3)
-    force, couple = Forces(unit, unit, none, none), Couples(none, none, none)
-    found = SimpleNamespace(force=force, couple=couple, elevations=None)
+    force, torque = Forces(unit, unit, none, none), Torques(none, none, none)
+    found = SimpleNamespace(force=force, torque=torque, elevations=None)
     return remedies(scene, asked, Goal.of(scene), found, ErrorBars((term,)))
 
 

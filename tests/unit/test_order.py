@@ -92,11 +92,6 @@ def test_auto_is_written_and_read() -> None:
     assert order_of(loads(dumps(made), overrides=("numerics.order=auto",))).number == 3
 
 
-@pytest.mark.parametrize(("made", "order"), [(grain_on_bed, 3), (grain_in_pocket, 3)])
-def test_the_examples(made: Any, order: int) -> None:
-    assert order_of(made()).number == order
-
-
 @pytest.mark.parametrize(
     ("name", "order"),
     [("grain_on_bed", 3), ("vortex_street", 3), ("pothole_1", 2), ("sphere_in_pocket", 3)],

@@ -146,13 +146,14 @@ def test_an_outline_of_many_points_is_drawn_as_curves_between_its_corners() -> N
     assert all(isinstance(curve, Line) for curve in few.drawn()) and len(few.drawn()) == 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settle", [False, True])
 def test_an_outline_of_ten_thousand_points_is_planned_without_tables_of_pairs(
     tmp_path: Path, settle: bool
 ) -> None:
     """A number for every pair of vertices takes 800 MB, and minutes; a coarse outline has about as many cells.
 
-    Measured: 17 MiB. How long it takes is a benchmark's (benchmarks/cases/outlines.py).
+    Measured: 17 MiB.
     """
     path = written_scene(tmp_path, 10_000, settle)
     with allocated() as most:

@@ -20,8 +20,9 @@ from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.files import MARK, append_row, own, owned, write_text_atomically
 from incipient.output.lock import locked
-from incipient.output.ownership import OTHERS, make_room, place_scene, refuse_foreign
+from incipient.output.ownership import make_room, place_scene, refuse_foreign
 from incipient.pictures import style
+from incipient.results.kinds import GUSTS
 from incipient.scene import example, loads
 from incipient.scene.file import dumps
 from incipient.sweep.store import Store
@@ -88,9 +89,9 @@ def test_results_of_another_scene_make_room(tmp_path: Path) -> None:
     place_scene(directory, of_run)
     for name in ("checkpoint.h5", "gusts.json"):
         write_text_atomically(directory / name, name)
-    place_scene(directory, of_run, OTHERS["gusts"])  # of one scene all may be in one place
+    place_scene(directory, of_run, GUSTS.files)  # of one scene all may be in one place
     assert (directory / "checkpoint.h5").exists()
-    place_scene(directory, of_gusts, OTHERS["gusts"])
+    place_scene(directory, of_gusts, GUSTS.files)
     assert (directory / "scene.toml").read_text() == of_gusts
     assert {path.name for path in directory.iterdir()} == {MARK, "scene.toml", "gusts.json"}
     assert (tmp_path / "x.1" / "scene.toml").read_text() == of_run

@@ -16,7 +16,7 @@ from test_safety_factor import load as plane_load
 
 from incipient.contact import Classification, Contacts, Load, Mode, touching
 from incipient.contact.paper import classify, equations
-from incipient.contact.paper.away import Axis, away, kinds_of_axes, levers, nearest_axis
+from incipient.contact.paper.away import Axis, away, levers, nearest_axis
 from incipient.contact.paper.equations import can_vanish, distribute, equal_fractions, measures
 from incipient.contact.paper.outcomes import Category, Criterion, category, simultaneous
 from incipient.errors import SceneError
@@ -387,12 +387,6 @@ class TestLocation:
         lifted = classify(load((0.3, 1.0), 0.2), APART, 0.5)
         assert (lifted.located_by, lifted.significant) == ("torque", (0,))
 
-    def test_either_can_be_asked_for(self):
-        found = classify(load((0.3, -1.0), 0.2), APART, 0.5, located_by="torque")
-        assert (found.located_by, found.significant) == ("torque", (0,))
-        with pytest.raises(SceneError, match="located_by"):
-            classify(load((0.3, -1.0), 0.2), APART, 0.5, located_by="chance")
-
 
 class TestFriction:
     def test_coulomb(self):
@@ -540,13 +534,13 @@ class TestAway:
             Axis.INTERSECTED,  # about a point above the left end, that end slides and the other rises
             Axis.PRESSED,
         )
-        found = kinds_of_axes(points, ABOUT_Z, BASE, TOLERANCE)
+        found = [away(BASE, point, ABOUT_Z, TOLERANCE).axis for point in points]
         assert found == [left, between, right, above, below]
-        found = kinds_of_axes(points, -ABOUT_Z, BASE, TOLERANCE)
+        found = [away(BASE, point, -ABOUT_Z, TOLERANCE).axis for point in points]
         assert found == [right, between, left, below, above]
         # A pocket's normals cross in the centre of the disc: above and below it both senses are excluded.
         points = np.array([[0.0, 1, 0], [0, -1, 0], [-1, 0, 0], [1, 0, 0], [0, 0, 0]])
-        found = kinds_of_axes(points, ABOUT_Z, pocket(np.pi / 4), TOLERANCE)
+        found = [away(pocket(np.pi / 4), point, ABOUT_Z, TOLERANCE).axis for point in points]
         assert found == [Axis.ENCIRCLED, Axis.ENCIRCLED, Axis.AWAY, Axis.PRESSED, Axis.INTERSECTED]
 
     def test_lever_is_the_rate_at_which_a_contact_is_pressed(self):

@@ -145,6 +145,7 @@ if comm.rank == 0:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["plan", pytest.param("run", marks=pytest.mark.slow)])
 def test_each_kind_of_grain_and_bed_on_two_ranks(command: str, mpirun: Any, tmp_path: Path) -> None:
     """Scenes go from the first rank to the others, with grains whose curves are functions of an angle."""

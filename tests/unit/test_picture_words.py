@@ -10,15 +10,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from incipient.contact import Contacts, Load
-from incipient.contact.verdict import judge
-from incipient.files import plain
 from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.pictures import style
-from incipient.pictures.judged import judged
+from incipient.pictures.drawing import Sight, render
 from incipient.pictures.sheet import load_rows, sheet, write_numbers
-from incipient.pictures.solid import rendered
 
 LONG = "A scanned pebble on a random bed of spheres, with bed.slope=3.0, with contact.friction=0.35, with bed.seed=4"
 
@@ -73,17 +69,30 @@ def test_the_subject_of_a_verdict_is_not_cut() -> None:
 
 
 def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
-    """Of a plane without relief the ground fills the lower part of the picture; without it there are pieces only."""
-    load = Load([0.2, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], [0.0, 0.0, 0.5])
-    contacts = Contacts([[0.0, 0.0, 0.0]], [[0.0, 0.0, -1.0]])
-    case = judged(plain(judge(load, contacts, 0.5).to_dict()), Path("made"))
+    """Of a plane a disc of radius 1 is drawn: pi sin(17 degrees)/7.5 = 0.12 of it, a fifth behind the grain."""
     surface = Sphere(1.0).surface(0.1)
     points = surface.points + np.array([0.0, 0.0, 0.5])
+    sight = Sight.of(np.array([0.2, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), np.empty((0, 3)))
     shown = {}
     for bed in (None, Plane((0.0, 0.0), 0.0)):
-        image = rendered(case, points, surface.triangles, bed).image
+        axes = Figure().add_subplot(xlim=(-1.5, 1.5), ylim=(-1.0, 1.5))
+        render(axes, sight, points, surface.triangles, bed)
+        image = axes.images[0].get_array()
         shown[bed is None] = float((image.min(axis=2) < 250).mean())
-    assert shown[False] > shown[True] + 0.1
+    assert 0.08 < shown[False] - shown[True] < 0.12
+
+
+def test_marks_stand_where_the_rendering_has_what_they_mark() -> None:
+    """A small sphere's image is about the place that the sight gives its centre, to a hundredth of the picture."""
+    centre, surface = np.array([0.3, -0.2, 0.7]), Sphere(0.2).surface(0.02)
+    sight = Sight.of(np.array([0.5, 0.1, 0.0]), np.array([0.1, 0.0, -1.0]), np.empty((0, 3)))
+    axes = Figure().add_subplot(xlim=(-1.0, 2.0), ylim=(-0.5, 1.5))
+    render(axes, sight, surface.points + centre, surface.triangles, None)
+    dark = np.argwhere(np.asarray(axes.images[0].get_array()).min(axis=2) < 250)
+    rows, columns = axes.images[0].get_array().shape[:2]
+    down, across = (dark.min(axis=0) + dark.max(axis=0) + 1) / 2
+    place = -1.0 + 3.0 * across / columns, 1.5 - 2.0 * down / rows
+    assert sight(centre) == pytest.approx(place, abs=0.02)
 
 
 @pytest.mark.parametrize("title", [r"$\frac{$", "costs $5 and $6", "one $ alone", "a_1^2"])

@@ -199,4 +199,4 @@ def test_in_space_it_is_refused():
     assert Setup(grain_in_pocket()).base_flow.datum == grain_in_pocket().bed_shape.crest
     asked = {**grain_in_pocket().model_dump(), "flow": {"kind": "shear", "datum": "effective"}}
     found = message(lambda: type(grain_in_pocket())(**asked))
-    assert 'flow.datum: is "effective" in space, where it is not computed; use "auto"' in found
+    assert 'flow.datum: is "effective" in 3-D, where it is not computed; use "auto"' in found

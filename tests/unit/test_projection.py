@@ -138,14 +138,6 @@ def test_noise_is_removed(gdim: int) -> None:
         assert fluid.state.x.array == pytest.approx(before, abs=1e-10)
 
 
-def test_a_solution_is_left_alone() -> None:
-    with flow(square_in_box(0.3, 0.2), channel()) as fluid:
-        fluid.solve(1e-12)
-        before = fluid.state.x.array.copy()
-        assert projected(fluid) < 1e-10
-        assert fluid.state.x.array == pytest.approx(before, abs=1e-10)
-
-
 def test_nothing_stays_nothing() -> None:
     with flow(unit_box(2, 3), closed(*SIDES[:4])) as fluid:
         assert projected(fluid) == 0.0

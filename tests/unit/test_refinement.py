@@ -16,7 +16,7 @@ from incipient import cli
 from incipient.sweep.axes import parsed
 from incipient.sweep.cases import Source, SweepCase
 from incipient.sweep.refinement import SweepRefinement, direction
-from incipient.sweep.request import RefinementOptions, requested
+from incipient.sweep.request import requested
 from incipient.sweep.worker import computed
 
 # A block on a slope of tangent t, with its weight turned instead: its force along the slope is t + 0.1 with the flow's.
@@ -44,7 +44,8 @@ class Judged:
             [Source("block", BLOCK)],
             [parsed(one) for one in over],
             task="judge",
-            refined=RefinementOptions(tolerance, most),
+            refine=tolerance,
+            most=most,
         )
         self.results: dict[str, dict[str, Any]] = {}
         self.cases: list[SweepCase] = []
@@ -130,6 +131,7 @@ def test_the_budget_is_kept_and_said() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_sweep_goes_on_to_the_same_cases(tmp_path: Path, capfd: Any) -> None:
     """In two parts, by processes, what is judged here at once."""
     scene, file = tmp_path / "block.toml", tmp_path / "sweep.sqlite"
@@ -163,21 +165,19 @@ def test_between_values_are_equal_ratios_or_differences() -> None:
 @pytest.mark.parametrize(
     ("over", "together", "refined", "said"),
     [
-        (["a.b=x,y"], False, RefinementOptions(True), "no key is varied over numbers"),
-        (["a.b=1,2", "a.c=x,y"], True, RefinementOptions(True), "a.c is varied with other keys"),
-        (["a.b=1,2"], False, RefinementOptions(2.0), "--refine 2: is not a fraction of the range"),
-        (["a.b=1,2"], False, RefinementOptions(True, 0), "--most 0: is not a number of cases"),
-        (["a.b=1,2"], False, RefinementOptions(None, 5), "--most: is for a refinement"),
+        (["a.b=x,y"], False, {"refine": True}, "no key is varied over numbers"),
+        (["a.b=1,2", "a.c=x,y"], True, {"refine": True}, "a.c is varied with other keys"),
+        (["a.b=1,2"], False, {"refine": 2.0}, "--refine 2: is not a fraction of the range"),
+        (["a.b=1,2"], False, {"refine": True, "most": 0}, "--most 0: is not a number of cases"),
+        (["a.b=1,2"], False, {"most": 5}, "--most: is for a refinement"),
     ],
 )
 def test_wrong_refinements_are_refused(
-    over: Sequence[str], together: bool, refined: RefinementOptions, said: str
+    over: Sequence[str], together: bool, refined: dict[str, Any], said: str
 ) -> None:
     def refused() -> None:
         axes = [parsed(one) for one in over]
-        requested(
-            [Source("mine", BLOCK)], axes, together, task="judge", refined=refined
-        ).refinement([])
+        requested([Source("mine", BLOCK)], axes, together, task="judge", **refined).refinement([])
 
     assert said in message(refused)
 
@@ -210,8 +210,8 @@ def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> 
     order = ["sweep", str(scene), "--out", str(tmp_path / "x.sqlite"), "--jobs", "1"]
     head = '[sweep]\ndo = "judge"\n'
     for extra, said in (
-        ('refine = "much"\n', "sweep.refine: 'much' does not fit"),
-        ("refine = true\nmost = 1.5\n", "sweep.most: 1.5 does not fit"),
+        ('refine = "much"\n', 'sweep.refine: is "much"'),
+        ("refine = true\nmost = 1.5\n", "sweep.most: is 1.5; give a whole number"),
         (
             'refine = true\nquantity = "colour"\n',
             "--quantity colour: no case has this column; available: mode",

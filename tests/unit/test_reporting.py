@@ -14,9 +14,11 @@ from jinja2 import Environment
 from PIL import Image
 
 import incipient
-from incipient.effects.turbulence import TurbulenceEffect
+from incipient.effects.turbulence import findings
 from incipient.errors import OutputError
-from incipient.reporting import RECORDS, part
+from incipient.pictures.apart import draw_apart
+from incipient.pictures.record import parsed_json, scene_of
+from incipient.reporting import part
 from incipient.reporting.page import (
     TEMPLATES,
     Bounded,
@@ -25,11 +27,11 @@ from incipient.reporting.page import (
     compact,
     embedded,
     environment,
-    error_cell,
-    error_size,
     look,
 )
-from incipient.results.si import FLOW, in_si
+from incipient.reporting.results import _budget, _in_si
+from incipient.results.kinds import KINDS
+from incipient.results.si import in_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
 GUSTS = {
@@ -75,11 +77,15 @@ def test_long_texts_have_wide_columns() -> None:
 
 
 def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
-    errors = [0.3, 0.4, None]
-    assert error_size(errors, "force") == 0.5 and error_size(errors, "level") == 0.4
-    assert error_cell(errors, "force", True) == (0.3, 0.4)
-    assert math.isnan(error_cell(errors, "couple", True))
-    assert error_cell(errors, "centreline", True) == 0.4
+    """Of two terms the second is unknown in one component; fractions are of the norm of the force, 1."""
+    one = {"name": "gap", "how": "x", "force": [0.3, 0.4, None], "torque": [0.0, 0.0, None]}
+    one |= {"level": [0.1, 0.2], "parts": []}
+    other = one | {"name": "domain", "torque": None}
+    bars = {"terms": [one, other], "force": [0.6, 0.8, 0.0], "torque": [0.0, 0.0, 1.0]}
+    heads, rows = _budget(True, bars | {"level": [0.2, 0.4]})
+    assert heads[1:4] == ["of the force", "of the torque", "of elevations at the end"]
+    assert rows[0][1] == (0.3, 0.4) and math.isnan(rows[0][2]) and rows[0][3:5] == [0.2, "50 %"]
+    assert rows[1][2] == "" and [row[0] for row in rows] == ["gap", "domain", "all"]
 
 
 def test_short_lists_of_settings_stand_on_a_line() -> None:
@@ -88,7 +94,7 @@ def test_short_lists_of_settings_stand_on_a_line() -> None:
 
 
 def test_every_record_has_a_template_that_can_be_read() -> None:
-    names = {Path(name).with_suffix(".html").name for name in RECORDS} | {"sweep.html", "page.html"}
+    names = {f"{kind.name}.html" for kind in KINDS} | {"sweep.html", "page.html"}
     for path in TEMPLATES.glob("*.html"):
         Environment().parse(path.read_text(encoding="utf-8"))
         names.discard(path.name)
@@ -128,25 +134,25 @@ def test_numbers_in_si_units() -> None:
             "body.density=2.65",
         ],
     )
-    shown = environment(si_of_flow=FLOW).get_template("numbers.html").module
-    page = shown.in_si(in_si(scene))
+    shown = environment(in_si=_in_si).get_template("numbers.html").module
+    page = shown.si(in_si(scene))
     row = r'row">([^<]*)</th><td class="number"><data value="([^"]*)">[^<]*</data></td><td class="">([^<]*)<'
     told = {name: (float(value), unit) for name, value, unit in re.findall(row, page)}
     assert told["nominal diameter"] == (pytest.approx(1e-3), "m")
     assert told["stress on the bed"] == (pytest.approx(5e-3), "Pa")
     assert told["shear velocity"] == (pytest.approx(5e-6**0.5), "m/s")
     assert told["one unit of time of the scene"] == (pytest.approx(0.2), "s")
-    assert not shown.in_si(None).strip()
+    assert not shown.si(None).strip()
 
 
 def test_walls_are_reported_with_reverse_flow_and_what_has_not_converged() -> None:
     stored = {"least": 3.0, "largest": 71.25, "backward": [[1.0, 2.0]]}
-    assert TurbulenceEffect().findings({}) is None
+    assert findings({}) is None
     for converged, words in ((True, "3 to 71.2."), (False, "loads are means, within 1.2%.")):
         told = stored | {"converged": converged, "spread": 0.012}
-        found = TurbulenceEffect().findings({"turbulence": told})
-        assert found is not None and found.sentence.endswith(words)
-    assert [value for _, value in found.rows] == [(1.0, 2.0)]
+        found = findings({"turbulence": told})
+        assert found is not None and found[0].endswith(words)
+    assert [value for _, value in found[1]] == [(1.0, 2.0)]
 
 
 def test_a_wide_picture_is_made_smaller(tmp_path: Path) -> None:
@@ -169,3 +175,30 @@ def test_a_page_does_not_replace_a_result(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"mine\.html: was not written by incipient"):
         incipient.report(tmp_path, tmp_path / "mine.html")
     assert (tmp_path / "mine.html").read_text() == "mine"
+
+
+def test_a_directory_of_poses_is_shown_and_reported(tmp_path: Path) -> None:
+    """Two thresholds of four poses, one of which has no rest; one run has failed."""
+    stored = {"shields": [0.02, 0.05], "modes": {"rolling": 2}, "poses": 4, "refused": 1}
+    record = json.dumps(stored | {"reason": "rolls away", "failed": 1})
+    (tmp_path / "poses.json").write_text(record)
+    page = incipient.report(tmp_path).read_text()
+    assert (tmp_path / "poses.png").is_file() and "4 poses: 2 thresholds, failed runs: 1." in page
+    assert "Poses without a rest: 1, the first: rolls away." in page
+    assert '<th scope="row">median</th><td class="number"><data value="0.02">' in page
+
+
+def test_results_of_an_earlier_version_are_read_or_refused_with_what_to_do(tmp_path: Path) -> None:
+    """The torque was called couple; a scene may have a key that is retired."""
+    (tmp_path / "result.json").write_text('{"couple": {"flow": [1]}, "terms": [{"couple": 2}]}')
+    stored = parsed_json(tmp_path / "result.json")
+    assert stored == {"torque": {"flow": [1]}, "terms": [{"torque": 2}]}
+    text = SCENE.read_text().replace("[numerics]", "[numerics]\nform = 'advective'")
+    (tmp_path / "scene.toml").write_text(text)
+    with pytest.raises(
+        OutputError, match=r"results of another version.*numerics\.form: .*leave it o"
+    ):
+        scene_of(tmp_path)
+    (tmp_path / "threshold.json").write_text("{}")
+    complaint = draw_apart(tmp_path).complaint
+    assert complaint.endswith("show them with that version, or run the scene again, changed so")

@@ -67,6 +67,7 @@ class TestRestInSpace:
         height = self.height(Box((1.0, 0.6, 0.4), 0.1), Plane(), (0.0, 0.0), placement.quaternion)
         assert height == pytest.approx(expected, abs=1e-13)
 
+    @pytest.mark.slow
     @settings(max_examples=40, deadline=None)
     @given(
         name=st.sampled_from(list(SOLIDS)),

@@ -14,7 +14,7 @@ from incipient.accuracy.goal import bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, Term
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.results.safetybar import SafetyBar
 
 ZERO = np.zeros(3)
@@ -63,18 +63,18 @@ def test_no_terms_no_bar() -> None:
     assert (found.low, found.high, found.decisive) == (found.value, found.value, "")
 
 
-def held_disc(couple: float, error: float, friction: float = 0.1, inert: bool = True) -> SafetyBar:
-    """A disc of weight one between two contacts 30 degrees to either side of its lowest point, turned by a couple."""
+def held_disc(torque: float, error: float, friction: float = 0.1, inert: bool = True) -> SafetyBar:
+    """A disc of weight one between two contacts 30 degrees to either side of its lowest point, turned by a torque."""
     s, c = 0.5, np.sqrt(0.75)
     normals = np.array([[-s, -c, 0.0], [s, -c, 0.0]])
-    load = Load(np.zeros(3), np.array([0, 0, couple]), np.array([0, -1.0, 0]), np.zeros(3))
+    load = Load(np.zeros(3), np.array([0, 0, torque]), np.array([0, -1.0, 0]), np.zeros(3))
     mass_and_inertia = (1.0, 0.125 * np.eye(3)) if inert else None
     errors = {"gap": error * np.eye(6)[5]}
     return bar_of_safety(load, Contacts(0.5 * normals, normals), friction, mass_and_inertia, errors)
 
 
 def test_no_certainty_from_corners_that_move() -> None:
-    """At every corner it moves, by one mode; without a couple, which is within the bars, it rests at any factor."""
+    """At every corner it moves, by one mode; without a torque, which is within the bars, it rests at any factor."""
     found = held_disc(0.1, 0.25)
     assert not found.certain
     assert set(found.modes) == {"pivoting and sliding", "rest"} and not found.complete
@@ -85,7 +85,7 @@ def test_no_certainty_from_corners_that_move() -> None:
 
 
 @pytest.mark.parametrize(
-    ("couple", "error", "friction", "outcome"),
+    ("torque", "error", "friction", "outcome"),
     [
         (
             0.1,
@@ -103,9 +103,9 @@ def test_no_certainty_from_corners_that_move() -> None:
     ],
 )
 def test_what_is_certain_is_said(
-    couple: float, error: float, friction: float, outcome: str
+    torque: float, error: float, friction: float, outcome: str
 ) -> None:
-    found = held_disc(couple, error, friction)
+    found = held_disc(torque, error, friction)
     assert found.certain and found.complete is (outcome == "it rests")
     assert f"certain within the error bars: {outcome}; safety factor" in found.sentence()
 
@@ -149,11 +149,11 @@ def test_nothing_is_certain_in_doubt(doubt: str) -> None:
         np.array([0.01, 0.0, 0.0]), ZERO, np.array([0.0, 1.0, 0.0]), np.array([0.0, -9.0, 0.0])
     )
     bars = with_safety(
-        ErrorBars((term(doubt),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
+        ErrorBars((term(doubt),)), run, force, Torques(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
     )
     assert bars.safety is not None
     sure = with_safety(
-        ErrorBars((term(),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
+        ErrorBars((term(),)), run, force, Torques(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
     ).safety
     assert sure is not None and sure.certain
     assert bars.safety.certain == (not doubt)

@@ -5,14 +5,16 @@ In 2-D: x downstream, y up. In 3-D: x downstream, z up. Normals point out of the
 
 import json
 import math
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from incipient.contact import Contacts, Load
+from incipient.contact import Contacts, Load, kernels
 from incipient.contact.conic import interval_rows
 from incipient.contact.friction import FrictionCone
 from incipient.contact.kernels import Kernel
@@ -436,3 +438,16 @@ class TestKernels:
         assert kernel.compiled is not None
         for before, after, close in zip(slow, fast, (1e-10, 1e-10, 0.0, 1e-7), strict=True):
             assert after == pytest.approx(before, nan_ok=True, abs=close)
+
+    def test_an_interrupt_while_a_kernel_is_compiled_is_not_lost(self, monkeypatch):
+        """The compiler's callbacks dropped it, printed a traceback, and the batch went on."""
+
+        def compiled(matrices):
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            return matrices
+
+        monkeypatch.setattr(kernels, "_compiled", lambda function: compiled)
+        kernel = Kernel(interval_rows, interpreted=0)
+        with pytest.raises(KeyboardInterrupt):
+            kernel(np.zeros((1, 3, 3)))

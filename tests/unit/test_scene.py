@@ -219,6 +219,11 @@ def test_friction_of_the_scene_holds_a_box_on_a_slope():
     assert stays.centre == pytest.approx((4.0, 0.25), rel=1e-12)
     refused = message(lambda: scene(**changes, contact=Contact(friction=0.3)))
     assert refused.startswith("Scene: body.x: the grain rolls off")
+    level = Rectangle(width=1, height=0.5, x=4, settle="level")
+    found = scene(**{**changes, "body": level}, contact=Contact(friction=0.3))
+    assert found.placement.centre == pytest.approx((4.0, 0.25), rel=1e-12)
+    turned = 10.0 * math.sin(math.radians(20.0))
+    assert found.gravity_vector[0] == pytest.approx(turned)
 
 
 def test_gap_and_tolerance_are_lengths():
@@ -257,7 +262,7 @@ def test_every_key_is_described():
             assert field.description, f"{section.__name__}.{name}"
             pending += [option for option in variants(field.annotation) if option not in seen]
     # Scene, sections, the wave and the gust in one each, flows, shapes, beds; plane + space.
-    assert len(seen) == 1 + 13 + 1 + 8 + (7 + 8) + (5 + 5)
+    assert len(seen) == 1 + 13 + 1 + 8 + (7 + 9) + (5 + 5)
 
 
 def test_import_loads_no_finite_elements():

@@ -33,6 +33,7 @@ from incipient.scene import (
     Time,
     Uniform,
 )
+from incipient.scene.gust import Gust
 
 ONE_KEY = [
     (lambda: Domain(length=-1, height=1), "Domain: length: is -1; give a number greater than 0"),
@@ -98,6 +99,18 @@ ONE_KEY = [
         "Surface: points: do not ascend in x; give two or more points sorted by x, each x once",
     ),
     (
+        lambda: Surface(file="elevation.csv", points=[(0, 0), (1, 0.1)]),
+        "Surface: file: both file and points are given; give one of them",
+    ),
+    (
+        lambda: Gust(shape="points"),
+        "Gust: file: neither file nor points is given; give one of them",
+    ),
+    (
+        lambda: Gust(shape="cosine", points=[(0, 1), (1, 2)]),
+        'Gust: points: are not read with shape = "cosine"; set shape = "points"',
+    ),
+    (
         lambda: Surface(file="nowhere.csv"),
         "Surface: file: nowhere.csv cannot be read (No such file or directory); give the name of a CSV file of x, y",
     ),
@@ -159,7 +172,7 @@ ONE_KEY = [
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed", course=("x", "0", "0")),
-        'Disc: course: "x" depends on x; use t only',
+        'Disc: course[0]: "x" depends on x; use t only',
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="free", density=1, locked=("z",)),

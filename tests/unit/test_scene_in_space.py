@@ -14,13 +14,15 @@ from incipient.contact.verdict import judge
 from incipient.effects.plan import make_plan
 from incipient.evaluation.contact_verdict import find_contacts, load_of
 from incipient.planning.flow_setup import Setup
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.scene import (
     Box,
+    Capsule,
     Contact,
     Cylinder,
     Disc,
     Domain,
+    Effects,
     Ellipsoid,
     ExpressionFlow,
     Flat,
@@ -44,7 +46,6 @@ from incipient.scene import (
     Superquadric,
     Time,
 )
-from incipient.scene.effects import Effects
 from incipient.scene.file import dumps, load, loads, schema
 from incipient.scene.mass import mass_and_inertia
 from incipient.simulation.loads import weights
@@ -208,9 +209,9 @@ def test_a_sphere_in_a_pocket_of_spheres_leaves_it_at_the_angle_of_repose(turned
         assert one.placement.centre == pytest.approx((5.0, 4.0, math.sqrt(2.0 / 3.0)))
         buoyancy, weight = weights(one)
         force = Forces(np.zeros(3), np.zeros(3), buoyancy, weight)
-        couple = Couples(np.zeros(3), np.zeros(3), np.array(one.placement.centre))
+        torque = Torques(np.zeros(3), np.zeros(3), np.array(one.placement.centre))
         load, inert = (
-            load_of(one.placement, force, couple),
+            load_of(one.placement, force, torque),
             mass_and_inertia(one.body, one.placement),
         )
         found[slope > repose] = judge(load, find_contacts(one), 1.0, inert).equilibrium.moves
@@ -275,6 +276,30 @@ def test_a_height_map_is_read_once_and_stands_in_the_resolved_scene(tmp_path):
     for key in ("cell", "offset"):
         wrong = {**scene().model_dump(), "bed": {**data, key: 0.1}}
         assert f"bed.{key}: is 0.1; give two lengths" in message(lambda wrong=wrong: Scene(**wrong))
+
+
+def test_a_capsule_has_the_moments_of_a_cylinder_with_hemispheres_and_lies_on_its_bed():
+    """r = 0.5, cylinder h = 1: V = pi r^2 h + 4/3 pi r^3; about the axis rho pi (r^4 h/2 + 8 r^5/15).
+
+    Across: cylinder m (r^2/4 + h^2/12) with m = pi r^2 h; two hemispheres of m = 2/3 pi r^3, each
+    m (2/5 r^2 + h^2/4 + 3/8 h r).
+    """
+    lying = scene(body=Capsule(diameter=1, length=2, x=5, settle=True, density=2))
+    r, h, grain = 0.5, 1.0, lying.grain
+    tube, end = math.pi * r**2 * h, 2.0 / 3.0 * math.pi * r**3
+    assert grain.volume == pytest.approx(tube + 2.0 * end)
+    along = tube * r**2 / 2.0 + 2.0 * end * 0.4 * r**2
+    across = tube * (r**2 / 4.0 + h**2 / 12.0)
+    across += 2.0 * end * (0.4 * r**2 + h**2 / 4.0 + 0.375 * h * r)
+    assert np.diag(grain.inertia) == pytest.approx([across, along, across])
+    assert grain.size == pytest.approx(2.0)
+    assert grain.level([[0.0, 1.0, 0.0], [0.5, 0.3, 0.0], [0.0, 1.2, 0.0]]) == pytest.approx(
+        [0.0, 0.0, 0.2], abs=1e-12
+    )
+    assert lying.placement.centre[2] == pytest.approx(0.5, abs=1e-8)
+    assert "length: is 1, no more than the diameter" in message(
+        lambda: Capsule(diameter=1, length=1, x=5)
+    )
 
 
 def test_a_scanned_bed_is_the_upper_side_of_its_triangles(tmp_path):

@@ -47,7 +47,8 @@ from incipient.planning.layout import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Adaptation, Trial
 from incipient.results.errorbars import Term
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
+from incipient.results.quantity import as_stored
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
@@ -156,14 +157,14 @@ def test_a_smaller_gap_or_a_larger_domain() -> None:
 # -- the quantity -----------------------------------------------------------------------------------
 
 
-def loaded(force: float, couple: float) -> tuple[Forces, Couples]:
+def loaded(force: float, torque: float) -> tuple[Forces, Torques]:
     scene = grain_on_bed()
     gravity = np.append(scene.gravity_vector, 0.0)
     volume, none = scene.grain.volume, np.zeros(3)
     flow = np.array([force, 0.0, 0.0])
     about = np.array([4.0, 0.51, 0.0])
     weights = Forces(flow, flow, -volume * gravity, scene.mass * gravity)
-    return weights, Couples(np.array([0.0, 0.0, couple]), none, about)
+    return weights, Torques(np.array([0.0, 0.0, torque]), none, about)
 
 
 def wanting(**numerics: object) -> Scene:
@@ -171,21 +172,21 @@ def wanting(**numerics: object) -> Scene:
 
 
 def test_relative_errors() -> None:
-    force, couple = loaded(2.0, -0.5)
+    force, torque = loaded(2.0, -0.5)
     errors = np.array([0.03, 0.04, 0.0]), np.array([0.0, 0.0, 0.01])
-    assert Goal.of(wanting()).error(force, couple, *errors) == pytest.approx(0.025)
-    assert Goal.of(wanting(accuracy_of="couple")).error(force, couple, *errors) == pytest.approx(
+    assert Goal.of(wanting()).error(force, torque, *errors) == pytest.approx(0.025)
+    assert Goal.of(wanting(accuracy_of="torque")).error(force, torque, *errors) == pytest.approx(
         0.02
     )
     vanishing = loaded(2.0, 0.0)
-    # 1% of force times diameter stands for a couple that is smaller.
-    assert Goal.of(wanting(accuracy_of="couple")).error(*vanishing, *errors) == pytest.approx(0.5)
+    # 1% of force times diameter stands for a torque that is smaller.
+    assert Goal.of(wanting(accuracy_of="torque")).error(*vanishing, *errors) == pytest.approx(0.5)
 
 
 def test_goals_are_relative() -> None:
-    force, couple = loaded(2.0, -0.5)
-    assert np.allclose(Goal.of(wanting()).goals(force, couple), [[0.5, 0, 0], [0, 0.5, 0]])
-    assert np.allclose(Goal.of(wanting(accuracy_of="couple")).goals(force, couple), [[0, 0, 2.0]])
+    force, torque = loaded(2.0, -0.5)
+    assert np.allclose(Goal.of(wanting()).goals(force, torque), [[0.5, 0, 0], [0, 0.5, 0]])
+    assert np.allclose(Goal.of(wanting(accuracy_of="torque")).goals(force, torque), [[0, 0, 2.0]])
 
 
 def test_slope_of_the_safety_factor() -> None:
@@ -194,8 +195,8 @@ def test_slope_of_the_safety_factor() -> None:
     from incipient.evaluation.contact_verdict import load_of
 
     scene = on_bed(*POCKET, "numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")
-    goal, (force, couple) = Goal.of(scene), loaded(1.0, -0.1)
-    (slope,) = goal.goals(force, couple)
+    goal, (force, torque) = Goal.of(scene), loaded(1.0, -0.1)
+    (slope,) = goal.goals(force, torque)
     factors = [
         judged(load_of(scene.placement, *loads_), goal.contacts, 0.5).safety.value
         for loads_ in (loaded(0.99, -0.1), loaded(1.01, -0.1))
@@ -263,10 +264,10 @@ def test_a_range_with_an_infinite_end() -> None:
     """In a pocket a force that is small may within its error be none, which is held at any factor."""
     wanted = ("numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")
     goal = Goal.of(on_bed(*POCKET, *wanted))
-    force, couple = loaded(0.1, 0.0)
+    force, torque = loaded(0.1, 0.0)
     errors = np.array([0.01, 0.0, 0.0]), np.zeros(3)
-    assert goal.error(force, couple, *errors) == pytest.approx(1.0 / 0.9 - 1.0 / 1.1)
-    assert goal.error(force, couple, 10.0 * errors[0], errors[1]) == np.inf
+    assert goal.error(force, torque, *errors) == pytest.approx(1.0 / 0.9 - 1.0 / 1.1)
+    assert goal.error(force, torque, 10.0 * errors[0], errors[1]) == np.inf
 
 
 # -- the loop -----------------------------------------------------------------------------------------
@@ -398,7 +399,7 @@ def test_what_is_said() -> None:
         "error of the force 4.0e-03 (of discretisation), asked for 0.01: reached",
     ]
     assert [line.split()[0] for line in rest] == ["P2", "P3"]
-    assert said.to_dict()["trials"][1]["unknowns"] == 3000
+    assert as_stored(said)["trials"][1]["unknowns"] == 3000
 
 
 # -- in time -----------------------------------------------------------------------------------------------

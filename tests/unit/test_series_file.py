@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import signal
 import subprocess
 import sys
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 from environment import environment
 
-from incipient.errors import OutputError
 from incipient.output.series_file import SeriesFile, Unreadable, read_step, times
 
 # Two quadratic triangles that share a side, which is curved.
@@ -74,6 +72,7 @@ written(Path(sys.argv[1]), 10_000)
 """
 
 
+@pytest.mark.slow
 def test_a_writer_killed_at_any_moment_leaves_whole_steps(tmp_path: Path) -> None:
     """SIGKILL, eight times; all steps but the one under way are there, and the series resumes behind any of them."""
     random, here = np.random.default_rng(5), str(Path(__file__).parent)
@@ -85,7 +84,9 @@ def test_a_writer_killed_at_any_moment_leaves_whole_steps(tmp_path: Path) -> Non
             stdout=subprocess.PIPE,
         )
         assert writer.stdout is not None and writer.stdout.readline() == b"begun\n"
-        time.sleep(random.uniform(0.05, 0.3))
+        while not stem.with_suffix(".xdmf").exists():  # the first step may take long to begin
+            time.sleep(0.01)
+        time.sleep(random.uniform(0.0, 0.3))
         writer.send_signal(signal.SIGKILL)
         writer.communicate()
         found = times(stem)
@@ -99,20 +100,6 @@ def test_a_writer_killed_at_any_moment_leaves_whole_steps(tmp_path: Path) -> Non
         again.add_step(1e6, fields_at(1e6), MESH)
         kept = [one for one in found if one <= found[-1] / 2]
         assert shown(stem) == times(stem) == [*kept, 1e6]
-
-
-def test_a_full_disk_costs_the_step_alone(tmp_path: Path) -> None:
-    file, old = written(tmp_path / "fields", 1), resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, old[1]))
-    try:
-        with pytest.raises(OutputError, match=r"000001\.h5: cannot be written: file too large; ra"):
-            file.add_step(1, fields_at(1), {})
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, old)
-    assert shown(tmp_path / "fields") == [0.0]
-    file.add_step(2, fields_at(2), {})
-    assert shown(tmp_path / "fields") == times(tmp_path / "fields") == [0.0, 2.0]
-    assert not list((tmp_path / "fields").glob("*.part"))
 
 
 def test_a_damaged_step_is_refused_and_put_aside(

@@ -12,7 +12,7 @@ import trimesh
 from scenes import message
 
 from incipient.effects.plan import make_plan
-from incipient.results.si import in_si, si_lines
+from incipient.results.si import in_si, si_lines, with_loads
 from incipient.scene import Disc, Domain, Flat, Rectangle, Scene, Shear, Sphere, Units, dumps, loads
 from incipient.scene.units import nominal_diameter
 
@@ -56,23 +56,24 @@ def test_a_grain_of_quartz_in_water() -> None:
     assert (scales.length, scales.time, scales.velocity) == pytest.approx((5e-4, 5e-3, 0.1))
     assert scales.force == pytest.approx(
         1000.0 * 0.1**2 * 5e-4**2
-    ) and scales.couple == pytest.approx(1.25e-9)
+    ) and scales.torque == pytest.approx(1.25e-9)
 
 
 def test_the_flow_and_loads_in_si() -> None:
     """tau = rho nu times the shear rate = 0.1 Pa, u* = sqrt(tau/rho) = 0.01 m/s; both grow with the flow."""
     scene = loads(QUARTZ)
-    found = in_si(scene, 4.0, np.array([2.0, 0.0, 1.0]), np.array([0.0, 4.0, 0.0]))
+    acting = {"force": [2.0, 0.0, 1.0], "torque": [0.0, 4.0, 0.0]}
+    found = with_loads(in_si(scene, 4.0), acting)
     assert found is not None
     assert (found["shear_rate"], found["bed_stress"]) == pytest.approx((400.0, 0.4), rel=1e-6)
     assert found["shear_velocity"] == pytest.approx(0.02, rel=1e-6)
     assert found["force"] == pytest.approx([5e-6, 0.0, 2.5e-6]) and found[
-        "couple"
+        "torque"
     ] == pytest.approx([0.0, 5e-9, 0.0])
     said = "\n".join(si_lines(found))
     assert (
         "nominal diameter 0.001 m, shear rate 400 1/s" in said
-        and "force of the flow (5e-06, 0, 2.5e-06) N" in said
+        and "force (5e-06, 0, 2.5e-06) N" in said
     )
     assert in_si(loads(QUARTZ.partition("[units]")[0], overrides=["fluid.reynolds=1"])) is None
 

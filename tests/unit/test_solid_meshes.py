@@ -233,14 +233,42 @@ def test_nodes_lie_on_the_surfaces() -> None:
     assert np.abs(on_bed[:, 2]).max() < 1e-14
 
 
-def test_smooth_grains_are_meshed_anew_where_curved_cells_would_fold() -> None:
-    """Of these cells one folds over a facet of the grain; with that flat the volume is 1.3e-3 too large, 16 times as
-    much as of meshes nearby, and in Stokes flow the torque 1.6% below O'Neill's (1968).
+def mesh_of(scene: str, mesh_size: float) -> Simplices:
+    setup = Setup(load(SCENES / f"{scene}.toml", [f"numerics.mesh_size={mesh_size}"]))
+    return lay_out(setup, plan_of(setup)).mesh()
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.41421, 2.0, 2.83])
+def test_cells_make_room_for_a_curved_grain(factor: float) -> None:
+    """Cells as large as the sphere's radius fold over its facets, which stayed flat: three edges at 2.83, and others
+    only on a second to fourth mesh, finer than asked for. Now all nodes lie on the sphere.
     """
-    scene = load(SCENES / "sphere_on_plane.toml", ["numerics.mesh_size=1.41421"])
-    setup = Setup(scene)
-    mesh = lay_out(setup, plan_of(setup)).mesh()
+    mesh = mesh_of("settling_sphere", 2.0 * factor)
+    away = np.linalg.norm(faces(mesh, "body").reshape(-1, 3) - [50.0, 50.0, 127.5], axis=1)
+    assert away == pytest.approx(7.5, abs=1e-9)
+    assert jacobian_lower_bound(cells(mesh)).min() > 0.0
+    first = {1.0: 1223, 1.41421: 792, 2.0: 446, 2.83: 298}[factor]  # cells that fold included
+    assert len(mesh.cells) < (1.1 if factor <= 2.0 else 2.0) * first
+
+
+def test_a_facet_that_a_cell_folds_over_does_not_stay_flat() -> None:
+    """With it flat the volume was 1.3e-3 too large, and in Stokes flow the torque 1.6% below O'Neill's (1968)."""
+    mesh = mesh_of("sphere_on_plane", 1.41421)
     assert abs(volume(mesh) - (60.0 * 30.0 * 30.0 - np.pi / 12.0)) < 2e-4
+
+
+def test_edges_that_do_not_follow_a_grain_are_told(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Cells six times as large as the radius of a box's edges leave no room to some of them."""
+    monkeypatch.setattr(space, "ATTEMPTS", 1)
+    region, _ = grain_above(Box((0.8, 0.8, 0.6), 0.05), gap=0.1, half=1.5, symmetric=True)
+    mesh = meshed(region, Sizes(1.0, (Near(0.3, 0.3, boundary="body"),)), 2)
+    assert jacobian_lower_bound(cells(mesh)).min() > 0.0
+    assert (
+        "edges of cells do not follow a curved grain" in caplog.text
+        and "numerics.mesh_size" in caplog.text
+    )
 
 
 def test_any_unit_and_any_place() -> None:
@@ -299,6 +327,7 @@ def test_domains_of_dolfinx(order: int) -> None:
     assert found["symmetry"] == pytest.approx(9.0 - 0.25 * np.pi, rel={1: 0.01, 2: 1e-4}[order])
 
 
+@pytest.mark.slow
 def test_domains_on_two_ranks(mpirun: Any) -> None:
     # A line is written at once with its end: what two ranks print would else mix.
     script = "import sys; sys.path.insert(0, sys.argv[1])\nfrom test_solid_meshes import measured\n"

@@ -259,7 +259,7 @@ class TestFullRuns:
         given = on_pocket(1.0), -0.5, asked(), 2.0
         first = FullRun(7, scene_of(*given, error_bars=True), scene_of(*given, wide=True))
         second = FullRun(8, scene_of(on_pocket(1.2), -0.5, asked(), 2.0))
-        done = {"status": "done", "force_x": 3.0, "couple_y": 1.0}
+        done = {"status": "done", "force_x": 3.0, "torque_y": 1.0}
         rows = {
             identity_of(first.scene, "run"): done | {"force_x_low": 2.9, "force_x_high": 3.1},
             identity_of(first.wide, "run"): done | {"force_x": 3.3},
@@ -271,6 +271,7 @@ class TestFullRuns:
         rows[identity_of(first.wide, "run")] = {"status": "failed"}
         assert coefficients_of([first, second], rows)[0].errors is None
 
+    @pytest.mark.slow
     def test_a_later_call_computes_what_is_new(self, monkeypatch, tmp_path):
         """Eight runs, of which one is repeated with a wider gap in vain; then one more, the others as they were."""
         pytest.importorskip("sklearn")
@@ -279,7 +280,7 @@ class TestFullRuns:
         def sweep(scenes, *_, **__):
             for scene in scenes:
                 bent = 0.01 * len(computed)
-                row = {"id": identity_of(scene, "run"), "force_x": 5.0 + bent, "couple_y": 1.0}
+                row = {"id": identity_of(scene, "run"), "force_x": 5.0 + bent, "torque_y": 1.0}
                 row["status"] = "failed" if "wide" in scene.title else "done"
                 computed.setdefault(row["id"], row)
 

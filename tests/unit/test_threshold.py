@@ -29,7 +29,7 @@ from incipient.geometry.space.grains import Sphere
 from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars
-from incipient.results.loads import Couples, Forces
+from incipient.results.loads import Forces, Torques
 from incipient.scene import Disc, Flat, Fluid, Turbulence, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.thresholds import meshes
@@ -62,7 +62,7 @@ class Pretended:
         self.voice, self.load, self.limit = Silent(), load, limit
         self.comm, self.tried = MPI.COMM_SELF, list[float]()
 
-    def loads_at(self, run: Any, factor: float, start: float) -> tuple[Forces, Couples]:
+    def loads_at(self, run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
         if factor not in (self.limit, *self.tried):
             self.tried.append(factor)
         self.fluid.reynolds = min(factor, self.limit) * self.plan.reynolds
@@ -70,8 +70,8 @@ class Pretended:
             raise ConvergenceError("no steady flow")
         flow, gravity = factor * self.load(factor), np.array([0.0, -1.0, 0.0])
         weight, buoyancy = 2.65 * 2.5 * np.pi * gravity, -2.5 * np.pi * gravity
-        couple = Couples(flow[3:], flow[3:], np.zeros(3))
-        return Forces(flow[:3], flow[:3], buoyancy, weight), couple
+        torque = Torques(flow[3:], flow[3:], np.zeros(3))
+        return Forces(flow[:3], flow[:3], buoyancy, weight), torque
 
     def safety(self, factor: float) -> float:
         flow = factor * self.load(factor)
@@ -157,8 +157,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
 ) -> None:
     """Where it is not held in the flow to start with the search begins with the slowest one."""
     bound, said = SlowestFlow(1e-3, "looked at", "", start, "five flows"), list[str]()
-    effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
         is_averaged=True,
@@ -175,8 +174,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
 
 def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: SlowestFlow) -> None:
     """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
-    effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended.setup = SimpleNamespace(
         is_averaged=True,
         scene=SimpleNamespace(resolves_walls=True),
@@ -189,7 +187,7 @@ def test_a_mean_flow_that_is_not_found_is_not_tried_again(monkeypatch: pytest.Mo
     pretended, asked = Pretended(lambda f: 1e-3 * DRAG * (0.3 + f), limit=5.0), list[float]()
     mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", ""))
 
-    def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Couples]:
+    def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
         pretended.fluid.reynolds = (
             factor * pretended.plan.reynolds
         )  # as a mean flow takes it, before it is sought
@@ -395,6 +393,7 @@ def on_plane(inertia: float, limit: float = np.inf) -> Pretended:
     return pretended
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: float) -> None:
     """Turned by t its centre is h = sqrt(a^2 sin^2 t + b^2 cos^2 t) high, its contact h' beside: force/weight = h'/h.
@@ -416,6 +415,7 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: f
     assert found.trials[-1].safety_factor == pytest.approx(1.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_grain_that_rocks_where_no_steady_flow_is_found() -> None:
     """Its threshold, by force/weight = (a^2 - b^2)/(2 a b), is at some 2.5 times the flow; none is found beyond 1."""
     found = on_plane(1.0, limit=1.0).from_rest()

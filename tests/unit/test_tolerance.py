@@ -9,8 +9,7 @@ import pytest
 from domains import unit_box
 
 from incipient.fluid import FlowModel, Fluid, Prescribed
-from incipient.fluid.tolerance import LEAST, ShareOfError, of_steps
-from incipient.fluid.transient import Transient
+from incipient.fluid.transient import LEAST, ShareOfError, Transient, of_steps
 from incipient.planning.tolerance import STEADY, of_steady
 
 

@@ -1,4 +1,4 @@
-"""Forces, couples and tractions against exact ones; the sign is that of sigma n with n out of the body."""
+"""Forces, torques and tractions against exact ones; the sign is that of sigma n with n out of the body."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_buoyancy_sign() -> None:
         buoyancy = [0.0, g * SIZE**2, 0.0]
         for resultant in (probe.resultant(), probe.surface_resultant()):
             assert resultant.force == pytest.approx(buoyancy, abs=1e-10)
-            assert resultant.couple == pytest.approx(np.zeros(3), abs=1e-10)
+            assert resultant.torque == pytest.approx(np.zeros(3), abs=1e-10)
         assert printed_force(fluid) == pytest.approx([0.0, -g * SIZE**2], abs=1e-10)
 
 
@@ -111,14 +111,14 @@ def test_the_viscosity_is_an_expression() -> None:
 
 
 def couette_couples(around: int) -> tuple[float, float]:
-    """Couples on the inner disc by the residual and by the surface integral; see the test below."""
+    """Torques on the inner disc by the residual and by the surface integral; see the test below."""
     turning = Prescribed("inner", lambda x, t: np.vstack([-x[1], x[0]]))
     with Fluid(
         ring(0.5, 1.0, around, 2), FlowModel(), [turning, no_slip("outer")], reynolds=4.0
     ) as fluid:
         solve_steady(fluid, 1e-11)
         probe = TractionProbe(fluid, "inner", (0.0, 0.0))
-        return float(probe.resultant().couple[2]), float(probe.surface_resultant().couple[2])
+        return float(probe.resultant().torque[2]), float(probe.surface_resultant().torque[2])
 
 
 def test_couple_between_turning_discs_converges_at_the_doubled_rate() -> None:
@@ -166,7 +166,7 @@ def test_wall_under_plane_poiseuille_flow() -> None:
     assert by_residual[0] == pytest.approx(0.6 - 1.2 * CORNER, abs=1e-12)
 
 
-# -- couples and the traction field -------------------------------------------------------------
+# -- torques and the traction field -------------------------------------------------------------
 
 
 def test_couple_about_another_point(solved: Fluid) -> None:
@@ -176,19 +176,19 @@ def test_couple_about_another_point(solved: Fluid) -> None:
     for read in (TractionProbe.resultant, TractionProbe.surface_resultant):
         at_a, at_b = read(about_a), read(about_b)
         assert at_b.force == pytest.approx(at_a.force, abs=1e-12)
-        assert at_b.couple == pytest.approx(at_a.couple + np.cross(a - b, at_a.force), abs=1e-12)
-        assert abs(at_a.couple[2]) > 1e-3
+        assert at_b.torque == pytest.approx(at_a.torque + np.cross(a - b, at_a.force), abs=1e-12)
+        assert abs(at_a.torque[2]) > 1e-3
 
 
 def test_traction_field_integrates_to_force_and_couple(solved: Fluid) -> None:
-    """On straight sides a rigid motion is in the velocity space, so that the couple is met too."""
+    """On straight sides a rigid motion is in the velocity space, so that the torque is met too."""
     probe = TractionProbe(solved, "body", (0.8, 0.55))
     traction, resultant = probe.field(), probe.resultant()
     ds, x = solved.domain.measure("body"), ufl.SpatialCoordinate(solved.domain.mesh)
     force = [integral(t * ds) for t in traction]
-    couple = integral(((x[0] - 0.8) * traction[1] - (x[1] - 0.55) * traction[0]) * ds)
+    torque = integral(((x[0] - 0.8) * traction[1] - (x[1] - 0.55) * traction[0]) * ds)
     assert force == pytest.approx(resultant.force[:2], rel=1e-9)
-    assert couple == pytest.approx(resultant.couple[2], rel=1e-9)
+    assert torque == pytest.approx(resultant.torque[2], rel=1e-9)
 
 
 def test_traction_field_vanishes_off_the_body(solved: Fluid) -> None:
@@ -209,14 +209,14 @@ def bulge(x: np.ndarray) -> np.ndarray:
 
 
 def probed(fluid: Fluid) -> list[np.ndarray]:
-    """Forces and couples, both ways, and the integral of the traction field."""
+    """Forces and torques, both ways, and the integral of the traction field."""
     solve_steady(fluid, 1e-11)
     probe = TractionProbe(fluid, "body", (0.7, 0.5))
     readings = [probe.resultant(), probe.surface_resultant()]
     normal = forms.surface_vector(ufl.FacetNormal(fluid.domain.mesh), fluid.reference_map)
     area = ufl.sqrt(ufl.inner(normal, normal))
     total = [integral(t * area * fluid.domain.measure("body")) for t in probe.field()]
-    return [*(part for r in readings for part in (r.force, r.couple)), np.array(total)]
+    return [*(part for r in readings for part in (r.force, r.torque)), np.array(total)]
 
 
 def test_same_force_on_a_reference_map_as_on_the_moved_mesh() -> None:
@@ -253,6 +253,35 @@ def forces_in_stokes_flow(cell: float) -> list[np.ndarray]:
             for read in (TractionProbe.resultant, TractionProbe.surface_resultant)
             for p in probes
         ]
+
+
+RADIUS, CENTRE = 0.25, np.array([[0.6], [0.5], [0.5]])  # of `ball_in_box`
+
+
+def stokes(x: np.ndarray, time: float) -> np.ndarray:
+    """Velocity of creeping flow past a fixed sphere in an unbounded uniform flow along x (Batchelor 1967, 4.9)."""
+    away = x - CENTRE
+    r = np.linalg.norm(away, axis=0)
+    along, a = np.array([[1.0], [0.0], [0.0]]), RADIUS
+    uniform = 1.0 - 0.75 * a / r - 0.25 * a**3 / r**3
+    return uniform * along - (0.75 * a / r**3 - 0.75 * a**3 / r**5) * away[0] * away
+
+
+def test_a_third_of_the_drag_of_a_sphere_in_creeping_flow_is_pressure() -> None:
+    """Stokes: 6 pi mu a U in all, 2 pi mu a U of pressure and 4 pi mu a U of viscous stress; no torque."""
+    errors = []
+    for cell in (0.5, 0.25):
+        around = [Prescribed("outer", stokes), no_slip("body")]
+        with Fluid(ball_in_box(cell), FlowModel(inertia=False), around, reynolds=1.0) as fluid:
+            fluid.solve(1e-10)
+            probe = TractionProbe(fluid, "body", CENTRE[:, 0])
+            whole, viscous = probe.surface_resultant(), probe.viscous_resultant()
+        parts = np.array([whole.force - viscous.force, viscous.force])
+        exact = np.array([[2.0, 0.0, 0.0], [4.0, 0.0, 0.0]]) * np.pi * RADIUS
+        errors.append(np.linalg.norm(parts - exact, axis=1) / np.linalg.norm(exact, axis=1))
+        assert np.abs([whole.torque, viscous.torque]).max() < 0.02 * np.pi * RADIUS**2
+    # Measured: 1.6% of the pressure part and 4.7% of the viscous one, which halve at least with the cells.
+    assert (errors[1] < 0.05).all() and (errors[1] < 0.5 * errors[0]).all(), errors
 
 
 def test_stokes_flow_past_a_ball() -> None:

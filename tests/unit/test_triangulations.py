@@ -95,6 +95,7 @@ def coarser(surface: Surface, factor: float) -> Surface:
     return Surface(exact.extent * made.points, made.triangles)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("surface", "factor", "points", "triangles", "area"),
     [

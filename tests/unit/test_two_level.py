@@ -14,7 +14,8 @@ from incipient import compat
 from incipient.accuracy.dual import GoalErrors
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError
-from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, raised, solve_steady
+from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
+from incipient.fluid.flow import build_fluid, enriched
 from incipient.fluid.solvers import TwoLevel, two_level
 
 CENTRE = (0.6, 0.5, 0.5)
@@ -30,7 +31,7 @@ def around_a_ball(inertia: bool, cell: float = 0.6) -> Fluid:
 
 def load_of(fluid: Fluid) -> np.ndarray:
     found = TractionProbe(fluid, "body", CENTRE).resultant()
-    return np.concatenate([found.force, found.couple])
+    return np.concatenate([found.force, found.torque])
 
 
 @pytest.mark.parametrize("inertia", [True, False])
@@ -46,7 +47,7 @@ def test_a_first_correction_tells_the_load_of_one_order_more(inertia: bool) -> N
         with GoalErrors(fluid, "body", CENTRE) as goals:
             finer = goals.finer
             assert isinstance(finer.solver, TwoLevel) and finer.space.order == 3
-            estimate = np.concatenate([goals.force, goals.couple])
+            estimate = np.concatenate([goals.force, goals.torque])
             along_it = estimate / np.linalg.norm(estimate)
             by_shares = goals.shares(along_it).sum()
             before = size_of_residual(finer, goals._before)
@@ -72,7 +73,7 @@ def test_flow_of_higher_order_is_that_of_the_direct_solver() -> None:
     conditions = [Prescribed("outer", stream), no_slip("body")]
     domain, model = ball_in_box(0.6), FlowModel(inertia=False, order=3, solver="two-level")
     with (
-        raised.made(domain, model, conditions, REYNOLDS) as fluid,
+        build_fluid(domain, model, conditions, REYNOLDS) as fluid,
         Fluid(domain, replace(model, solver="direct"), conditions, REYNOLDS) as direct,
     ):
         assert isinstance(fluid.solver, TwoLevel) and fluid.coarse is not None
@@ -89,7 +90,7 @@ def test_upwinding_leaves_the_residual_of_a_correction() -> None:
     """What it changes then is part of the estimate; at this speed the cells' Peclet numbers are above one."""
     with around_a_ball(inertia=True) as fluid:
         fluid.reynolds = 1e3
-        with raised.enriched(fluid) as finer:
+        with enriched(fluid) as finer:
             places = finer.space.velocity_map
             finer.state.x.array[places] = np.linspace(1.0, 2.0, len(places))
             w, q = ufl.TestFunctions(finer.space.mixed)
@@ -121,7 +122,7 @@ def test_forces_of_pressures_are_those_of_the_action(transposed: bool) -> None:
     """With upwinding, at the state taken last; the matrix spares an action at each step of the smoother."""
     with around_a_ball(inertia=True) as fluid:
         fluid.reynolds = 1e3
-        with raised.enriched(fluid) as finer:
+        with enriched(fluid) as finer:
             solver = finer.solver
             assert isinstance(solver, TwoLevel)
             places, held = finer.space.velocity_map, finer._equations().owned_held()

@@ -7,7 +7,7 @@ from tetrahedra import area, cells, faces, grain_above, volume
 
 from incipient import compat, make_plan
 from incipient.errors import MeshError
-from incipient.geometry import Sphere
+from incipient.geometry import Ellipsoid, Sphere
 from incipient.geometry.plane.curves import Arc, Line, Spline
 from incipient.mesh.domain import build
 from incipient.mesh.wall_distance import distances
@@ -175,6 +175,25 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     assert told["layers along walls"] == pytest.approx(found - before, rel=1.0)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("solid", "size"), [(Sphere(1.0), 0.3), (Ellipsoid((0.6, 0.5, 0.35)), 0.22)]
+)
+def test_layers_follow_a_curved_grain(solid, size):
+    """Cells folded between thin layers that bent and a straight upper end: 5 and 28 edges were bent less, by 0.011
+    and 0.02 of the grain, and nothing said so. Now all nodes lie on the grain.
+    """
+    region, _ = grain_above(solid, gap=0.05, half=1.5, symmetric=True)
+    layers = WallLayers({"bed": 0.002, "body": 0.001}, 12, 1.5)
+    mesh = meshed(
+        region, Sizes(1.0, (Near(size, 0.3, boundary="body"),), gap_part=0.8, layers=layers), 2
+    )
+    body = region.holes["body"]
+    away = solid.level(body.placement.to_body(faces(mesh, "body").reshape(-1, 3)))
+    assert away == pytest.approx(0.0, abs=1e-9)
+    assert jacobian_lower_bound(cells(mesh)).min() > 0.05
+
+
 def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     """Where cells at walls end, and distances from walls: by the sphere and the plane themselves."""
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5)
@@ -196,6 +215,7 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     assert found == pytest.approx(exact, abs=5.7e-3)
 
 
+@pytest.mark.slow
 def test_no_cell_in_the_layers_of_a_pocket_folds_over():
     """Thin layers at spheres between spheres, of which cells reached 1700 times their volume through themselves."""
     centre = 4.0 + np.sqrt(1.0 / 12.0)

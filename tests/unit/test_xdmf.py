@@ -76,6 +76,7 @@ def sorted_rows(grid):
     return rows[np.lexsort(np.round(grid.points, 9).T)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STILL)
 def test_values_are_at_their_nodes_and_nodes_in_vtk_s_order(directories, name):
     """From one and two ranks the same; mid-side nodes are between their corners, on curved sides nearly so."""

@@ -1,4 +1,4 @@
-"""The paper's criteria of incipient motion at the significant reaction surface: the first of two judges.
+"""The paper's criteria of incipient motion at the significant reaction surface.
 
 Equation numbers are the label keys of the paper's source; how its print is read stands in docs/explanation/criteria.md.
 Signs: n points out of the grain, r = x - c, and a contact is pressed by a force F where n . F > 0.
@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, cross
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import equations, outcomes
 from incipient.contact.paper.away import Away, away
 from incipient.contact.paper.equations import (
@@ -20,7 +21,7 @@ from incipient.contact.paper.equations import (
     equal_fractions,
 )
 from incipient.contact.paper.outcomes import Category, Criterion, Mode
-from incipient.contact.problem import Law, Load, plain, require_outward
+from incipient.contact.problem import Load, plain, require_outward
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
@@ -45,7 +46,7 @@ class Minima:
 
 @dataclass(frozen=True, eq=False)
 class Distributions:
-    """The answer of the whole contact surface to the force, to the torque, and to both together.
+    """Reaction and friction of the whole contact surface to the force, to the torque, and to both.
 
     The table of outcomes does without them; they are what the paper offers where one significant reaction
     surface is not enough. `force_left`, `torque_left` (3,): force and torque that `of_both` does not balance.
@@ -60,7 +61,7 @@ class Distributions:
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """The verdict of the paper's criteria with every quantity on the way to it.
+    """The verdict of the paper's criteria with all intermediate quantities.
 
     Arrays with a first axis of k belong to the contacts `significant`, the place x* of the paper; reaction
     and friction forces there already carry their `fraction`. Forces act on the grain, torques are about its
@@ -78,7 +79,9 @@ class Classification:
     minimum_7: float
     minima: Minima
     located_by: Located
-    common_position: bool  # (2) and (7) share a contact, as the simultaneous criteria assume
+    common_position: (
+        bool  # (2) and (7) have a contact in common, as the simultaneous criteria assume
+    )
     away_from_surface: bool  # minimum (7) > 0: the torque presses on no contact
     significant: tuple[int, ...]
     fraction: Floats  # (k,)
@@ -120,7 +123,7 @@ class Classification:
 
     @cached_property
     def away(self) -> Away | None:
-        """Which contact normals exclude the axis of the torque through the centre; None without a torque."""
+        """Exclusion of the torque's axis through the centre by contact normals; None without a torque."""
         size, reach = (
             _norm(self.load.flow_couple),
             self.torque_scale / max(self.force_scale, 1e-300),
@@ -137,7 +140,7 @@ class Classification:
         return self.mode.moves
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as numbers, strings and lists for JSON."""
+        """Plain data for JSON."""
         read = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves}
         derived = {"away": plain(self.away), "distributions": plain(self.distributions)}
         return read | plain(self) | derived
@@ -146,35 +149,36 @@ class Classification:
 def classify(
     load: Load,
     contacts: Contacts,
-    friction: Law,
-    located_by: Located | None = None,
+    law: Law,
     tolerance: float = TOLERANCE,
 ) -> Classification:
     """Decide by the paper's table of outcomes 1-7 whether and how a grain at rest begins to move.
 
-    `friction` is the coefficient of static friction zeta. `located_by` chooses which minimum gives x* when
-    force and torque act together; None: that of the force (2) unless the force lifts everywhere, then that of
-    the torque (7). Forces below `tolerance` times the sum of |flow force|, |weight| and |torque| / arm count
-    as zero, torques below that times the longest arm |x - c|.
+    `law`: of friction, whose coefficient is zeta. When force and torque act together x* is the minimum of the force
+    (2), or of the torque (7) where the force lifts everywhere. Forces below `tolerance` times the sum of |flow force|,
+    |weight| and |torque| / arm count as zero, torques below that times the longest arm |x - c|.
 
     Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
     normals point into the grain.
     """
-    friction = friction if isinstance(friction, float | int) else float(friction.coefficient)
+    friction = float(FrictionCone.of(law).coefficient)
     arms = _arms(load, contacts, friction)
     reach = float(np.linalg.norm(arms, axis=1).max())
     acting = (load.flow_force, load.weight, load.flow_couple / reach)
     force_scale = float(sum(np.linalg.norm(part) for part in acting))
-    scales = force_scale * tolerance, force_scale * reach * tolerance  # what counts as zero
+    scales = (
+        force_scale * tolerance,
+        force_scale * reach * tolerance,
+    )  # of a zero force and a zero torque
     criterion = _criterion(load, scales)
     minima = _minima(load, contacts, arms, scales, tolerance)
-    located = _located(criterion, minima, located_by)
+    located = _located(criterion, minima)
     at = minima.surface_2 if located == "force" else minima.surface_7
     answer = _reaction_at(load, contacts, arms, list(at), friction)
     moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["torque"]) > scales[1]
     # The resultant torques (k, 3) if each of the significant contacts in turn carried everything.
     whole = (answer["reaction"] + answer["friction_force"]) / answer["fraction"][:, None]
-    held = not turns or can_vanish(load.flow_couple + np.cross(arms[list(at)], whole), scales[1])
+    held = not turns or can_vanish(load.flow_couple + cross(arms[list(at)], whole), scales[1])
     leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
     mode = _mode(criterion, minima, moves, turns, held, leaves)
     common = bool(set(minima.surface_2) & set(minima.surface_7))
@@ -195,7 +199,7 @@ def classify(
         obstructed_by=_obstacles(mode, contacts, list(at), answer, scales),
         force_scale=force_scale,
         torque_scale=force_scale * reach,
-        friction=float(friction),
+        friction=friction,
         tolerance=tolerance,
         load=load,
         contacts=contacts,
@@ -204,7 +208,7 @@ def classify(
 
 
 def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
-    """r = x - c of every contact, (n, 3); refuses friction and arms that make no sense."""
+    """r = x - c of every contact, (n, 3); refuses invalid friction and arms."""
     if not (np.isfinite(friction) and friction >= 0.0):
         raise SceneError(
             f"friction {friction} is not a coefficient; give a finite number that is not negative"
@@ -251,18 +255,13 @@ def _minima(
 
 def _tangential_force(torque: Floats, arms: Floats) -> Floats:
     """(6): F_tau = tau ^ r / |r|^2 at the ends of the arms, (n, 3); the part of tau along r has none."""
-    return np.asarray(np.cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
+    return np.asarray(cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
 
 
-def _located(criterion: Criterion, minima: Minima, wish: Located | None) -> Located:
-    """Which of the two minima is taken as x*."""
-    if criterion is Criterion.ROTATION_ONLY:
-        return "torque"
-    if criterion is not Criterion.SIMULTANEOUS:
-        return "force"
-    if wish not in (None, "force", "torque"):
-        raise SceneError(f"located_by {wish!r} is unknown; give 'force' or 'torque'")
-    return wish or ("force" if minima.sign_2 <= 0 else "torque")
+def _located(criterion: Criterion, minima: Minima) -> Located:
+    """The minimum that is taken as x*."""
+    lifts = criterion is Criterion.SIMULTANEOUS and minima.sign_2 > 0
+    return "torque" if lifts or criterion is Criterion.ROTATION_ONLY else "force"
 
 
 def _reaction_at(
@@ -274,7 +273,7 @@ def _reaction_at(
     from_torque = _tangential_force(load.flow_couple, arm)
     pressing = load.force + from_torque
     toward = -(normals * pressing).sum(axis=1)
-    against = (np.cross(arm, -normals) @ load.flow_couple) * np.abs(toward)
+    against = (cross(arm, -normals) @ load.flow_couple) * np.abs(toward)
     reaction = fraction[:, None] * equations.reaction(pressing, normals)
     friction_force = fraction[:, None] * equations.friction(pressing, normals, coefficient)
     return {
@@ -286,9 +285,9 @@ def _reaction_at(
         "C_friction": equations.C_friction(pressing, normals, coefficient),
         "reaction": reaction,
         "friction_force": friction_force,
-        "torque_about_contact": load.flow_couple - np.cross(arm, load.force),
+        "torque_about_contact": load.flow_couple - cross(arm, load.force),
         "force": load.force + (reaction + friction_force).sum(axis=0),
-        "torque": load.flow_couple + np.cross(arm, reaction + friction_force).sum(axis=0),
+        "torque": load.flow_couple + cross(arm, reaction + friction_force).sum(axis=0),
     }
 
 
@@ -323,7 +322,7 @@ def _obstacles(
         met = (contacts.normals @ answer["force"] > scales[0])[None]
     else:
         arms = contacts.points[None] - contacts.points[at][:, None]
-        velocity = np.cross(answer["torque_about_contact"][:, None], arms)
+        velocity = cross(answer["torque_about_contact"][:, None], arms)
         reach = max(float(np.linalg.norm(arms, axis=2).max()), 1e-300)
         met = (velocity * contacts.normals).sum(axis=2) > scales[1] * reach
     if not met.any(axis=1).all():

@@ -8,19 +8,18 @@ points around which normals can be drawn, some to the left and some to the right
 
 from dataclasses import dataclass
 from enum import Enum
-from itertools import combinations
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, cross
 from incipient.geometry.contacts import Contacts
+from incipient.geometry.statics import nearest_motion
 
-PARALLEL = 1e-12  # sine of the angle below which two normals leave no point between them
-CHUNK = 4096  # how many candidate axes are tested at once
+PARALLEL = 1e-12  # sine of the angle to the axis below which a normal is along it
 
 
 class Axis(Enum):
-    """What the contact normals make of an axis, for one sense of rotation."""
+    """Effect of the contact normals on an axis, for one sense of rotation."""
 
     AWAY = "no normal meets or encircles it and every contact is left"
     INTERSECTED = "a normal meets it: that contact slides, the others are left"
@@ -54,15 +53,8 @@ def levers(points: Floats, direction: Floats, contacts: Contacts) -> Floats:
 
     A positive lever presses the contact. `direction` is a unit vector; its sign is the sense of the turn.
     """
-    about_origin = np.cross(contacts.points, contacts.normals) @ direction
-    return np.asarray(about_origin[None] - points @ np.cross(contacts.normals, direction).T)
-
-
-def kinds_of_axes(
-    points: Floats, direction: Floats, contacts: Contacts, tolerance: float
-) -> list[Axis]:
-    """Which of the axes through `points` (k, 3) the contact normals exclude; levers below `tolerance` are zero."""
-    return [_kind(row, tolerance) for row in levers(points, direction, contacts)]
+    about_origin = cross(contacts.points, contacts.normals) @ direction
+    return np.asarray(about_origin[None] - points @ cross(contacts.normals, direction).T)
 
 
 def away(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float) -> Away:
@@ -83,46 +75,19 @@ def nearest_axis(
 ) -> Floats | None:
     """The point (3,) nearest to the centre at which an axis along `direction` lies beyond no normal.
 
-    The points allowed are an intersection of half-planes across `direction`, one for each contact; the
-    nearest is the centre, its foot on one edge, or a corner of two. A region must be wider than `tolerance`,
-    a length, so that beside its edge there are axes that no normal meets.
+    The points allowed are an intersection of half-planes across `direction`, one for each contact. A region must be
+    wider than `tolerance`, a length, so that beside its edge there are axes that no normal meets.
     """
-    inward = np.cross(contacts.normals, direction)
+    inward = cross(contacts.normals, direction)
     length = np.linalg.norm(inward, axis=1)
     if (length <= PARALLEL).any():
         return None  # that contact's normal is along the axis: it rubs wherever the axis is
     edge = levers(centre[None], direction, contacts)[0] / length + 2.0 * tolerance
-    inward = inward / length[:, None]
-    best: Floats | None = None
-    for candidates in _candidates(inward, edge):
-        allowed = candidates[(candidates @ inward.T >= edge - tolerance).all(axis=1)]
-        if len(allowed):
-            nearest = allowed[np.argmin((allowed * allowed).sum(axis=1))]
-            best = nearest if best is None or nearest @ nearest < best @ best else best
-    if best is None:
+    inward, size = inward / length[:, None], float(np.abs(edge).max()) or 1.0
+    nearest = size * nearest_motion(inward, edge / size, np.zeros(3))
+    if (inward @ nearest < edge - tolerance).any():
         return None
-    return np.asarray(centre if best @ best <= (8.0 * tolerance) ** 2 else centre + best)
-
-
-def _candidates(inward: Floats, edge: Floats) -> list[Floats]:
-    """The centre, the feet on all edges, and all corners, relative to the centre, in blocks of rows (k, 3)."""
-    blocks = [np.zeros((1, 3)), edge[:, None] * inward]
-    pairs = np.array(list(combinations(range(len(inward)), 2)), dtype=int).reshape(-1, 2)
-    for some in np.array_split(pairs, len(pairs) // CHUNK + 1):
-        blocks.append(_corners(inward, edge, some[:, 0], some[:, 1]))
-    return blocks
-
-
-def _corners(inward: Floats, edge: Floats, i: Floats, j: Floats) -> Floats:
-    """Where the edges i and j (k,) meet: p . g_i = e_i and p . g_j = e_j with p in the plane of g_i, g_j."""
-    sine = np.linalg.norm(np.cross(inward[i], inward[j]), axis=1)
-    i, j, sine = i[sine > PARALLEL], j[sine > PARALLEL], sine[sine > PARALLEL]
-    cosine = (inward[i] * inward[j]).sum(axis=1)
-    along_i, along_j = (
-        (edge[i] - cosine * edge[j]) / sine**2,
-        (edge[j] - cosine * edge[i]) / sine**2,
-    )
-    return np.asarray(along_i[:, None] * inward[i] + along_j[:, None] * inward[j])
+    return np.asarray(centre if nearest @ nearest <= (8.0 * tolerance) ** 2 else centre + nearest)
 
 
 def _kind(levers_of_one: Floats, tolerance: float) -> Axis:

@@ -13,19 +13,19 @@ c_1 = (n* . P) / int (n . P)(n . n*) H dGamma_c. On a plane under a force that g
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, cross
 from incipient.contact.friction import FrictionCone
 from incipient.geometry.contacts import Contacts
+from incipient.geometry.statics import balance
 
 SAME_PLACE = 1e-9  # of the size of the contact surface
 
 
 def pressing(force: Floats, normals: Floats) -> Floats:
-    """n_out . F where it is positive, else zero: how hard the force presses on each contact, (n,)."""
+    """n_out . F where positive, otherwise zero: the force that presses on each contact, (n,)."""
     return np.maximum((normals * force).sum(axis=1), 0.0)
 
 
@@ -65,30 +65,17 @@ def equal_fractions(points: Floats, normals: Floats) -> Floats:
 def can_vanish(torques: Floats, tolerance: float) -> bool:
     """Whether some sharing makes the sum of fractions times `torques` (k, 3) vanish to `tolerance`.
 
-    True if the origin lies in their convex hull; by Caratheodory's theorem rank + 1 of them then suffice.
+    True if the origin lies in their convex hull.
     """
-    rank = int(np.linalg.matrix_rank(torques, tol=tolerance))
-    return any(
-        _encloses_origin(torques[list(some)], tolerance)
-        for size in range(1, min(rank + 1, len(torques)) + 1)
-        for some in combinations(range(len(torques)), size)
-    )
-
-
-def _encloses_origin(corners: Floats, tolerance: float) -> bool:
-    """Whether the origin is in the simplex of a few corners (k, 3)."""
-    scale = max(float(np.abs(corners).max()), tolerance)
-    system = np.vstack([corners.T / scale, np.ones(len(corners))])
-    fractions = np.linalg.lstsq(system, np.array([0.0, 0.0, 0.0, 1.0]), rcond=None)[0]
-    rest = np.abs(fractions @ corners).max()
-    return bool(
-        rest <= tolerance and abs(fractions.sum() - 1.0) <= 1e-9 and fractions.min() >= -1e-9
-    )
+    size = max(float(np.abs(torques).max()), tolerance)
+    rows = np.column_stack([torques / size, np.ones(len(torques))])
+    _, fractions = balance(rows, np.array([0.0, 0.0, 0.0, -1.0]))
+    return bool(np.abs(fractions @ torques).max() <= tolerance * fractions.sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """Reaction and friction that one pressing force calls up all over the contact surface.
+    """Reaction and friction of the whole contact surface under one pressing force.
 
     Arrays have one row a contact. Contact forces act on the grain and carry c_1 and their part of the surface.
     `c_1` and `c_2` are 0 where nothing is pressed, and not a number where no single scale exists: the
@@ -140,13 +127,13 @@ def distribute(
         reaction=reaction,
         friction_force=along,
         force=(reaction + along).sum(axis=0),
-        torque=np.cross(arms, reaction + along).sum(axis=0),
+        torque=cross(arms, reaction + along).sum(axis=0),
         unbalanced=np.where(pressed > 0.0, toward + normals @ reaction.sum(axis=0), 0.0),
     )
 
 
 def measures(contacts: Contacts) -> Floats:
-    """dGamma_c of every contact, (n,): its area where all have one, else one for each place of contact.
+    """dGamma_c of every contact, (n,): its area where all have one, otherwise one for each point of contact.
 
     Contacts at one place with one normal have a weight of one between them.
     """

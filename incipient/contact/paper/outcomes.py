@@ -72,7 +72,7 @@ def category(mode: Mode, common_position: bool) -> Category | None:
 
 
 class Criterion(Enum):
-    """Which of the paper's sections applied: is there a force, a torque, or both?"""
+    """The paper's section that applies: a force, a torque, or both."""
 
     NO_LOAD = "neither force nor torque acts"
     TRANSLATION_ONLY = "incipient translation only, (3): no torque acts"
@@ -97,12 +97,12 @@ def simultaneous(force_sign: int, torque_sign: int, moves: bool, turns: bool) ->
 
 
 def translation(force_sign: int) -> Mode:
-    """Row 1: lifting where minimum (2) is positive, else sliding."""
+    """Row 1: lifting where minimum (2) is positive, otherwise sliding."""
     return Mode.LIFTING if force_sign > 0 else Mode.SLIDING
 
 
 def translation_only(force_sign: int, moves: bool, held: bool) -> Mode:
-    """The outcome without a torque: row 1 if F != 0 by (3), else row 5a or 7.
+    """The outcome without a torque: row 1 if F != 0 by (3), otherwise row 5a or 7.
 
     `held`: the torque of the contact forces vanishes, or can vanish by sharing them among the minimisers.
     """

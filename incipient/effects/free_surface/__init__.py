@@ -1,4 +1,4 @@
-"""A free surface on the fluid; a rigid lid in its place hides a rise of Fr^2/2 of the depth (Bernoulli's equation)."""
+"""A free surface on the fluid; a rigid lid instead neglects a rise of Fr^2/2 of the depth (Bernoulli's equation)."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class FreeSurfaceEffect(Effect):
         return memory_of_surface(unknowns, scene.time is not None and scene.time.start != "rest")
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """What the pressure under a rigid lid would raise, or lower, a surface by, of the depth."""
+        """Rise of a surface by the pressure under a rigid lid, as a fraction of the depth."""
         if decision.expected is None:
             return
         scene = solved.run.scene
@@ -88,17 +88,17 @@ class FreeSurfaceEffect(Effect):
 
 
 def _ends(setup: Setup) -> str:
-    """What a channel with a free surface has at its ends; empty for a box."""
+    """The conditions at the ends of a channel with a free surface; empty for a box."""
     if setup.geometry.domain.kind == "box":
         return ""
-    asked, speed, wave = setup.surface, froude(setup), wave_of(setup)
-    told = f"; Froude number {speed:.2g}" if speed else ""
-    told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
-    told += (
+    surface, speed, wave = setup.surface, froude(setup), wave_of(setup)
+    text = f"; Froude number {speed:.2g}" if speed else ""
+    text += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
+    text += (
         "that of the still fluid beyond the outflow"
-        if asked.outflow == "open"
+        if surface.outflow == "open"
         else "and a wall at the right end"
     )
     if wave is not None:
-        told += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
-    return told + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
+        text += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
+    return text + (f"; waves die out over the last {surface.sponge:g}" if surface.sponge else "")

@@ -1,4 +1,4 @@
-"""What a rigid lid instead of a free surface hides: by how much the pressure under it would raise the surface."""
+"""Error of a rigid lid: the rise of a free surface by the pressure under the lid."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..run_part import Solving
 
 
 def rise_under_lid(run: Solving) -> float:
-    """The largest pressure head at the nodes under the lid; zero at the outflow, or in the mean. Collective."""
+    """The largest pressure head at the nodes under the lid; zero at the outflow, or on average. Collective."""
     scene, fluid, comm = run.scene, run.fluid, run.comm
     space, gravity = fluid.space.pressure, scene.gravity_vector
     nodes = boundary_blocks(space, fluid.domain.facets_of(Setup(scene).sides.top))

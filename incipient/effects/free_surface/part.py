@@ -78,12 +78,9 @@ class MovingSurface(RunPart):
             self.readings = before.readings
             self._take_over(before)
 
-    def displaced(self, motion: MeshMotion) -> None:
-        """Keep the motion of the mesh, from whose reference another mesh reads."""
+    def moving(self, motion: MeshMotion) -> tuple[SurfacePart, ...]:
+        """The surface; the motion of the mesh is kept, from whose reference another mesh reads."""
         self._motion = motion
-
-    def moving(self) -> tuple[SurfacePart, ...]:
-        """The surface."""
         return (self.part,)
 
     def on(self, domain: Domain) -> MovingSurface:
@@ -102,9 +99,9 @@ class MovingSurface(RunPart):
             function.x.array[:] = elevation
             values = sample(function, np.concatenate(everywhere))[:, 0]
             mine = np.split(values, np.cumsum([len(one) for one in everywhere])[:-1])[comm.rank]
-            found = np.zeros_like(self.fluid.surface.elevation.x.array)
-            found[part.mesh.nodes] = mine
-            part.past.append(part.mesh.with_volume(found, old.part.mesh.mean(elevation)))
+            nodal = np.zeros_like(self.fluid.surface.elevation.x.array)
+            nodal[part.mesh.nodes] = mine
+            part.past.append(part.mesh.with_volume(nodal, old.part.mesh.mean(elevation)))
         part.restore()
         mesh.geometry.x[:] = now
 
@@ -187,7 +184,7 @@ class MovingSurface(RunPart):
         self.readings.append(ElevationReading(self.fluid.time, values, self.part.largest()))
 
     @property
-    def elevations(self) -> Elevations | None:  # type: ignore[override]
+    def elevations(self) -> Elevations | None:
         """The elevations so far; None before the first step."""
         return Elevations.of(self.readings) if self.readings else None
 
@@ -195,9 +192,11 @@ class MovingSurface(RunPart):
         """Elevations, discharge and energies after a step."""
         assert coupling is not None
         with self._stage("free surface"):
-            told = self._stations.values(self.part.elevation)
-            found = {f"elevation_{number}": value for number, value in enumerate(told, 1)}
-            return found | {
+            elevations = self._stations.values(self.part.elevation)
+            by_station = {
+                f"elevation_{number}": value for number, value in enumerate(elevations, 1)
+            }
+            return by_station | {
                 **self._discharge(),
                 "volume_above_level": self.part.volume(),
                 "through_surface": self.part.crossed(),
@@ -213,8 +212,8 @@ class MovingSurface(RunPart):
             one[0] if len(one) == 1 else one
             for one in stations_of(self._scene.surface, self._scene.domain)
         ]
-        found = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
-        return {"surface": found | self._discharge(), "elevations": self.elevations}
+        surface = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
+        return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
         """Volume flux at the inflow of a channel, of the whole where half is meshed."""
@@ -231,17 +230,30 @@ class MovingSurface(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """Elevations now and before, and the places of the mesh."""
-        from .keeping import stored
+        from ...restart.checkpoint import StoredSurface
+        from ...restart.redistribution import numbered_nodes
 
         assert coupling is not None
-        return {"surface": stored(self.part, coupling)}
+        part, nodes = self.part, numbered_nodes(coupling.fluid.domain.mesh)
+        kept = StoredSurface(
+            made=nodes.joined(coupling.motion.reference),
+            elevations=nodes.joined(np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)),
+            times=np.array(part.times),
+            places=nodes.joined(np.stack(coupling.places, axis=1)),
+        )
+        return {"surface": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take elevations and places of the mesh from a checkpoint."""
-        from .keeping import restore
+        from ...restart.redistribution import spread_nodes
 
         assert kept.surface is not None and coupling is not None
-        restore(self.part, kept.surface, coupling)
+        part, mesh = self.part, coupling.fluid.domain.mesh
+        elevations = spread_nodes(mesh, kept.surface.elevations).T.copy()
+        part.past = [part.mesh.from_nodes(one) for one in elevations]
+        part.times = kept.surface.times.tolist()
+        part.restore()
+        coupling.places = list(np.moveaxis(spread_nodes(mesh, kept.surface.places), 1, 0).copy())
 
 
 class _Stations:
@@ -255,7 +267,7 @@ class _Stations:
         if setup.symmetric:  # the half that is computed has the larger y
             points[:, 1] = scene.domain.middle + np.abs(points[:, 1] - scene.domain.middle)
         places = Locator(rising.domain.mesh).inside(spatial(points))
-        ranks = np.array(comm.allgather(np.where(places.found, comm.rank, comm.size)))
+        ranks = np.array(comm.allgather(np.where(places.located, comm.rank, comm.size)))
         self._mine = np.flatnonzero(ranks.min(axis=0, initial=comm.size) == comm.rank)
         self._comm, self._count = comm, len(points)
         mine = places.at(self._mine)
@@ -263,8 +275,8 @@ class _Stations:
         self._weights = compat.tabulate(space, mine.reference)
 
     def values(self, elevation: Floats) -> list[float]:
-        """The elevations, on every rank."""
-        found = np.zeros(self._count)
-        found[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
-        total: list[float] = self._comm.allreduce(found).tolist()
+        """Elevations at the points, of those at all nodes. Collective."""
+        local = np.zeros(self._count)
+        local[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
+        total: list[float] = self._comm.allreduce(local).tolist()
         return total

@@ -1,7 +1,7 @@
 """Contacts of a moving grain with its bed in each step: mode, works, path.
 
 Contact begins where the gap is `contact.gap`, so that the flow between grain and bed stays resolved. Nothing here is
-collective: every rank finds the same.
+collective: every rank computes the same.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from ...body.rigidbody import RigidBody
 from ...body.state import BodyState
 from ...contact.acceleration import MODES, states_and_modes
 from ...errors import SceneError
-from ...geometry.closest import NearBed
 from ...geometry.contacts import ClosestPoints
 from ...geometry.placement import Placement
+from ...geometry.proximity import Proximity
 from ...geometry.settle import SettlingOutcome, settle
 from ...scene.model import Contact
 
@@ -34,7 +34,7 @@ ELSEWHERE = 0.05  # of the grain's size: how far apart two rests are that are no
 
 @dataclass(frozen=True)
 class Course:
-    """What a grain has done so far.
+    """The history of a grain.
 
     mode: of the last step; rested: steps without motion since the first
     first_motion: start of the first step in which it moved; first_step: length of that step, in which motion begins
@@ -61,7 +61,7 @@ class Course:
 
     @property
     def done(self) -> list[str]:
-        """What `time.until` may ask for and the grain has done: left its pocket, come to rest again."""
+        """Events of `time.until` that have occurred: the grain has left its pocket, or come to rest again."""
         left, rested = self.left is not None, self.rested >= RESTED
         return [*(["out-of-pocket"] if left else []), *(["at-rest"] if rested else [])]
 
@@ -82,7 +82,7 @@ class BedContact:
 
     def __init__(
         self,
-        near: NearBed,
+        near: Proximity,
         gap: float,
         body: RigidBody,
         contact: Contact,
@@ -102,8 +102,8 @@ class BedContact:
         self._start = np.array(start.centre)
 
     def _gaps(self, placement: Placement, within: float) -> ClosestPoints:
-        found = self._near.gaps(placement, within + self._gap)
-        return replace(found, gaps=found.gaps - self._gap)
+        closest = self._near.gaps(placement, within + self._gap)
+        return replace(closest, gaps=closest.gaps - self._gap)
 
     # -- each step --------------------------------------------------------------------------------
 
@@ -165,7 +165,7 @@ class BedContact:
         return last > RISEN * self._near.grain.size and height < last >= before
 
     def _falls_elsewhere(self, placement: Placement) -> bool:
-        """Whether the grain, let go without flow and friction, comes down to another rest than at the start."""
+        """Whether the grain, released without flow and friction, settles in another position than at the start."""
         near, size = self._near, self._near.grain.size
         first = Placement(tuple(self._start), placement.angle, placement.quaternion)
         try:
@@ -193,7 +193,7 @@ class BedContact:
         }
 
     def reported(self) -> dict[str, Any]:
-        """What the grain has done, as plain data."""
+        """The history of the grain as plain data."""
         course = self.course
         times = {name: getattr(course, name) for name in ("mode", "first_motion", "first_step")}
         works = {name: getattr(course, name) for name in WORKS}
@@ -212,10 +212,10 @@ class BedContact:
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)
         sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "couples": 2}
-        points, normals, impulses, velocities, couples = (
+        points, normals, impulses, velocities, torques = (
             np.array(kept["contacts"][name]).reshape(-1, size) for name, size in sizes.items()
         )
-        return ActiveContacts(points, normals, impulses, velocities, couples)
+        return ActiveContacts(points, normals, impulses, velocities, torques)
 
 
 def _works(

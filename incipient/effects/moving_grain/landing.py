@@ -1,4 +1,4 @@
-"""Where a moving grain has met the bed, or rests on it: its contacts there, and whether it stays there at rest.
+"""Contacts of a moving grain that has met the bed, or rests on it, and its stability there.
 
 A run may end when the grain is within `contact.gap` of the bed and still moves, or rests there. Its contacts are taken
 to be where it is that near, and both judges are asked about the loads of that moment: the flow's, which holds what the
@@ -18,11 +18,9 @@ from ...contact.verdict import judge
 from ...errors import IncipientError
 from ...evaluation.contact_verdict import load_of, standing
 from ...geometry.closest import touching
-from ...geometry.plane.beds import Flat
-from ...geometry.space.beds import Plane
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
-from ...results.loads import Couples, Forces
+from ...results.loads import Forces, Torques
 from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact
 from .bed_contact import REST
@@ -45,9 +43,9 @@ class Landing:
 
 
 def landing(
-    setup: Setup, state: BodyState, met: Clearance, force: Forces, couple: Couples, does: str = ""
+    setup: Setup, state: BodyState, met: Clearance, force: Forces, torque: Torques, does: str = ""
 ) -> Landing:
-    """What there is to say of a grain that has met something, or that rests, rolls, ... there. Not collective."""
+    """Contacts and verdict of a grain that has met a boundary, or rests or moves there. Not collective."""
     scene, bed, stands = setup.scene, setup.sides.bottom, does == REST
     if does and not stands:
         return Landing(why_not=f"the grain moves: {does}")
@@ -62,24 +60,24 @@ def landing(
     if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)
     assert scene.body is not None and scene.contact is not None
-    load = load_of(state.placement, force, couple)
+    load = load_of(state.placement, force, torque)
     inert = mass_and_inertia(scene.body, state.placement)
     try:
-        found = judge(load, contacts, scene.contact.friction, inert).to_dict()
+        verdict = judge(load, contacts, scene.contact.law, inert).to_dict()
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
-    found["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
-    found["sentence"] = f"{found['supposed']}, {found['sentence']}"
-    found["note"] = _note(state)
+    verdict["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
+    verdict["sentence"] = f"{verdict['supposed']}, {verdict['sentence']}"
+    verdict["note"] = _note(state)
     if stands:
-        touching_factor = _factor_where_it_touches(setup, state, contacts, (force, couple))
-        found["touching_factor"] = touching_factor
-        found["note"] = _left_open(scene.contact, touching_factor)
-    return Landing(contacts, found)
+        touching_factor = _factor_where_it_touches(setup, state, contacts, (force, torque))
+        verdict["touching_factor"] = touching_factor
+        verdict["note"] = _left_open(scene.contact, touching_factor)
+    return Landing(contacts, verdict)
 
 
 def _factor_where_it_touches(
-    setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Couples]
+    setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Torques]
 ) -> float | None:
     """The safety factor under the same load of the grain without the gap at which contact acts; None: there is none.
 
@@ -90,14 +88,14 @@ def _factor_where_it_touches(
     placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, geometry.gap)
     try:
         closed = touching(scene.grain, placement, geometry.near_bed.bed, geometry.tolerance)
-        found = safety_factor(load_of(placement, *loads), closed, scene.contact.friction)
+        factor = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
     except IncipientError:
         return None
-    return found.value if math.isfinite(found.value) else None
+    return factor.value if math.isfinite(factor.value) else None
 
 
 def _left_open(contact: Contact, factor: float | None) -> str:
-    """What a verdict at rest leaves open: the gap at which contact acts, resistance to rolling, error bars."""
+    """The uncertainty of a verdict at rest: the gap at which contact acts, resistance to rolling, error bars."""
     where = f"without the gap at which contact acts, {contact.gap:g} of its size"
     said = [] if factor is None else [f"{where}, the safety factor is {factor:.4g}"]
     said += [ROLLING] if contact.rolling_resistance else []
@@ -105,7 +103,7 @@ def _left_open(contact: Contact, factor: float | None) -> str:
 
 
 def _note(state: BodyState) -> str:
-    """What the verdict leaves open, and how to close it."""
+    """The uncertainty of the verdict, and how to remove it."""
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
         "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
@@ -114,7 +112,7 @@ def _note(state: BodyState) -> str:
 
 
 def _missing(setup: Setup) -> str:
-    """What keeps a grain that has met the bed from being judged, or nothing."""
+    """The reason why a grain that has met the bed has no verdict; empty: there is none."""
     scene = setup.scene
     if scene.contact is None:
         return "it needs a section [contact] with a friction"
@@ -131,7 +129,5 @@ def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
 
     Raises SceneError if there are none.
     """
-    scene, level = setup.scene, setup.scene.domain.bottom
-    assert scene.grain is not None
-    bed = scene.bed_shape or (Flat(level) if scene.gdim == 2 else Plane(origin_z=level))
-    return touching(scene.grain, state.placement, bed, FARTHER * max(distance, scene.contact_gap))
+    near, gap = setup.geometry.near_bed, setup.geometry.gap
+    return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))

@@ -29,14 +29,14 @@ class GrainOnBed(MovingGrain):
     """A grain that moves in its scene and touches its bed.
 
     Attributes:
-        bed_contact: its contact with the bed, and what it has done so far.
+        bed_contact: its contact with the bed, and its history.
     """
 
     part: RigidPartOnBed
 
     @cached_property
     def bed_contact(self) -> BedContact:
-        """Contact with the bed of a grain that was where the scene begins."""
+        """Contact with the bed of a grain that began at the placement of the scene."""
         scene, geometry = self.scene, self.setup.geometry
         first = geometry.stance.placement
         assert scene.contact is not None and first is not None
@@ -55,7 +55,7 @@ class GrainOnBed(MovingGrain):
         return replace(around, sides=sides, bed=None)
 
     def _in_the_way(self) -> Surroundings:
-        """All around the grain but the bed."""
+        """The boundaries of the grain other than the bed."""
         return self._around
 
     def _meshed_at(self) -> Placement:
@@ -74,13 +74,13 @@ class GrainOnBed(MovingGrain):
     # -- the run ----------------------------------------------------------------------------------
 
     def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
-        """Enter a fluid; what `before` has done is counted on."""
+        """Enter a fluid and continue the history of `before`."""
         super().joined(fluid, before)
         if isinstance(before, GrainOnBed):
             self.bed_contact = before.bed_contact
 
     def accept_step(self, step: TimeStep) -> None:
-        """Take note of what the grain does on its bed."""
+        """Record the motion of the grain on its bed."""
         super().accept_step(step)
         mean, (after, before, *_) = self.part.mean_load.previous, self.part.past
         assert mean is not None
@@ -89,12 +89,12 @@ class GrainOnBed(MovingGrain):
 
     @property
     def does(self) -> str:  # type: ignore[override]
-        """What the grain did in the last step: the name of a mode, "flight" or "rest"."""
+        """The grain's motion in the last step: the name of a mode, "flight" or "rest"."""
         return self.bed_contact.course.mode
 
     @property
     def ends(self) -> str:
-        """What the grain has done that ends the run, as `time.until` names it, "contact" or IN_POCKET; or nothing."""
+        """The event that ends the run, as in `time.until`, "contact" or IN_POCKET; empty: none."""
         until, course = self.time.until, self.bed_contact.course
         if until == "out-of-pocket" and course.sinks and self._gust_is_over():
             return super().ends or IN_POCKET
@@ -111,7 +111,7 @@ class GrainOnBed(MovingGrain):
         contacts, gravity = self.part.contacts, np.array(self.scene.gravity_vector)
         return {
             **columns_of_load(
-                contacts.mean_load(self.state.place, length), "contact", "contact_couple"
+                contacts.mean_load(self.state.place, length), "contact", "contact_torque"
             ),
             **named("weight", self.body.inertia.mass * gravity, self.scene.gdim),
             **named("buoyancy", -self.grain.volume * gravity, self.scene.gdim),
@@ -137,15 +137,15 @@ class GrainOnBed(MovingGrain):
         ]
 
     def reported(self) -> dict[str, Any]:
-        """How the motion ended, where the grain is, how it went, what it did on its bed."""
+        """End of the motion, position, trajectory, and history on the bed."""
         trajectory, length = super().reported()["trajectory"], self.last_step()
         load = (
             np.zeros(self.body.size)
             if length is None
             else self.part.contacts.mean_load(self.state.place, length)
         )
-        force, couple = load[: self.scene.gdim], load[self.scene.gdim :]
-        on_bed = {"force": force, "couple": couple if len(couple) == 3 else float(couple[0])}
+        force, torque = load[: self.scene.gdim], load[self.scene.gdim :]
+        on_bed = {"force": force, "torque": torque if len(torque) == 3 else float(torque[0])}
         return {"trajectory": {**trajectory, "on_bed": {**self.bed_contact.reported(), **on_bed}}}
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:

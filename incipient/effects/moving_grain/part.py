@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...arrays import Floats
+from ...body.rigidbody import MeanLoad
 from ...body.state import BodyState
 from ...coupled.coupling import Coupling, InterfaceReport
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
-from ...coupled.rigid import RigidPart
+from ...coupled.rigid import End, RigidPart
 from ...coupled.tractions import TractionProbe
 from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
@@ -25,7 +26,7 @@ from ...planning.body import initial_state, rigid_body
 from ...planning.clearance import Clearance, Surroundings
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
-from ...results.loads import apart, named, named_couple
+from ...results.loads import apart, named, named_torque
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class MovingGrain(RunPart):
         made_for: the grain's placement for which the mesh was made; None: that of the state.
 
     Attributes:
-        part: the rigid body in the coupling, once `displaced` has made it.
+        part: the rigid body in the coupling, once `moving` has made it.
         remeshings, interface_iterations: of the run so far.
         turns_mesh: whether the mesh turns with the grain: not with a round one.
         meshes_ahead: whether a new mesh may be made for where the grain will be.
@@ -57,7 +58,7 @@ class MovingGrain(RunPart):
 
     effect = EffectName.FREE_BODY
     part: RigidPart
-    does = ""  # what it does on its bed, where it goes on there
+    does = ""  # its motion on its bed, where it continues there
 
     def __init__(
         self,
@@ -84,7 +85,7 @@ class MovingGrain(RunPart):
         self.interface_iterations: list[int] = []
 
     @property
-    def probe(self) -> TractionProbe:  # type: ignore[override]
+    def probe(self) -> TractionProbe:
         """Reads the traction on the grain where it is."""
         return self.part.probe
 
@@ -109,8 +110,8 @@ class MovingGrain(RunPart):
                 before.interface_iterations,
             )
 
-    def displaced(self, motion: MeshMotion) -> None:
-        """Move the mesh from where it was made to where the grain is, and put the body into the fluid there."""
+    def moving(self, motion: MeshMotion) -> tuple[RigidPart, ...]:
+        """The body in the fluid at the grain's placement; the mesh moves there from where it was made."""
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
@@ -119,13 +120,10 @@ class MovingGrain(RunPart):
             room=self._room,
             stage=self._stage,
         )
+        return (self.part,)
 
     def _rigid_part(self, *others: Any, **named: Any) -> RigidPart:
         return RigidPart(*others, **named)
-
-    def moving(self) -> tuple[RigidPart, ...]:
-        """The body."""
-        return (self.part,)
 
     def drawn(self) -> Placement:
         """The placement for which a new mesh is made, rounded."""
@@ -151,9 +149,13 @@ class MovingGrain(RunPart):
         assert isinstance(step.report, InterfaceReport)
         self.interface_iterations.append(step.report.corrected)
 
+    def contact_rows(self) -> list[dict[str, Any]]:
+        """Rows of contacts.csv after a step: one for each contact with the bed. Not collective."""
+        return []
+
     @property
     def ends(self) -> str:
-        """What the grain has done that ends the run, as `time.until` names it, or "contact"; or nothing."""
+        """The event that ends the run, as in `time.until`, or "contact"; empty: none."""
         return "contact" if self.part.met else ""
 
     # -- output -----------------------------------------------------------------------------------
@@ -163,16 +165,16 @@ class MovingGrain(RunPart):
         assert coupling is not None
         return {
             **columns_of_state(self.state),
-            **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "couple"),
+            **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "torque"),
             **self._columns_at_contact(step.length),
             **coupling.columns(step.report),
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        """What a grain that moves on its bed adds."""
+        """Columns that a grain moving on its bed adds."""
         return {}
 
-    def budget(self) -> dict[str, float]:
+    def energies(self) -> dict[str, float]:
         """Energies of fluid and grain, after the number of meshes."""
         with self._stage("tractions"):
             kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
@@ -190,7 +192,7 @@ class MovingGrain(RunPart):
         return {EffectName.FREE_BODY: int(self.body.mask.sum())}
 
     def reported(self) -> dict[str, Any]:
-        """How the motion ended, where the grain is, how it went. A verdict at contact is made by `landing`."""
+        """End of the motion, position and trajectory. `landing` makes a verdict at contact."""
         state, near = self.state, self.clearance()
         iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
         trajectory = {
@@ -223,7 +225,7 @@ class MovingGrain(RunPart):
         return self.surroundings.clearance(self.state.placement)
 
     def _in_the_way(self) -> Surroundings:
-        """What the grain may not touch."""
+        """The boundaries that the grain may not touch."""
         return self.surroundings
 
     def _room(self, state: BodyState) -> float:
@@ -243,9 +245,9 @@ class MovingGrain(RunPart):
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
         """Force and torque (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
-        force, couple = self._fluid.load_on_displaced((state or self.state).placement)
+        force, torque = self._fluid.load_on_displaced((state or self.state).placement)
         gdim = self.body.gdim
-        load = np.concatenate([force[:gdim], couple if gdim == 3 else couple[2:]])
+        load = np.concatenate([force[:gdim], torque if gdim == 3 else torque[2:]])
         if self._halved:
             load[[1, 3, 5]] = 0.0
         return load
@@ -254,21 +256,46 @@ class MovingGrain(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """The grain, its coupling to the fluid and its mesh."""
-        from .keeping import stored
+        from ...restart.checkpoint import StoredBody
+        from ...restart.redistribution import numbered_nodes
 
         assert coupling is not None
-        return {
-            "body": stored(
-                self.part, self.remeshings, self.interface_iterations, coupling, transient
-            )
-        }
+        part, mean = self.part, self.part.mean_load
+        nodes = numbered_nodes(coupling.fluid.domain.mesh)
+        kept = StoredBody(
+            made=nodes.joined(coupling.motion.reference),
+            weights=nodes.joined(part.mesh.weights),
+            made_for=BodyState.at(part.mesh.placement).packed(),
+            states=np.array([one.packed() for one in part.past]),
+            times=np.array([one.time for one in part.past]),
+            places=nodes.joined(np.stack(coupling.places, axis=1)),
+            mean_load=mean.previous,
+            mean_load_order=mean.order,
+            mean_load_step=mean.last_step,
+            load=part.end.load,
+            flow_load=part.end.flow_load,
+            length=part.end.length,
+            velocities=np.array([x.velocities for x in transient.past]).reshape(-1, part.body.size),
+            met=coupling.met,
+            remeshings=[asdict(one) for one in self.remeshings],
+            interface_iterations=np.array(self.interface_iterations),
+        )
+        return {"body": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take state and past from a checkpoint; the part is one made for its mesh."""
-        from .keeping import restore
+        from ...restart.redistribution import spread_nodes
 
         assert kept.body is not None and coupling is not None
-        restore(self.part, kept.body, coupling)
+        part, body, mesh = self.part, kept.body, coupling.fluid.domain.mesh
+        part.mesh.weights[:] = spread_nodes(mesh, body.weights)
+        coupling.places = list(np.moveaxis(spread_nodes(mesh, body.places), 1, 0).copy())
+        part.past = [
+            BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
+        ]
+        part.state, part.met = part.past[0], body.met
+        part.end = End(part.state, body.load, body.flow_load, body.length)
+        part.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
         self._restore_contacts(kept.body.on_bed)
         self.remeshings = [Remeshing(**one) for one in kept.body.remeshings]
         self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()
@@ -294,11 +321,11 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
         **place,
         **turned,
         **named("velocity", velocity, gdim),
-        **named_couple("spin", spin, gdim),
+        **named_torque("spin", spin, gdim),
     }
 
 
-def columns_of_load(load: Floats, force: str, couple: str) -> dict[str, float]:
+def columns_of_load(load: Floats, force: str, torque: str) -> dict[str, float]:
     """A load (3,), in 3-D (6,), by the names of the history's columns. Not collective."""
     gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
-    return named(force, pushed, gdim) | named_couple(couple, twisted, gdim)
+    return named(force, pushed, gdim) | named_torque(torque, twisted, gdim)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .block import Block, Triangle
+from .block import Block
 from .direct import Direct
-from .equations import Equations
-from .solver import LinearSolver, LinearStatistics
+from .equations import Equations, LinearSolver, LinearStatistics
 from .two_level import TwoLevel
 
 __all__ = [
@@ -17,7 +16,6 @@ __all__ = [
     "Equations",
     "LinearSolver",
     "LinearStatistics",
-    "Triangle",
     "TwoLevel",
 ]
 

@@ -10,17 +10,16 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError, UnsolvedError
 from ...installed import free_bytes
-from .equations import Equations
-from .solver import LinearSolver, LinearStatistics
+from .equations import Equations, LinearSolver, LinearStatistics
 
 # MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
 # percent, and how rows and columns are scaled (MUMPS's ICNTL(8)), at first and when that was not enough. At first MUMPS
-# chooses; of scenes in metres for microns, whose viscosity is 1e-12 beside gradients of 1e-6, it then finds no pivots.
+# chooses; of scenes in metres for microns, whose viscosity is 1e-12 next to gradients of 1e-6, it then finds no pivots.
 ATTEMPTS = ((200, 77), (800, 8))
 
-# Of factors in 3-D over n^(4/3): 1.9 GB at 95,000 unknowns of order two (docs/contribute/defaults.md).
+# Of factors in 3-D over n^(4/3): 1.9 GB at 95,000 second-order unknowns (docs/contribute/defaults.md).
 LU_BYTES = 440.0
-WIDEST = 1e12  # factor between numbers of a matrix beyond which it is not the memory that does not suffice
+WIDEST = 1e12  # factor between entries of a matrix beyond which a lack of memory is not the cause
 SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
 NOT_FINITE = (
     "the linear system of the flow is not finite, its numbers have overflowed: use a smaller fluid.reynolds or, with "
@@ -29,20 +28,20 @@ NOT_FINITE = (
 
 
 def bytes_of_factors(matrix: Any, part: float = 1.0) -> float:
-    """Memory that LU factors of a flow's matrix in 3-D take, or such a part of it. Not collective."""
+    """Memory of the LU factorisation of a flow's matrix in 3-D, or of a part of it. Not collective."""
     return float(part * LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
 
 
 def fits(matrix: Any, part: float = 1.0) -> bool:
-    """Whether LU factors of a flow's matrix in 3-D, or such a part, fit into half of the free memory. Collective."""
+    """Whether LU factorisation of a flow's matrix in 3-D, or a part, fits into half of the free memory. Collective."""
     least = matrix.comm.tompi4py().allreduce(free_bytes(), MPI.MIN)
     return bool(bytes_of_factors(matrix, part) < 0.5 * least)
 
 
 class Direct(LinearSolver):
-    """Solves A x = b by the LU factors of A, or by GMRES preconditioned with those of an earlier, similar A.
+    """Solves A x = b by LU factorisation of A, or by GMRES preconditioned with that of an earlier, similar A.
 
-    Factors serve until more than `patience` iterations are needed; for the matrix that they are of, one
+    A factorisation is reused until more than `patience` iterations are needed; for its own matrix one
     application is the solution, and its residual is checked. The symbolic factorisation is made once. PETSc options
     with the prefix ``fluid_`` override everything (``PETSC_OPTIONS="-fluid_pc_factor_mat_solver_type umfpack"``).
     See `LinearSolver`.
@@ -88,11 +87,11 @@ class Direct(LinearSolver):
 
     @property
     def _exact(self) -> bool:
-        """Whether the factors are those of the matrix as it is now."""
+        """Whether the factorisation is that of the present matrix."""
         return bool(self.matrix.stateGet() == self._factored)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
-        """Number of iterations, or None if GMRES with the factors at hand does not converge."""
+        """Number of iterations, or None if GMRES with the present factorisation does not converge."""
         if self._exact and self._applied(b, x, transposed) <= rtol * b.norm():
             return 1
         self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=4 * self.patience)
@@ -100,7 +99,7 @@ class Direct(LinearSolver):
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
 
     def _applied(self, b: Any, x: Any, transposed: bool) -> float:
-        """Take one application of the factors for x, and return the norm of its residual."""
+        """Set x by one application of the factorisation, and return the norm of its residual."""
         preconditioner, left = self._solver.getPC(), b.duplicate()
         if transposed:
             preconditioner.applyTranspose(b, x)
@@ -114,7 +113,7 @@ class Direct(LinearSolver):
         return size
 
     def prepare(self) -> None:
-        """Make new factors of the matrix as it is now. Collective.
+        """Factorise the present matrix. Collective.
 
         Raises:
             UnsolvedError: the matrix is singular or not finite.
@@ -124,7 +123,7 @@ class Direct(LinearSolver):
         self._aged = False
 
     def approximate(self, b: Any, x: Any) -> None:
-        """x = b solved with the factors at hand, whatever the matrix has become since. Collective."""
+        """Solve for x = b with the present factorisation, even if the matrix has changed. Collective."""
         self._solver.getPC().apply(b, x)
         self.statistics.solves += 1
 
@@ -139,7 +138,7 @@ class Direct(LinearSolver):
             if error >= 0:
                 self._factored = self.matrix.stateGet()
                 return
-            # PETSc never factorises again with an object of MUMPS that has failed once: take a new one.
+            # PETSc never factorises again with an object of MUMPS that has failed: make a new one.
             self._solver.destroy()
             self._solver = self._make(*following)
         raise self._why_not_factorised(error)
@@ -148,12 +147,12 @@ class Direct(LinearSolver):
         self._solver.getPC().setReusePreconditioner(False)
         self._solver.setOperators(self.matrix)
         self._solver.setUp()
-        # PETSc else makes new factors by itself when the matrix has changed.
+        # Otherwise PETSc factorises again when the matrix has changed.
         self._solver.getPC().setReusePreconditioner(True)
         self.statistics.factorisations += 1
 
     def _why_not_factorised(self, error: int) -> ConvergenceError:
-        """What MUMPS says: not finite, singular, or short of memory. Collective."""
+        """The failure that MUMPS reports: not finite, singular, or short of memory. Collective."""
         if not np.isfinite(self.matrix.norm()):
             return UnsolvedError(NOT_FINITE)
         rows = self.matrix.getLocalSize()[0]
@@ -173,7 +172,7 @@ class Direct(LinearSolver):
         return ConvergenceError(why)
 
     def _span(self) -> float:
-        """The largest of the matrix's numbers over the least of its diagonal that is not zero. Collective."""
+        """The largest entry of the matrix over the least nonzero one of its diagonal. Collective."""
         diagonal = self.matrix.getDiagonal()
         sizes = np.abs(diagonal.array)
         least = self.matrix.comm.tompi4py().allreduce(
@@ -183,7 +182,7 @@ class Direct(LinearSolver):
         return float(self.matrix.norm(PETSc.NormType.NORM_INFINITY) / least)
 
     def _why_not_solved(self, b: Any) -> str:
-        """Why GMRES has not converged with new factors, from its reason. Collective."""
+        """The cause of divergence of GMRES with a new factorisation, from its reason. Collective."""
         if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
             return NOT_FINITE
         reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()

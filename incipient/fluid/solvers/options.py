@@ -8,10 +8,26 @@ from typing import Any
 
 from petsc4py import PETSc
 
+# Convection is smoothed by neither Chebyshev's iteration nor Jacobi nor incomplete factors without fill.
+RELAXATION = {
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_ksp_max_it": 1,
+    "mg_levels_pc_type": "sor",
+}
+BOOMERAMG = {
+    "pc_type": "hypre",
+    "pc_hypre_type": "boomeramg",
+    "pc_hypre_boomeramg_coarsen_type": "HMIS",
+    "pc_hypre_boomeramg_interp_type": "ext+i",
+    "pc_hypre_boomeramg_P_max": 4,
+    "pc_hypre_boomeramg_strong_threshold": 0.5,
+}
+AGGREGATED = {"pc_type": "gamg", "pc_gamg_threshold": 0.01} | RELAXATION
+
 
 @contextmanager
 def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
-    """Within the block the options chosen hold for a prefix, but for those that the user has given."""
+    """Set default options of a prefix within the context; options of the user take precedence."""
     options = PETSc.Options(prefix)
     added = {name: value for name, value in chosen.items() if not options.hasName(name)}
     for name, value in added.items():
@@ -23,9 +39,25 @@ def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
             options.delValue(name)
 
 
-def exact(prefix: str = "") -> dict[str, str]:
-    """Options of a solution by factors, by MUMPS where PETSc has it; without it on one rank."""
-    found = {f"{prefix}pc_type": "lu"}
-    if PETSc.Sys.hasExternalPackage("mumps"):
-        found[f"{prefix}pc_factor_mat_solver_type"] = "mumps"
-    return found
+def algebraic(prefix: str = "") -> dict[str, Any]:
+    """Options of algebraic multigrid: BoomerAMG, or PETSc's GAMG without hypre, as in the wheels on PyPI."""
+    chosen = BOOMERAMG if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
+    return {f"{prefix}{name}": value for name, value in chosen.items()}
+
+
+def preconditioner(matrix: Any, prefix: str, chosen: Mapping[str, Any], **more: Any) -> Any:
+    """PETSc's preconditioner of the present matrix, set up with options that the user may replace. Collective.
+
+    `more` is for multigrid of two levels: `interpolation` from the coarse unknowns.
+    """
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOptionsPrefix(prefix)
+    pc.setOperators(matrix)
+    if "interpolation" in more:
+        pc.setType("mg")
+        pc.setMGLevels(2)
+        pc.setMGInterpolation(1, more["interpolation"])
+    with defaults(prefix, chosen):
+        pc.setFromOptions()
+        pc.setUp()
+    return pc

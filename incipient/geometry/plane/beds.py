@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Arc, Curve, Line, Spline, increasing_roots, plain
+from incipient.geometry.plane.curves import (
+    Arc,
+    Curve,
+    Line,
+    Spline,
+    increasing_roots,
+    nearest_on_sides,
+    plain,
+)
 
 ACROSS = 89  # samples of the squared distance among which the nearest point of a wave is bracketed
 LINES_PER_RADIUS, FEWEST_LINES, MOST_LINES = 300, 60, 6000  # of a stretch that bends
@@ -50,7 +58,7 @@ class Bed(ABC):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """The abscissae between which `curves` can be asked for."""
+        """The abscissae between which `curves` is defined."""
         return -np.inf, np.inf
 
     @abstractmethod
@@ -63,7 +71,7 @@ class Bed(ABC):
         """A height that the bed nowhere exceeds."""
 
     def crest_level(self, x0: float, x1: float) -> float:
-        """The height that the crests reach from x0 to x1; it does not depend on where these cut a bed that repeats."""
+        """The height that the crests reach from x0 to x1; independent of the phase of a periodic bed at x0 and x1."""
         return self.crest
 
     def mean(self, x0: float, x1: float) -> float:
@@ -88,7 +96,7 @@ class Bed(ABC):
 
     @property
     def period(self) -> float | None:
-        """The length after which the bed repeats; None where it does not, or has no forms."""
+        """The length after which the bed repeats; None where it does not, or is flat."""
         return None
 
     def normal(self, x: ArrayLike) -> Floats:
@@ -196,7 +204,7 @@ class Sinusoidal(Bed):
         return np.asarray(feet[order[np.unique(owner[order], return_index=True)[1]]])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One spline, closer to the bed than 1e-6 of the wavelength also in kernels with crude end slopes."""
+        """One spline, within 1e-6 of the wavelength of the bed, also in kernels with crude end slopes."""
         # With central differences for slopes a cubic is wrong by 0.016 h^3 b''', at the ends, where mesh
         # generators take the slope of the first chord, by 0.074 h^2 b'': both are held at 2.5e-7 wavelengths.
         steepness = max(self.amplitude / self.wavelength, 1e-3)
@@ -236,7 +244,6 @@ class HalfDiscs(Bed):
 
     @property
     def _touching(self) -> bool:
-        """Whether the half-discs leave no base line between them."""
         return self.spacing - 2.0 * self.radius <= 1e-9 * self.radius
 
     def _centre(self, x: Floats) -> Floats:
@@ -244,7 +251,7 @@ class HalfDiscs(Bed):
         return np.asarray(self.offset + self.spacing * np.round((x - self.offset) / self.spacing))
 
     def _centres(self, x0: float, x1: float) -> Floats:
-        """Abscissae of all half-discs that reach between x0 and x1, and of some beyond."""
+        """Abscissae of all half-discs between x0 and x1, and of some beyond."""
         first = np.floor((x0 - self.offset) / self.spacing) - 1
         last = np.ceil((x1 - self.offset) / self.spacing) + 1
         return np.asarray(self.offset + self.spacing * np.arange(first, last + 1))
@@ -276,7 +283,7 @@ class HalfDiscs(Bed):
         return np.asarray(feet[(feet >= x0) & (feet <= x1)])
 
     def nearest(self, points: Floats) -> Floats:
-        """The foot on the half-disc whose centre is nearest, or that on the base line beside it if it is nearer."""
+        """The foot on the nearest half-disc, or the foot on the adjacent base line if that is nearer."""
         points, r = rows(points), self.radius
         # Half-way between two it is the left one.
         place = np.ceil((points[:, 0] - self.offset) / self.spacing - 0.5)
@@ -372,7 +379,7 @@ class Polyline(Bed):
         return float(self._vertices[:, 1].max())
 
     def crest_level(self, x0: float, x1: float) -> float:
-        """The height that is reached in every third from x0 to x1 and at x0: a lone obstacle does not count."""
+        """The height reached in every third from x0 to x1 and at x0: a single obstacle does not count."""
         cuts = np.linspace(x0, x1, 4)
         thirds = [self._cut(*cut)[:, 1].max() for cut in pairwise(cuts)]
         return float(max(min(thirds), self.height([x0])[0]))
@@ -383,7 +390,7 @@ class Polyline(Bed):
         return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
 
     def _cut(self, x0: float, x1: float, sliver: float = 0.0) -> Floats:
-        """Points (n, 2) at x0 and x1, and of the corners between them those that keep `sliver` away from both."""
+        """Points (n, 2) at x0 and x1, and the corners between them at least `sliver` away from both."""
         x = self._vertices[:, 0]
         inner = self._vertices[(x > x0 + sliver) & (x < x1 - sliver)]
         first, last = np.column_stack([[x0, x1], self.height([x0, x1])])
@@ -407,7 +414,7 @@ class Polyline(Bed):
         return slope[left], slope[right]
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """The points between x0 and x1, also those that are not real corners."""
+        """The points between x0 and x1, including collinear ones."""
         x = self._vertices[:, 0]
         return np.unique(x[(x >= x0) & (x <= x1)])
 
@@ -433,13 +440,9 @@ class Polyline(Bed):
         ends = [min(x0, v[0, 0]) - reach, v[0, 1]], [max(x1, v[-1, 0]) + reach, v[-1, 1]]
         v = np.vstack([ends[0], v, ends[1]])
         vertices = v[max(np.searchsorted(v[:, 0], x0) - 1, 0) : np.searchsorted(v[:, 0], x1) + 1]
-        side = np.diff(vertices, axis=0)
-        s = ((points[:, None] - vertices[:-1]) * side).sum(axis=2) / (side * side).sum(axis=1)
-        s = np.clip(s, 0.0, 1.0)[..., None]
+        k, s = nearest_on_sides(points, vertices[:-1], np.diff(vertices, axis=0))
         # Weighted ends: a foot at an end of a line is that end exactly.
-        feet = (1.0 - s) * vertices[:-1] + s * vertices[1:]
-        best = np.argmin(((feet - points[:, None]) ** 2).sum(axis=2), axis=1)
-        return np.asarray(feet[np.arange(len(points)), best])
+        return (1.0 - s)[:, None] * vertices[k] + s[:, None] * vertices[k + 1]
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One line from point to point, cut at x0 and x1."""
@@ -451,8 +454,8 @@ class Polyline(Bed):
 class Curved(Polyline):
     """A smooth curve through `knots` (n, 2) with ascending x, y counting from origin_y.
 
-    The height is piecewise cubic and has no crests or troughs but those of the knots (Fritsch & Carlson 1980, SIAM J.
-    Numer. Anal. 17, 238). `points` are on the curve, so close together that it is computed from the lines between them.
+    The height is piecewise cubic with crests and troughs at knots only (Fritsch & Carlson 1980, SIAM J.
+    Numer. Anal. 17, 238). `points` on the curve are so close together that lines between them represent it.
     """
 
     knots: tuple[Point, ...] = ()
@@ -469,7 +472,7 @@ class Curved(Polyline):
         return PchipInterpolator(*np.array(self.knots).T)
 
     def _stretches(self) -> list[tuple[float, float, bool]]:
-        """Where stretches that bend, and straight ones, begin and end, in order."""
+        """The ends of curved and straight stretches, in order."""
         x, y = np.array(self.knots).T
         slope, chord = self._curve(x, 1), np.diff(y) / np.diff(x)
         away = np.maximum(np.abs(slope[:-1] - chord), np.abs(slope[1:] - chord))
@@ -525,7 +528,7 @@ class Curved(Polyline):
         return np.empty(0)
 
     def _nearest(self, points: Floats) -> Floats:
-        """The nearest points (n, 2), those of the lines moved on to the curve; of two alike either."""
+        """The nearest points (n, 2), those of the lines projected onto the curve; of two equally near ones either."""
         if not len(points) or not np.isfinite(self.feature):
             return super()._nearest(points)
         x = super()._nearest(points)[:, 0]
@@ -543,7 +546,7 @@ class Curved(Polyline):
 
 
 def effective_level(bed: Bed) -> float:
-    """Height above its base line of the level plane that acts on creeping shear far above as a periodic bed does.
+    """Height above its base line of the plane that is equivalent to a periodic bed for creeping shear far above.
 
     Far above such a bed flow of unit shear is u = y - d, and d is this level (the crests less the protrusion height of
     Luchini, Manzo & Pozzi 1991). Raises SceneError for beds that are not in the tables.

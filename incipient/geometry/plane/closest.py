@@ -1,7 +1,7 @@
 """Closest points of a grain and a bed in 2-D: all local minima of the distance along the outline, and lowering.
 
-The outline is sampled once. The distance changes along it by no more than the way, so that few samples have to be
-looked at; between neighbours of a sampled minimum the derivative of the distance has a root.
+The outline is sampled once. The distance changes along it by at most the way, so that few samples have to be
+examined; between neighbours of a sampled minimum the derivative of the distance has a root.
 """
 
 from collections.abc import Iterator
@@ -10,13 +10,14 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats, planar_cross, quarter_turned, spatial
+from incipient.arrays import Floats, planar_cross, quarter_turned, spatial, unit
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.curves import Arc, Curve, Line, increasing_roots
-from incipient.geometry.plane.grains import Grain
+from incipient.geometry.plane.grains import NODES, Grain
+from incipient.geometry.proximity import Proximity
 
 PER_FEATURE = (
     64.0  # samples along the smaller of half the grain's size and the bed's smallest feature
@@ -29,21 +30,17 @@ ON_CORNER = (
 )
 LEVEL = 1e-13  # of the grain's size: distances that differ by less are those of a flat contact
 SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
-STEEPEST = 0.02  # vertical component of a normal that lowering still relies on
+# Where between two corners of the bed a side must lie on it: both ends and Gauss's points, which no wave hits alone
+BETWEEN = np.array([0.0, *(0.5 + 0.5 * NODES), 1.0])
 Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
 
 
 @dataclass(frozen=True, eq=False)
-class PlanarProximity:
+class PlanarProximity(Proximity):
     """A grain and a bed in 2-D, prepared for questions about many placements."""
 
     grain: Grain
     bed: Bed
-
-    @cached_property
-    def size(self) -> float:
-        """The grain's size."""
-        return self.grain.size
 
     @cached_property
     def _steps(self) -> np.ndarray:
@@ -53,36 +50,37 @@ class PlanarProximity:
         return np.asarray(np.clip(wanted, np.where(chain.straight, 1, FEWEST), MOST).astype(int))
 
     @cached_property
-    def _samples(self) -> tuple[np.ndarray, Floats, Floats, float]:
-        """Curves (m,), parameters (m,) and points (m, 2) of samples in order, and the longest way to the next one."""
+    def _samples(self) -> tuple[np.ndarray, Floats, Floats]:
+        """Curves (m,), parameters (m,) and points (m, 2) of samples in order."""
         curve, s = self.grain.chain.samples(self._steps)
-        # An estimate of a curve's length may be a little too small.
-        way = 1.1 * float((self.grain.chain.lengths / self._steps).max())
-        return curve, s, self.grain.chain.point(curve, s), way
+        return curve, s, self.grain.chain.point(curve, s)
 
-    def _distances(self, points: Floats, within: float | None) -> Floats:
-        """Distances (m,) of the placed samples from the bed; infinite where they exceed `within`, or the least one."""
+    @cached_property
+    def sampling(self) -> float:
+        """The longest way from a sample to the next one; an estimate of a curve's length may be a little too small."""
+        return 1.1 * float((self.grain.chain.lengths / self._steps).max())
+
+    def _distances(self, points: Floats, within: float) -> Floats:
+        """Distances (m,) of the placed samples from the bed; infinite where they exceed `within`."""
         known, distances = self.bed.distance(points[::STRIDE]), np.full(len(points), np.inf)
-        bound = known.min() if within is None else within
-        near = np.repeat(known <= bound + (STRIDE + 1) * self._samples[3], STRIDE)[: len(points)]
+        near = np.repeat(known <= within + (STRIDE + 1) * self.sampling, STRIDE)[: len(points)]
         distances[near] = self.bed.distance(points[near])
         return distances
 
     def minima(
-        self, placement: Placement, within: float | None, touching: float | None = None
+        self, placement: Placement, within: float, touching: float | None = None
     ) -> ClosestPoints:
         """Local minima along the outline, and corners of it, with gaps of at most `within` (a length).
 
-        None: those that may be the least. Different ones are resolved if they lie farther apart than the samples.
         touching: minima alone, whose gaps up to this length count as closed; by default round-off
         """
-        curve, s, points, way = self._samples
+        curve, s, points = self._samples
         points = placement.to_scene(points)
         distances = self._distances(points, within)
-        bound = (float(distances.min()) if within is None else within) + way
         low, high = np.roll(distances, 1), np.roll(distances, -1)
         even = LEVEL * self.size
-        least = (distances <= low + even) & (distances < high - even) & (distances <= bound)
+        least = (distances <= low + even) & (distances < high - even)
+        least &= distances <= within + self.sampling
         valley = np.flatnonzero(least)
         before = (valley - 1) % len(s)
         # Towards the sample before, on its curve, and towards the one after.
@@ -90,10 +88,10 @@ class PlanarProximity:
         end = np.round(start * self._steps[k] + 1.0) / self._steps[k]
         k, place = self._lowest(placement, k, start, end, np.tile(np.arange(len(valley)), 2))
         parts = [self._closest(placement, k, place, touching)]
-        if touching is None and within is not None:
+        if touching is None:
             parts.append(self._joints(placement, within))
         result = ClosestPoints.joined(parts)
-        return result if within is None else result.only(result.gaps <= within)
+        return result.only(result.gaps <= within)
 
     def _lowest(
         self, placement: Placement, k: np.ndarray, low: Floats, high: Floats, group: np.ndarray
@@ -253,58 +251,21 @@ class PlanarProximity:
         )
         return minima.only(~joint | chain.sharp[k] | sides)
 
-    def lowered(self, placement: Placement) -> Placement:
-        """The placement, lowered (or raised) vertically until the grain touches the bed."""
+    def drop(self, placement: Placement) -> float:
+        """The least vertical distance from the bed of samples, and of chords between them above its corners."""
         points = placement.to_scene(self._samples[2])
-        drops = points[:, 1] - self.bed.height(points[:, 0])
-        lowest = min(drops.min(), self._drops_onto_corners(placement, points).min(initial=np.inf))
-        placement = placement.raised(-float(lowest))
-        near = self.minima(placement, self._samples[3])
-        for _ in range(60):
-            if not len(near):
-                raise SceneError("the grain finds no bed below it; move it over the bed")
-            lift = float((-near.gaps / np.maximum(near.normals[:, 1], STEEPEST)).max())
-            placement = placement.raised(lift)
-            if abs(lift) <= 1e-12 * self.size:
-                break
-            near = self.tracked(placement, near)
-        return placement
-
-    def _drops_onto_corners(self, placement: Placement, points: Floats) -> Floats:
-        """Vertical distances (n,) of the outline, of which samples (m, 2) are placed, from corners of the bed."""
-        x, ahead = points[:, 0], np.roll(points[:, 0], -1)
+        x, ahead = points[:, 0], np.roll(points, -1, axis=0)
+        drops = points[:, 1] - self.bed.height(x)
         corners = self.bed.corners(float(x.min()), float(x.max()))
-        first = np.searchsorted(corners, np.minimum(x, ahead), side="right")
-        count = np.maximum(np.searchsorted(corners, np.maximum(x, ahead)) - first, 0)
+        first = np.searchsorted(corners, np.minimum(x, ahead[:, 0]), side="right")
+        count = np.maximum(np.searchsorted(corners, np.maximum(x, ahead[:, 0])) - first, 0)
         i = np.repeat(np.arange(len(x)), count)
-        if not len(i):
-            return np.empty(0)
         at = corners[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + first[i]]
-        curve, low = self._samples[0][i], self._samples[1][i]
-        high, sign = (
-            np.round(low * self._steps[curve] + 1.0) / self._steps[curve],
-            np.sign(ahead - x)[i],
-        )
-
-        def beyond(s: Floats) -> Floats:
-            """How far the outline has passed the corners."""
-            return np.asarray(
-                sign * (placement.to_scene(self.grain.chain.point(curve, s))[:, 0] - at)
-            )
-
-        places = placement.to_scene(
-            self.grain.chain.point(curve, increasing_roots(beyond, low, high))
-        )
+        t = (at - x[i]) / (ahead[i, 0] - x[i])
         # At a vertical step the upper side counts.
         tops = np.maximum(self.bed.height(at), self.bed.height(np.nextafter(at, -np.inf)))
-        return np.asarray(places[:, 1] - tops)
-
-    def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        """The least distance from the bed, and the points (2,) on grain and bed where it occurs."""
-        near = self.minima(placement, None)
-        k = int(np.argmin(near.gaps))
-        foot = self.bed.nearest(near.points[k : k + 1])[0]
-        return float(near.gaps[k]), near.points[k], foot
+        above = (1.0 - t) * points[i, 1] + t * ahead[i, 1] - tops
+        return float(min(drops.min(), above.min(initial=np.inf)))
 
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts whose distance from the bed is at most `tolerance`; see `closest.touching`."""
@@ -334,23 +295,21 @@ class PlanarProximity:
         return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
     def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:
-        """All straight sides, or parts of them, that lie on straight pieces of the bed."""
+        """All straight sides, or parts of them, that lie on the bed: at their ends and at Gauss's points between."""
         chain, patches = self.grain.chain, list[Patch]()
-        ends = placement.to_scene(chain.starts)
-        low = np.minimum(ends, np.roll(ends, -1, axis=0))[:, 1] - self.bed.crest
-        near = np.flatnonzero(chain.straight & (low <= tolerance))
-        sides = [
-            side
-            for side in (chain.curves[k].moved(placement) for k in near)
-            if isinstance(side, Line)
-        ]
-        x0 = max(placement.centre[0] - self.size, self.bed.extent[0])
-        x1 = min(placement.centre[0] + self.size, self.bed.extent[1])
-        pieces = self.bed.curves(x0, x1) if sides and x0 < x1 else ()
-        for side in sides:
-            for piece in pieces:
-                patch = _patch(side, piece, tolerance) if isinstance(piece, Line) else None
-                patches = _joined(patches, patch, tolerance) if patch is not None else patches
+        starts = placement.to_scene(chain.starts)
+        sides = np.roll(starts, -1, axis=0) - starts
+        low = starts[:, 1] + np.minimum(sides[:, 1], 0.0) - self.bed.crest
+        # Counter-clockwise, the lower sides run from left to right.
+        for k in np.flatnonzero(chain.straight & (low <= tolerance) & (sides[:, 0] > 0.0)):
+            start, side = starts[k], sides[k]
+            corners = self.bed.corners(start[0], start[0] + side[0])
+            t = np.unique([0.0, *np.clip((corners - start[0]) / side[0], 0.0, 1.0), 1.0])
+            t = t[:-1, None] + np.diff(t)[:, None] * BETWEEN
+            points = start + t[..., None] * side
+            away = self.bed.distance(points.reshape(-1, 2)).reshape(t.shape)
+            for ends in points[(np.abs(away) <= tolerance).all(axis=1)][:, [0, -1]]:
+                patches = _joined(patches, (ends, -quarter_turned(unit(side))), tolerance)
         return patches
 
 
@@ -371,7 +330,6 @@ def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, Floats]]:
 
 
 def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bool:
-    """Whether a point contact lies on a patch."""
     ends, outward = patch
     return bool(
         np.abs(normal - outward).max() <= SAME_DIRECTION
@@ -381,29 +339,12 @@ def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bo
 
 
 def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]:
-    """The patches with one more, grown together with the last if it continues that one straight on."""
-    if patches and np.abs(patches[-1][1] - patch[1]).max() <= SAME_DIRECTION:
-        ends = np.vstack([patches[-1][0], patch[0]])
-        apart = np.linalg.norm(ends[:2, None] - ends[None, 2:], axis=2)
-        if apart.min() <= tolerance:
-            i, j = np.unravel_index(np.argmax(apart), apart.shape)
-            return [*patches[:-1], (ends[[i, 2 + j]], patch[1])]
+    """The patches with one more, if it is long enough, grown together with the last if it continues that one."""
+    (start, end), outward = patch
+    if np.linalg.norm(end - start) <= tolerance:
+        return patches
+    if patches and np.abs(patches[-1][1] - outward).max() <= SAME_DIRECTION:
+        first, last = patches[-1][0]
+        if np.linalg.norm(start - last) <= tolerance:
+            return [*patches[:-1], (np.array([first, end]), outward)]
     return [*patches, patch]
-
-
-def _patch(side: Line, piece: Line, tolerance: float) -> Patch | None:
-    """The part of a grain's side above a piece of bed, if all of that part is within the tolerance."""
-    x = side.start[0], side.end[0]
-    if max(x) < piece.start[0] - tolerance or min(x) > piece.end[0] + tolerance:
-        return None
-    along, outward = piece.tangent([0.0])[0], -quarter_turned(side.tangent([0.0])[0])
-    upward = quarter_turned(along)
-    if outward @ upward > -0.5:
-        return None
-    at = (np.array([side.start, side.end]) - np.asarray(piece.start)) @ along
-    low, high = max(at.min(), 0.0), min(at.max(), piece.length)
-    if high - low <= max(tolerance, 1e-9 * side.length):
-        return None
-    ends = side.point((np.array([low, high]) - at[0]) / (at[1] - at[0]))
-    flat = np.abs((ends - np.asarray(piece.start)) @ upward).max() <= tolerance
-    return (ends, outward) if flat else None

@@ -1,4 +1,4 @@
-"""Where the narrow space between a resting grain and its bed is taken to be closed, and what that leaves of both.
+"""Closing of the interstice between a resting grain and its bed, and the remaining outlines.
 
 In 2-D a grain that touches closes the way below it. The space next to a contact is a wedge; where it is narrower
 than some width it is left out, up to a straight line across it on either side of all contacts.
@@ -85,7 +85,6 @@ def _at(outline: Sequence[Curve], place: float) -> Floats:
 
 
 def _pieces(outline: Sequence[Curve], first: float, last: float) -> tuple[Curve, ...]:
-    """The curves between two places of an outline."""
     result = []
     for k in range(int(first), int(np.ceil(last))):
         low, high = max(first - k, 0.0), min(last - k, 1.0)

@@ -206,7 +206,7 @@ def plain(x: Floats) -> Point:
 def increasing_roots(
     values: Callable[[Floats], Floats], low: Floats, high: Floats, rounds: int = 60
 ) -> Floats:
-    """Where functions (n,) of parameters (n,) change from negative to positive between `low` and `high`.
+    """Parameters at which functions (n,) change from negative to positive between `low` and `high`.
 
     An end where they do not. Chandrupatla's method (1997): inverse quadratic interpolation, bisection where that is
     not safe.
@@ -239,6 +239,14 @@ def increasing_roots(
         )
     best = np.where(np.abs(fa) < np.abs(fb), a, b)
     return np.where(open_, best, ends)
+
+
+def nearest_on_sides(x: Floats, starts: Floats, sides: Floats) -> tuple[np.ndarray, Floats]:
+    """Numbers (n,) of the sides (m, 2) from starts (m, 2) nearest to points (n, 2), and the parameters (n,) there."""
+    away = x[:, None] - starts
+    s = np.clip((away * sides).sum(axis=2) / (sides * sides).sum(axis=1), 0.0, 1.0)
+    k = ((away - s[..., None] * sides) ** 2).sum(axis=2).argmin(axis=1)
+    return k, s[np.arange(len(x)), k]
 
 
 def _column(s: ArrayLike) -> Floats:

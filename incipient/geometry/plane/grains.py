@@ -23,12 +23,12 @@ from incipient.geometry.plane.curves import (
     Spline,
     Traced,
     increasing_roots,
+    nearest_on_sides,
     plain,
 )
 from incipient.geometry.shape import (
     Balls,
     Moments,
-    RoundedBox,
     Shape,
     checked_balls,
     largest_distance,
@@ -40,7 +40,7 @@ PANELS = 96  # of Gauss's rule on a curve that is no line
 SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
 # Points of the splines that are meshed; those of a quarter are closer to it than 1e-7 of the grain's size
 QUARTER, EVEN = 768, 192
-# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by no more than an angle.
+# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by at most an angle.
 BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
@@ -59,7 +59,7 @@ class Chain:
 
     @cached_property
     def starts(self) -> Floats:
-        """Where the curves begin, (n, 2)."""
+        """Start points (n, 2) of the curves."""
         return np.array([curve.start for curve in self.curves])
 
     @cached_property
@@ -117,7 +117,8 @@ class Chain:
         curve, s = self.samples(steps)
         vertices = self.point(curve, s)
         parts = np.array_split(x, 1 + len(x) * len(s) // TABLE)
-        k = np.concatenate([_nearest_side(part, vertices) for part in parts])
+        sides = np.roll(vertices, -1, axis=0) - vertices
+        k = np.concatenate([nearest_on_sides(part, vertices, sides)[0] for part in parts])
         curve, s, step = curve[k], s[k], 1.0 / steps[curve[k]]
         low, high = np.maximum(s - 0.5 * step, 0.0), np.minimum(s + 1.5 * step, 1.0)
 
@@ -125,13 +126,6 @@ class Chain:
             return np.asarray(((self.point(curve, s) - x) * self.derivative(curve, s)).sum(axis=1))
 
         return curve, increasing_roots(approach, low, high)
-
-
-def _nearest_side(x: Floats, corners: Floats) -> np.ndarray:
-    """The numbers (n,) of the sides of a polygon (m, 2) nearest to points (n, 2)."""
-    side, away = np.roll(corners, -1, axis=0) - corners, x[:, None] - corners
-    s = np.clip((away * side).sum(axis=2) / (side * side).sum(axis=1), 0.0, 1.0)
-    return np.asarray(((away - s[..., None] * side) ** 2).sum(axis=2).argmin(axis=1))
 
 
 class Grain(Shape):
@@ -150,6 +144,10 @@ class Grain(Shape):
 
     def drawn(self) -> tuple[Curve, ...]:
         """The outline as a mesh is made of it."""
+        return self._drawn
+
+    @cached_property
+    def _drawn(self) -> tuple[Curve, ...]:
         return self.chain.curves
 
     @cached_property
@@ -222,7 +220,7 @@ class Disc(Ellipse):
 
 
 @dataclass(frozen=True)
-class Rectangle(RoundedBox, Grain):
+class Rectangle(Grain):
     """A rectangle whose corners are rounded by quarter circles of `corner_radius` (0: sharp)."""
 
     width: float
@@ -238,6 +236,11 @@ class Rectangle(RoundedBox, Grain):
     def core(self) -> Floats:
         """Half the sides of the rectangle that the corner circle is rolled around."""
         return 0.5 * np.array([self.width, self.height]) - self.rounding
+
+    @property
+    def size(self) -> float:
+        """The diagonal, less what the rounding takes off."""
+        return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.rounding)
 
     def outline(self) -> tuple[Curve, ...]:
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
@@ -263,12 +266,9 @@ class Smooth(Grain):
         """Four quarters, exact."""
         return tuple(Traced(self, 0.5 * pi * k, 0.5 * pi) for k in range(4))
 
-    def drawn(self) -> tuple[Curve, ...]:
-        """Splines through points of the quarters, cut in blunt corners so that no cell turns by more than TURN."""
-        return self._drawn
-
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
+        """Splines through points of the quarters, cut in blunt corners so that no cell turns by more than TURN."""
         cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
         if all(len(quarter) == 2 for quarter in cuts):
             # Ten times as dense at the ends, where splines have to guess their slope
@@ -437,12 +437,9 @@ class Polygon(Grain):
         corners = self.vertices
         return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
 
-    def drawn(self) -> tuple[Curve, ...]:
-        """The outline as a mesh is made of it: short sides in a row are one smooth curve through their vertices."""
-        return self._drawn
-
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
+        """Short sides in a row are one smooth curve through their vertices."""
         corners, short = self.chain.starts, self.chain.lengths < SHORT * self.size
         turns = _turns(corners, self.chain.lengths, self.size)
         knots = np.union1d(np.flatnonzero(~(short & np.roll(short, 1))), turns).astype(int)
@@ -527,13 +524,8 @@ def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Arcs:
-    """The exposed arcs (k,) of discs: which disc they belong to, from and to which angle, counter-clockwise."""
-
-    owner: np.ndarray
-    start: Floats
-    end: Floats
+# Which disc arcs (k,) belong to, from and to which angle, counter-clockwise
+Arcs = tuple[np.ndarray, Floats, Floats]
 
 
 def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
@@ -554,23 +546,24 @@ def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
             if last > first and (turn >= half).all():
                 result.append((i, first, last))
     owner, start, end = np.array(result, dtype=float).reshape(-1, 3).T
-    return Arcs(owner.astype(int), start, end)
+    return owner.astype(int), start, end
 
 
 def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
     """The integrals over the union of discs from its exposed arcs, by Gauss's rule on sixteenths of each."""
     s, weights = ((np.arange(16)[:, None] + 0.5 + 0.5 * NODES) / 16.0).ravel(), np.tile(WEIGHTS, 16)
-    sweep, r = (arcs.end - arcs.start)[:, None, None], radii[arcs.owner, None, None]
-    angle = arcs.start[:, None] + sweep[..., 0] * s
+    owner, start, end = arcs
+    sweep, r = (end - start)[:, None, None], radii[owner, None, None]
+    angle = start[:, None] + sweep[..., 0] * s
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    points = centres[arcs.owner, None] + r * outward
+    points = centres[owner, None] + r * outward
     normals = r * sweep * outward * weights[:, None] / 32.0
     return Moments.swept(points.reshape(-1, 2), normals.reshape(-1, 2))
 
 
 @dataclass(frozen=True, init=False)
 class Discs(Balls, Grain):
-    """Discs that hang together without enclosing a hole; they are shifted to the centroid of their union.
+    """Connected discs that enclose no hole; they are shifted to the centroid of their union.
 
     Raises SceneError if the numbers are no discs, if a disc lies within others or touches none.
     """
@@ -583,7 +576,7 @@ class Discs(Balls, Grain):
     ) -> None:
         points, sizes = checked_balls(centres, radii, 2)
         arcs = exposed_arcs(points, sizes)
-        require_exposed(arcs.owner, len(sizes), "disc")
+        require_exposed(arcs[0], len(sizes), "disc")
         points = points - moments_of_arcs(arcs, points, sizes).centroid
         object.__setattr__(self, "centres", tuple((float(x), float(y)) for x, y in points))
         object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
@@ -592,7 +585,7 @@ class Discs(Balls, Grain):
     def outline(self) -> tuple[Curve, ...]:
         """Arcs of at most a quarter turn, joined in exact corners."""
         (centres, radii), curves = self.tables, list[Curve]()
-        arcs = exposed_arcs(centres, radii)
+        owner, first, last = exposed_arcs(centres, radii)
 
         def at(angle: Floats, owner: np.ndarray) -> Floats:
             """Points (n, 2) at angles (n,) on the circles of owners (n,)."""
@@ -600,17 +593,17 @@ class Discs(Balls, Grain):
                 [np.cos(angle), np.sin(angle)]
             )
 
-        starts, ends = at(arcs.start, arcs.owner), at(arcs.end, arcs.owner)
+        starts, ends = at(first, owner), at(last, owner)
         following = np.argmin(np.linalg.norm(ends[:, None] - starts, axis=2), axis=1).tolist()
         # From the arc that reaches farthest to the right
-        rightmost, left = arcs.owner == np.argmax(centres[:, 0] + radii), {*following}
-        k = int(np.argmax(np.where(rightmost, arcs.end, -1.0)))
+        rightmost, left = owner == np.argmax(centres[:, 0] + radii), {*following}
+        k = int(np.argmax(np.where(rightmost, last, -1.0)))
         while k in left:
             left.remove(k)
-            pieces = max(int(np.ceil((arcs.end[k] - arcs.start[k]) / (0.5 * pi) - 1e-9)), 1)
-            inner = at(np.linspace(arcs.start[k], arcs.end[k], pieces + 1)[1:-1], arcs.owner[[k]])
+            pieces = max(int(np.ceil((last[k] - first[k]) / (0.5 * pi) - 1e-9)), 1)
+            inner = at(np.linspace(first[k], last[k], pieces + 1)[1:-1], owner[[k]])
             stations = [plain(x) for x in (starts[k], *inner, starts[following[k]])]
-            centre, k = plain(centres[arcs.owner[k]]), following[k]
+            centre, k = plain(centres[owner[k]]), following[k]
             curves += [Arc(a, centre, b) for a, b in pairwise(stations)]
         if left:
             raise SceneError("the discs enclose a hole; fill it with a disc")

@@ -29,7 +29,7 @@ AROUND = 2  # places of the lattice on either side at which a sphere above a poi
 class HalfSpacesAndBalls:
     """Half-spaces below planes through `origins` (p, 3) with unit normals (p, 3), then balls.
 
-    Balls have `centres` (b, 3) and `radii` (b,); those that are `posts` (b,) reach downwards without end.
+    Balls have `centres` (b, 3) and `radii` (b,); those that are `posts` (b,) extend downwards without end.
     """
 
     origins: Floats
@@ -119,7 +119,7 @@ class Terrain(ABC):
         return self.crest
 
     def mean(self, x: Sides, y: Sides) -> float:
-        """The mean height over a rectangle: over the middles of equal parts of it, ten of them to a feature."""
+        """The mean height over a rectangle, by the midpoint rule with ten points per feature."""
         places = []
         for low, high in (x, y):
             count = int(np.clip(10.0 * (high - low) / self.feature, 2, MOST_ACROSS))
@@ -206,9 +206,9 @@ class Plane(Terrain):
 class SphereBed(Terrain):
     """Spheres above the half-space below the plane z = origin_z; the bed's solid is the union.
 
-    Their centres (k, 3) and radii (k,) repeat without end by the horizontal `periods`, two rows, if there are any.
+    Their centres (k, 3) and radii (k,) repeat with the horizontal `periods`, two rows, if there are any.
     Those that are `posts` (k,) reach down to the plane as cylinders, so that no pores are below them. A `seed` shifts
-    each sphere of an array horizontally as far as its neighbours leave room and lowers it by at most half a radius.
+    each sphere of an array horizontally within the space between its neighbours and lowers it by up to half a radius.
     """
 
     centres: Floats
@@ -270,7 +270,7 @@ class SphereBed(Terrain):
 
     @property
     def crest(self) -> float:
-        """The top of the highest sphere (in disorder of one that is not lowered), or the base plane."""
+        """The top of the highest sphere (without the shifts of a `seed`), or the base plane."""
         return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
 
     def crest_level(self, x: Sides, y: Sides) -> float:
@@ -301,7 +301,7 @@ class SphereBed(Terrain):
         return which[close], centres[close]
 
     def _disorder(self, places: Floats, layer: np.ndarray) -> Floats:
-        """Shifts (n, 3) of spheres at places (n, 2) of layers (n,): bits mixed as by Steele, Lea & Flood (2014)."""
+        """Shifts (n, 3) of spheres at positions (n, 2) of layers (n,): bits mixed as by Steele, Lea & Flood (2014)."""
         chances = []
         for number in range(3):
             state = np.zeros(len(places), dtype=np.uint64)
@@ -326,7 +326,7 @@ class SphereBed(Terrain):
         )
 
     def _seen(self, x: ArrayLike) -> tuple[Floats, np.ndarray, Floats]:
-        """Heights (n,) at points (n, 2), which sphere is there, -1 on the base, and where its centre is (n, 3)."""
+        """Heights (n,) at points (n, 2), the sphere there, -1 on the base, and its centre (n, 3)."""
         from scipy.spatial import cKDTree  # which takes time to import
 
         points = rows(x)
@@ -364,7 +364,7 @@ class SmoothTerrain(Terrain):
 
     @property
     def steepest(self) -> float:
-        """The tangent of the steepest slope between places as close as the bed's shape is known; 0: it is not known."""
+        """The tangent of the steepest slope at the resolution of the bed's shape; 0: unknown."""
         return 0.0
 
     @abstractmethod
@@ -418,7 +418,7 @@ class SmoothTerrain(Terrain):
         return best
 
     def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
-        """What (n, 2) makes x no foot of the points, and Newton's step to remove it, bounded."""
+        """Residual (n, 2) of x as the foot of the points, and the bounded Newton update."""
         height, slope, curvature = self.shape(x)
         offset = height - points[:, 2]
         residual = x - points[:, :2] + offset[:, None] * slope
@@ -452,7 +452,6 @@ class Ridges(SmoothTerrain):
 
     @property
     def _wave(self) -> Floats:
-        """The wave vector (2,)."""
         k = 2.0 * np.pi / self.wavelength
         return np.array([k * np.cos(self.angle), k * np.sin(self.angle)])
 

@@ -14,6 +14,7 @@ from incipient.arrays import Floats, planar_cross, unit
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement
+from incipient.geometry.proximity import Proximity
 from incipient.geometry.shape import Moments
 from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain
 from incipient.geometry.space.grains import Solid
@@ -30,24 +31,18 @@ from incipient.geometry.space.surfaces import (
 LAST_STEP = 1e-8
 SAME = 1e-9  # lengths that are one
 SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain, and along a feature of the bed
-STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
 Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points, places of the bed
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialProximity:
-    """A grain and a bed in 3-D, prepared for questions about many placements.
+class SpatialProximity(Proximity):
+    """A grain and a bed in 3-D, prepared for queries at many placements.
 
     Parts of a core are numbered: its triangles, its corners, its edges.
     """
 
     grain: Solid
     bed: Terrain
-
-    @cached_property
-    def size(self) -> float:
-        """The grain's size."""
-        return self.grain.size
 
     @cached_property
     def spacing(self) -> float:
@@ -58,9 +53,18 @@ class SpatialProximity:
     def _samples(self) -> Surface:
         return self.grain.surface(self.spacing)
 
+    @property
+    def sampling(self) -> float:
+        """The longest side of the samples' triangles."""
+        return self._samples.spacing
+
+    def drop(self, placement: Placement) -> float:
+        """The least vertical distance of samples from the bed."""
+        samples = placement.to_scene(self._samples.points)
+        return float((samples[:, 2] - self.bed.height(samples[:, :2])).min())
+
     @cached_property
     def _neighbours(self) -> np.ndarray:
-        """The samples next to each sample, (n, most)."""
         a, b = self._samples.edges.T
         return grouped(np.append(a, b), np.append(b, a), len(self._samples.points))
 
@@ -79,7 +83,7 @@ class SpatialProximity:
 
     @cached_property
     def _places(self) -> list[tuple[np.ndarray, Floats]]:
-        """Corners of each core, on smooth beds also places along edges: parts (m,) and points (m, 3) in the body frame.
+        """Corners of each core, on smooth beds also points along edges: parts (m,) and points (m, 3) in the body frame.
 
         An edge may lie across crests of a smooth bed, half a feature from each other at least.
         """
@@ -188,7 +192,7 @@ class SpatialProximity:
     def _starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
     ) -> Starts:
-        """Where to search a core: corners (and edges) close to a plane or a smooth bed, and triangles."""
+        """The features of a core to search: corners (and edges) near a plane or a smooth bed, and triangles."""
         core, curved = self.grain.cores[k], isinstance(pieces, SmoothTerrain)
         parts, points = self._places[k]
         points, bound = placement.to_scene(points), within + core.radius
@@ -260,9 +264,9 @@ class SpatialProximity:
         corners: bool = False,
         slack: float = 0.0,
     ) -> ClosestPoints:
-        """The `minima` that are local minima over the whole surface, each once; on request all corners, too.
+        """The `minima` that are local minima over the whole surface, each once; on request also all corners.
 
-        Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
+        Points whose neighbourhood is lower by at most `slack` (a length) count as minima.
         """
         slack = max(slack, SAME * self.size)
         keep = np.ones(len(minima), dtype=bool)
@@ -278,22 +282,6 @@ class SpatialProximity:
                 keep[mine] |= (part >= len(core.triangles)) & (np.abs(rise) <= 1e-6 * self.size)
         # Minima of smooth grains are distinguished no better than samples are.
         return minima.only(keep).distinct(1e-6 * self.size if self.grain.cores else self.spacing)
-
-    def lowered(self, placement: Placement) -> Placement:
-        """The placement, lowered (or raised) vertically until the grain touches the bed."""
-        samples = placement.to_scene(self._samples.points)
-        drop = samples[:, 2] - self.bed.height(samples[:, :2])
-        placement = placement.raised(-float(drop.min()))
-        minima = self.minima(placement, self._samples.spacing)
-        for _ in range(60):
-            if len(minima) == 0:
-                raise SceneError("the grain finds no bed below it; move it over the bed")
-            lift = float((-minima.gaps / np.maximum(minima.normals[:, 2], STEEPEST)).max())
-            placement = placement.raised(lift)
-            if abs(lift) <= 1e-13 * self.size:
-                break
-            minima = self.tracked(placement, minima)
-        return placement
 
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts whose distance from the bed is at most `tolerance` (a length); see `closest.touching`."""
@@ -351,20 +339,8 @@ class SpatialProximity:
         label = connected(len(points), triangles[lies])[triangles[lies, 0]]
         return [corners[lies][label == item] for item in np.unique(label)]
 
-    def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        """The least gap, and the points (3,) on grain and bed where it occurs; see `rest.clearance`."""
-        drop = max(placement.centre[2] - self.lowered(placement).centre[2], 0.0)
-        minima, reach = self.minima(placement, drop + SAME * self.size), self.size
-        while not len(
-            minima
-        ):  # beside a bed that overhangs it the grain is nearer than its way down says
-            minima, reach = self.minima(placement, reach), 2.0 * reach
-        k = int(np.argmin(minima.gaps))
-        return float(minima.gaps[k]), minima.points[k], minima.feet[k]
-
 
 def _shortened(steps: Floats, longest: float) -> Floats:
-    """Steps (n, 3) of at most a length."""
     length = np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
     return np.asarray(steps * np.minimum(1.0, longest / length))
 
@@ -470,7 +446,7 @@ def _patch(triangles: Floats, radius: float) -> Contacts:
 
 
 def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
-    """Which points to keep where several of one normal lie on a straight line of contact: its two ends."""
+    """The points to keep of those with one normal on a straight line of contact: its two ends."""
     keep = np.ones(len(minima), dtype=bool)
     _, label = np.unique(np.round(minima.normals, 6), axis=0, return_inverse=True)
     for item in np.unique(label):

@@ -15,13 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, cross, rows, unit
+from incipient.arrays import SMALLEST, Floats, cross, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry.plane.grains import exposed_arcs, farthest, moments_of_arcs, power_norm
 from incipient.geometry.shape import (
     Balls,
     Moments,
-    RoundedBox,
     Shape,
     checked_balls,
     largest_distance,
@@ -68,7 +67,7 @@ class Solid(Shape):
 
     @property
     def sharp(self) -> bool:
-        """Whether it has edges that a mesh has to follow."""
+        """Whether the grain has edges that a mesh must resolve."""
         return False
 
     @abstractmethod
@@ -77,16 +76,24 @@ class Solid(Shape):
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """What balls are rolled around to make the grain; none if it is smooth without being round."""
+        """The core of a rounded grain, which a ball is rolled around; none if it is smooth but not round."""
         return ()
 
     def project(self, x: ArrayLike) -> Floats:
         """Points of the surface (n, 3) near points (n, 3) that are close to it; for smooth grains only."""
         raise NotImplementedError
 
+    def extreme(self, direction: Floats) -> Floats:
+        """The point (3,) of the grain farthest along a unit vector (3,)."""
+        ends = [
+            core.points[np.argmax(core.points @ direction)] + core.radius * direction
+            for core in self.cores
+        ]
+        return np.asarray(max(ends, key=lambda end: float(end @ direction)))
+
 
 def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:
-    """The image of the unit sphere under a map of directions (n, 3) to points, as finely as asked."""
+    """The image of the unit sphere under a map of directions (n, 3) to points, at a given resolution."""
     frequency, most = max(4, int(np.ceil(0.7 * size / spacing))), int(np.sqrt(0.1 * MOST_POINTS))
     while True:
         ball = surfaces.sphere(min(frequency, most))
@@ -101,7 +108,7 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
 class Superquadric(Solid):
     """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c) and exponents (m, n) from 2 to 100.
 
-    m rules the section along the third axis, n the section across it; (2, 2) is an ellipsoid.
+    m is the exponent of the section along the third axis, n of that across it; (2, 2) is an ellipsoid.
     """
 
     semi_axes: tuple[float, float, float]
@@ -156,6 +163,18 @@ class Superquadric(Solid):
         x = rows(x)
         return np.asarray(x / self._norm(x)[:, None])
 
+    def extreme(self, direction: Floats) -> Floats:
+        """The point (3,) farthest along a unit vector (3,): where Hoelder's inequality is an equality."""
+        (m, n), scaled = self.exponents, np.asarray(self.semi_axes) * direction
+        sizes = np.abs(scaled)
+        section = power_norm(sizes[None, :2], n / (n - 1.0))[0]
+        whole = power_norm(np.array([[section, sizes[2]]]), m / (m - 1.0))[0]
+        unit_axes = np.empty(3)
+        unit_axes[:2] = (sizes[:2] / max(section, SMALLEST)) ** (1.0 / (n - 1.0))
+        unit_axes[:2] *= (section / whole) ** (1.0 / (m - 1.0))
+        unit_axes[2] = (sizes[2] / whole) ** (1.0 / (m - 1.0))
+        return np.asarray(self.semi_axes) * np.sign(scaled) * unit_axes
+
     def surface(self, spacing: float) -> Surface:
         """A sphere's triangles, stretched along the axes and carried along rays onto the surface."""
         return triangulated(
@@ -207,7 +226,7 @@ class Sphere(Solid):
 
 
 @dataclass(frozen=True)
-class Box(RoundedBox, Solid):
+class Box(Solid):
     """A box with sides (3,) whose edges and corners are rounded with `edge_radius` (0: sharp)."""
 
     level_is_distance = True
@@ -221,13 +240,28 @@ class Box(RoundedBox, Solid):
 
     @property
     def sharp(self) -> bool:
-        """Whether its edges are not rounded."""
+        """Whether its edges are sharp."""
         return self.edge_radius == 0.0
 
     @property
-    def rounding(self) -> float:
-        """The edges' radius."""
-        return self.edge_radius
+    def size(self) -> float:
+        """The diagonal, less what the rounding takes off."""
+        return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.edge_radius)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 3)."""
+        beyond = np.abs(rows(x)) - self.core
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.edge_radius)
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 3) at points (n, 3), at sharp edges and corners the bisector."""
+        x = rows(x)
+        beyond, slack = np.abs(x) - self.core, 1e-12 * self.size
+        inside = (beyond <= slack).all(axis=1, keepdims=True)
+        nearest = beyond >= beyond.max(axis=1, keepdims=True) - slack
+        direction = np.where(inside, nearest, np.maximum(beyond, 0.0))
+        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
 
     @cached_property
     def core(self) -> Floats:
@@ -308,8 +342,8 @@ class Triangulated(Solid):
     def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
         """A grain from an STL, PLY or OBJ file, its coordinates times `scale`.
 
-        Points and triangles that are there twice are taken as one, and triangles turned to one sense. Raises SceneError
-        if the file is missing, cannot be read, or its surface is not closed or runs through itself.
+        Duplicate points and triangles are merged, and triangles oriented consistently. Raises SceneError
+        if the file is missing, cannot be read, or its surface is not closed or intersects itself.
         """
         points, triangles = triangles_in(path)
         surface = repaired(Surface(scale * points, triangles))
@@ -409,7 +443,7 @@ class Cylinder(Solid):
         return (SphereSwept(ends, np.array([[0, 1, 1]]), 0.5 * self.diameter),)
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 3) from the tube, taken to be endless."""
+        """The signed distance at points (n, 3) from the tube, assumed endless."""
         return np.asarray(np.linalg.norm(rows(x) * ACROSS, axis=1) - 0.5 * self.diameter)
 
     def normal(self, x: ArrayLike) -> Floats:
@@ -429,7 +463,7 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True, init=False)
 class Spheres(Balls, Solid):
-    """Spheres that hang together; they are shifted to the centroid of their union.
+    """Connected spheres; they are shifted to the centroid of their union.
 
     Raises SceneError if the numbers are no spheres, or if a sphere touches no other or lies within another.
     """
@@ -466,7 +500,7 @@ class Spheres(Balls, Solid):
         )
 
     def surface(self, spacing: float) -> Surface:
-        """The spheres' triangles as far as they show; triangles that cross a crease are left whole."""
+        """The exposed triangles of the spheres; triangles across a crease are left whole."""
         frequency = max(4, int(np.ceil(1.3 * max(self.radii) / spacing)))
         frequency = min(frequency, int(np.sqrt(0.1 * MOST_POINTS / len(self.radii))))
         ball, pieces = surfaces.sphere(frequency), []

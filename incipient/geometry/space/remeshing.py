@@ -1,7 +1,7 @@
-"""Remeshing of a triangulated surface to the wanted edge lengths: edges are split, collapsed and swapped.
+"""Remeshing of a triangulated surface to given edge lengths: edges are split, collapsed and swapped.
 
-After Botsch and Kobbelt (2004), with sizes that vary; all points lie on the exact surface. Operations that do not touch
-each other are done together; lengths and qualities are compared to a few digits, so that round-off decides nothing.
+After Botsch and Kobbelt (2004), with sizes that vary; all points lie on the exact surface. Independent
+operations are done together; lengths and qualities are compared to a few digits, so that round-off has no effect.
 """
 
 from abc import ABC, abstractmethod
@@ -102,7 +102,7 @@ class Draft:
 
 
 class ExactSurface(ABC):
-    """A surface as it is exactly; points are in a unit in which its extent is about one."""
+    """An exact surface; points are in a unit in which its extent is about one."""
 
     @abstractmethod
     def draft(self) -> Draft:
@@ -117,7 +117,7 @@ class ExactSurface(ABC):
 class SurfaceMesh:
     """Points (n, 3), triangles with their edges, coordinates held (n, 3), points that stay (n,), sharp edges (k, 2).
 
-    Sharp edges are kept, and the surface's own edge always is. `sizes` (n,) are the lengths wanted at the points.
+    Sharp edges are kept, and the surface's own edge always is. `sizes` (n,) are the target lengths at the points.
     """
 
     points: Floats
@@ -151,7 +151,7 @@ class SurfaceMesh:
 
     @cached_property
     def lengths(self) -> Floats:
-        """The lengths (k,) of edges in units of the size wanted there, in six digits."""
+        """The lengths (k,) of edges in units of the target size there, in six digits."""
         edges = self.topology.edges
         first, second = self.points[edges].transpose(1, 0, 2)
         wanted = self.sizes[edges].mean(axis=1)
@@ -160,7 +160,7 @@ class SurfaceMesh:
 
 @dataclass(frozen=True, eq=False)
 class Remesher:
-    """What a surface is to become: where its points lie, and how long its edges are to be."""
+    """Target of remeshing: the exact surface of the points, and the edge lengths."""
 
     exact: ExactSurface
     size: SizeOf
@@ -179,7 +179,7 @@ class Remesher:
 def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
     """The surface triangulated with edges about as long as `size` says at points (n, 3).
 
-    Raises MeshError if the triangles do not settle.
+    Raises MeshError if the iteration does not converge.
     """
     mesh, curves = _begun(draft, size)
     task = Remesher(exact, size, curves)
@@ -221,7 +221,7 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
 
 
 def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
-    """Which edges (k,) are to be kept: those at which facets meet at an angle that the cells are to show."""
+    """Whether edges (k,) are kept: where the angle between facets is to be resolved."""
     surface = draft.surface
     areas = vector_areas(surface.corners)
     first, second = topology.beside.T
@@ -234,7 +234,7 @@ def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
 
 
 def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
-    """Edges that are too long get a point in their middle; triangles are cut at such points."""
+    """Split long edges at their midpoints, and the triangles there."""
     topology, long = mesh.topology, mesh.lengths > LONG
     if not long.any():
         return mesh
@@ -282,7 +282,7 @@ def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.n
 
 
 def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
-    """Edges that are too short become points, as long as no triangle turns over and none grows too long."""
+    """Collapse short edges unless a triangle turns over or an edge becomes too long."""
     for _ in range(6):
         candidates = _collapsible(mesh, np.flatnonzero(mesh.lengths < SHORT))
         before, mesh = mesh, _collapse_some(task, mesh, candidates) if len(candidates) else mesh
@@ -349,7 +349,7 @@ def _ranks(values: Floats) -> Floats:
 def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
     """Which collapses turn a triangle over or make an edge too long, (k,).
 
-    A triangle that was folded itself may turn to where those around it face together, or folds would stay for good.
+    A folded triangle may turn to the common orientation of its neighbours, otherwise folds would remain.
     """
     owner, moved = np.full(len(mesh.points), -1), mesh.points.copy()
     owner[stays] = owner[goes] = np.arange(len(stays))
@@ -383,7 +383,7 @@ def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
 
 
 def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
-    """Edges turned within the two triangles beside them where that makes these rounder."""
+    """Swap edges within their two triangles where that improves the quality of these."""
     topology, free = mesh.topology, np.flatnonzero(~mesh.kept)
     (a, b), (c, d) = topology.edges[free].T, topology.opposite[free].T
     now = _roundness(mesh.points, *mesh.triangles.T)[topology.beside[free]].min(axis=1)
@@ -427,7 +427,7 @@ def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> F
 
 
 def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
-    """Points moved along the surface towards the middle of what is around them, finer parts weighing more."""
+    """Move points along the surface towards the mean of their neighbours, with larger weights of finer ones."""
     of, wanted = mesh.triangles.T.ravel(), mesh.sizes[mesh.triangles].mean(axis=1)
     areas = vector_areas(mesh.corners)
     weight = np.linalg.norm(areas, axis=1) / wanted**3
@@ -451,7 +451,7 @@ def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _towards(mesh: SurfaceMesh, of: np.ndarray, weights: Floats, places: Floats) -> Floats:
-    """The ways (n, 3) from the points to the weighted mean of places (k, 3), each of a point (k,)."""
+    """The ways (n, 3) from the points to the weighted mean of positions (k, 3), each of a point (k,)."""
     total = summed(of, weights, len(mesh.points))
     pull = summed(of, weights[:, None] * places, len(mesh.points))
     return pull / np.maximum(total, 1e-300)[:, None] - mesh.points

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
-BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
-LEVELS = 20_000  # points at which a level is asked for at once
+BLOCK = 1_000_000  # pairs of points and triangles per block
+LEVELS = 20_000  # points per evaluation of a level
 ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
 CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
 DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
@@ -233,7 +233,7 @@ def crossed(surface: Surface) -> np.ndarray:
     ends = surface.points[edges]
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    # Triangles of like size are looked for together: a large one would make the search for small ones wide.
+    # Triangles of like size are sought together: a large one would make the search for small ones wide.
     kind = np.round(np.log2(np.maximum(longest, 1e-300))).astype(int)
     result = [np.empty(0, dtype=int)]
     for item in np.unique(kind):
@@ -274,11 +274,11 @@ class Triangles:
 
     @cached_property
     def _centroids(self) -> "cKDTree":
-        return _tree(self.corners.mean(axis=1))
+        return tree(self.corners.mean(axis=1))
 
     @cached_property
     def _corners(self) -> "cKDTree":
-        return _tree(self.corners.reshape(-1, 3))
+        return tree(self.corners.reshape(-1, 3))
 
     def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
         """Rows of points (n, 3) and triangles (k,) each that may be as near as `within` (a length, or (n,))."""
@@ -311,15 +311,16 @@ class Triangles:
         return (block for block in np.array_split(points, 1 + pairs // BLOCK) if len(block))
 
 
-def _tree(points: Floats) -> "cKDTree":
+def tree(points: Floats) -> "cKDTree":
+    """The spatial index of points (n, d)."""
     from scipy.spatial import cKDTree  # which takes time to import
 
     return cKDTree(points)
 
 
-def _matches(tree: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of points (n, d) and indices of a tree's points (k,) each that are within distances (n,)."""
-    result = tree.query_ball_point(points, within)
+def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of points (n, d) and numbers of indexed points (k,) each that are within distances (n,)."""
+    result = index.query_ball_point(points, within)
     counts = np.fromiter(map(len, result), int, len(result))
     indices = np.fromiter(chain.from_iterable(result), int, counts.sum())
     return np.repeat(np.arange(len(points)), counts), indices
@@ -350,32 +351,6 @@ def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
     return np.asarray(best)
 
 
-class NearestOf:
-    """Which of some points (m, 3) is nearest."""
-
-    def __init__(self, points: Floats):
-        self.tree = _tree(points)
-
-    def __call__(self, x: Floats) -> tuple[Floats, np.ndarray]:
-        """The distances (n,) of points (n, 3) from the nearest one, and its numbers (n,)."""
-        distance, number = self.tree.query(x)
-        return distance, number
-
-    def distances(self, x: Floats, count: int, radii: Floats) -> Floats:
-        """The distances (count, n) of points (n, 3) from balls of radii (m,) about the `count` nearest points.
-
-        Infinite where there are fewer.
-        """
-        away, which = self.tree.query(x, [*range(1, 1 + count)])
-        return np.asarray((away - np.append(radii, 0.0)[which]).T)
-
-    def most_within(self, reach: float) -> int:
-        """How many of the points lie within a distance of any one of them, itself included; at least 1."""
-        if not self.tree.n:
-            return 1
-        return int(self.tree.query_ball_point(self.tree.data, reach, return_length=True).max())
-
-
 def grouped(owner: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     """The values (k,) of each of `count` owners (k,) in a row, shorter rows filled up with their last value."""
     values = values[np.argsort(owner, kind="stable")]
@@ -389,13 +364,13 @@ class Cloud:
 
     def __init__(self, surface: Surface):
         self.corners, self.spacing = surface.corners, surface.spacing
-        self.vertices = NearestOf(surface.points)
+        self.vertices = tree(surface.points)
         flat = surface.triangles.ravel()
         self.around = grouped(flat, np.arange(len(flat)) // 3, len(surface.points))
 
     def distance(self, x: Floats) -> Floats:
         """The distances (n,) of points (n, 3)."""
-        distance, nearest = self.vertices(x)
+        distance, nearest = self.vertices.query(x)
         near = np.flatnonzero(distance < CLOSE * self.spacing)
         feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
         distance[near] = np.minimum(
@@ -405,7 +380,7 @@ class Cloud:
 
 
 def in_blocks(level: Callable[[Floats], Floats], x: Floats) -> Floats:
-    """The level (n,) at points (n, 3), asked for a few at a time so that pairs with many pieces fit into memory."""
+    """The level (n,) at points (n, 3), requested a few at a time so that pairs with many pieces fit into memory."""
     parts = np.array_split(x, 1 + len(x) // LEVELS)
     return np.concatenate([level(part) for part in parts])
 

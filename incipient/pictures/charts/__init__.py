@@ -1,1 +1,1 @@
-"""Charts: what accuracy costs, quantities of sweeps."""
+"""Charts of studies of cost, sweeps, surveys and series."""

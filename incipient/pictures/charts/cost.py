@@ -1,6 +1,6 @@
-"""The picture of what accuracy costs: errors against CPU time and memory, and the frontier.
+"""The chart of a study of cost: errors against CPU time and memory, and the frontier.
 
-Colours and marks tell orders apart; an error that is lost in the doubt about the reference is a hollow mark.
+Colours and marks tell orders apart; an error below the uncertainty of the reference is a hollow mark.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def _figure(stored: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(9.4, 5.2))
     title = stored["title"] or "What accuracy costs"
     figure.text(0.085, 0.97, title, fontsize=11.5, weight="bold", va="top", parse_math=False)
-    said = "\n".join(textwrap.wrap(stored["sentence"], 125))
-    figure.text(0.085, 0.915, said, fontsize=9, va="top", linespacing=1.3)
+    sentence = "\n".join(textwrap.wrap(stored["sentence"], 125))
+    figure.text(0.085, 0.915, sentence, fontsize=9, va="top", linespacing=1.3)
     panels = figure.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))
     figure.subplots_adjust(left=0.085, right=0.98, top=0.8, bottom=0.19, wspace=0.06)
     for axes, (key, label) in zip(panels, _PANELS, strict=True):

@@ -25,19 +25,21 @@ def _figure(stored: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
     axes = figure.add_subplot()
     names = ("shields", "probability", "low", "high")
-    shields, found, low, high = (np.array([one[name] for one in stored["curve"]]) for name in names)
-    given = stored["quantiles"]
+    shields, probability, low, high = (
+        np.array([one[name] for one in stored["curve"]]) for name in names
+    )
+    quantiles = stored["quantiles"]
     errors = (
         "all errors"
-        if all(one["error"] is not None for one in given)
+        if all(one["error"] is not None for one in quantiles)
         else "known errors, not the flow's"
     )
     looks: style.Looks = {"color": style.FLOW, "alpha": 0.25, "linewidth": 0.0}
     axes.fill_between(shields, low, high, label=f"its range by {errors}", **looks)
-    axes.plot(shields, found, color=style.FLOW, label="probability of motion at an instant")
-    places, heights = ([one[name] for one in given] for name in ("shields", "probability"))
+    axes.plot(shields, probability, color=style.FLOW, label="probability of motion at an instant")
+    places, heights = ([one[name] for one in quantiles] for name in ("shields", "probability"))
     looks = {"fmt": "o", "color": style.INK, "markersize": 4, "capsize": 3}
-    axes.errorbar(places, heights, xerr=_errors(given), label=f"with {errors}", **looks)
+    axes.errorbar(places, heights, xerr=_errors(quantiles), label=f"with {errors}", **looks)
     looks = {"color": style.PUSH, "linestyle": "--", "linewidth": 0.9}
     axes.axvline(stored["threshold"]["shields"], label="a steady flow moves it above", **looks)
     if stored["data"]:
@@ -48,7 +50,7 @@ def _figure(stored: dict[str, Any]) -> Figure:
         xlabel="Shields number of the mean flow [-]",
         ylabel="probability [-]",
     )
-    axes.set_ylim(0.5 * min(*found, *heights), 1.5)
+    axes.set_ylim(0.5 * min(*probability, *heights), 1.5)
     axes.xaxis.set_minor_locator(LogLocator(subs=(2, 3, 5)))
     axes.xaxis.set_minor_formatter("{x:g}")
     axes.xaxis.set_major_formatter("{x:g}")
@@ -59,11 +61,11 @@ def _figure(stored: dict[str, Any]) -> Figure:
     return figure
 
 
-def _errors(given: list[dict[str, Any]]) -> np.ndarray:
+def _errors(quantiles: list[dict[str, Any]]) -> np.ndarray:
     """(2, n) errors below and above, none below zero; those without bound are ten times the number."""
     terms = [
         [10.0 * one["shields"] if term is None else term for term in one["terms"].values()]
-        for one in given
+        for one in quantiles
     ]
     errors = np.array([sum(one) for one in terms])
-    return np.array([np.minimum(errors, [0.99 * one["shields"] for one in given]), errors])
+    return np.array([np.minimum(errors, [0.99 * one["shields"] for one in quantiles]), errors])

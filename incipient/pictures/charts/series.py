@@ -1,4 +1,4 @@
-"""The picture of a judged series: the safety factor in time, when the grain begins to move, shares of the modes."""
+"""The picture of a judged series: the safety factor in time, the times of motion, fractions of the modes."""
 
 from __future__ import annotations
 

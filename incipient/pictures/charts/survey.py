@@ -34,19 +34,19 @@ def draw(directory: Path) -> list[Path]:
     Raises OutputError as `record.drawn` does.
     """
     grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
-    made = drawn(
+    pictures = drawn(
         directory / "survey.json",
         lambda stored: _figure(stored, grains, spheres),
         "survey it again",
     )
-    return [*made, _for_paraview(directory / "survey.vtp", grains, spheres)]
+    return [*pictures, _for_paraview(directory / "survey.vtp", grains, spheres)]
 
 
 def _table(path: Path) -> dict[str, Floats]:
     """The columns with numbers of a CSV file; empty cells are NaN."""
     with reading(path, "survey it again", error=OutputError):
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
         names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
         return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
 
@@ -71,7 +71,7 @@ def _map(
     grains: dict[str, Floats],
     spheres: dict[str, Floats],
 ) -> None:
-    """All spheres from above, the higher over the lower; those that may go coloured by their threshold."""
+    """All spheres from above, the higher over the lower; free grains coloured by their threshold."""
     order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
     top = spheres["z"][order]
     shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
@@ -107,7 +107,7 @@ def _map(
 
 
 def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
-    """What grains are coloured by: their thresholds, or, where there are none, pivot angles of those that are free."""
+    """Thresholds of grains, without any the pivot angles of free grains; their label and limits of colour."""
     if "stress" in grains and np.isfinite(grains["stress"]).any():
         values = grains["stress"]
         finite = values[np.isfinite(values) & (values > 0.0)]
@@ -121,7 +121,7 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
 
 
 def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> None:
-    """Share of the free grains below a pivot angle, reduced to the median size, beside Kirchner's law."""
+    """Fraction of the free grains below a pivot angle, reduced to the median size, beside Kirchner's law."""
     free = grains["carries"] == 0.0
     sizes = grains["diameter"][free] / stored["bed"]["median_diameter"]
     reduced = np.sort(grains["pivot"][free] * sizes**0.3)
@@ -146,7 +146,7 @@ def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> No
 
 
 def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
-    """Share of the free grains that is mobile against the Shields number."""
+    """Fraction of the free grains that is mobile against the Shields number."""
     curve, others = stored["mobile"], stored["constant_drag"]
     if curve:
         level = stored["emulator"].get("level", 0.95)  # earlier records have none
@@ -197,21 +197,16 @@ def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
 
 def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floats]) -> Path:
     """Write the spheres as triangles with numbers, diameters and thresholds; NaN where there is none."""
-    ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
-    places = np.column_stack([spheres["x"], spheres["y"], spheres["z"]])
-    points = places[:, None] + spheres["diameter"][:, None, None] * ball.points
-    count, corners = len(ball.points), ball.faces.reshape(-1, 4)[:, 1:]
-    triangles = np.arange(len(places))[:, None, None] * count + corners
-    faces = np.insert(triangles.reshape(-1, 3), 0, 3, axis=1)
-    made = pyvista.PolyData(points.reshape(-1, 3), faces.ravel())
-    fields = {"number": np.arange(len(places), dtype=float), "diameter": spheres["diameter"]}
+    centres = pyvista.PolyData(np.column_stack([spheres["x"], spheres["y"], spheres["z"]]))
+    centres["number"] = np.arange(centres.n_points, dtype=float)
+    centres["diameter"] = spheres["diameter"]
     for name in ("stress", "shields", "rank", "pivot", "protrusion", "carries"):
-        values = np.full(len(places), np.nan)
+        values = np.full(centres.n_points, np.nan)
         if name in grains:
             values[grains["number"].astype(int)] = grains[name]
-        fields[name] = values
-    for name, values in fields.items():
-        made.point_data[name] = np.repeat(values, count)
+        centres[name] = values
+    ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
+    balls = centres.glyph(scale="diameter", orient=False, geom=ball)
     with replaced(path, path.with_suffix(".part.vtp")) as part:
-        made.save(part)
+        balls.save(part)
     return path

@@ -47,9 +47,9 @@ def draw(
     """Draw the pictures of a sweep next to its file, under its name. Not collective.
 
     Args:
-        quantity: column to draw; default: the critical Shields number, else the safety factor.
-        against:  column to draw it against; default: what the sweep varies first.
-        by:       a curve for each value of this column; default: what it varies next.
+        quantity: column to draw; default: the critical Shields number, otherwise the safety factor.
+        against:  column to draw it against; default: the first key that the sweep varies.
+        by:       a curve for each value of this column; default: the next key.
 
     Raises:
         OutputError: nothing has been computed yet, or a picture cannot be written.
@@ -57,20 +57,20 @@ def draw(
     """
     with Store(file) as store:
         keys = store.keys()
-    found = [row for row in rows(file) if row["status"] == "done"]
-    if not found:
+    cases = [row for row in rows(file) if row["status"] == "done"]
+    if not cases:
         raise OutputError(f"{file}: no case has been computed; continue with incipient sweep")
     figures: dict[str, Figure] = {}
     with style.applied():
-        varied = [key for key in keys if len({str(row.get(key)) for row in found}) > 1]
+        varied = [key for key in keys if len({str(row.get(key)) for row in cases}) > 1]
         against = against or next((key for key in varied if key != by), "source")
         by = by or next((key for key in varied if key != against), None)
-        chosen = quantity or ("shields" if "shields" in found[0] else "safety_factor")
-        figures[chosen] = _curves(found, chosen, against, by, file)
-        if not quantity and any("shields" in row for row in found):
-            figures["threshold"] = _shields(found, by, file)
-        if by is not None and len(varied) > 1 and _numbers(found, against) and _numbers(found, by):
-            figures["map"] = _map(found, against, by, file)
+        chosen = quantity or ("shields" if "shields" in cases[0] else "safety_factor")
+        figures[chosen] = _curves(cases, chosen, against, by, file)
+        if not quantity and any("shields" in row for row in cases):
+            figures["threshold"] = _shields(cases, by, file)
+        if by is not None and len(varied) > 1 and _numbers(cases, against) and _numbers(cases, by):
+            figures["map"] = _map(cases, against, by, file)
         return _saved(figures, file, announce)
 
 
@@ -84,14 +84,14 @@ def _saved(
     return paths
 
 
-def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path) -> Figure:
+def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path) -> Figure:
     for name in filter(None, (quantity, against, by)):
-        if not any(name in row for row in found):
-            raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(found))}")
+        if not any(name in row for row in cases):
+            raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(cases))}")
     figure, axes = figure_of(
-        (row["source"] for row in found), f"{name_of(quantity)} against {name_of(against)}"
+        (row["source"] for row in cases), f"{name_of(quantity)} against {name_of(against)}"
     )
-    shown = [row for row in found if quantity in row and against in row]
+    shown = [row for row in cases if quantity in row and against in row]
     if not _numbers(shown, quantity):
         raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
     worded = not _numbers(shown, against)
@@ -130,29 +130,29 @@ def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: L
     )
 
 
-def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
+def _families(cases: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
     """The rows of each value of a column, with label and looks; of many values those that most rows have."""
-    counted = Counter(None if by is None else row.get(by) for row in found)
+    counted = Counter(None if by is None else row.get(by) for row in cases)
     values = list(counted)
     if len(values) > _MANY:  # a refined sweep has cases at values of their own
         values = [value for value, _ in counted.most_common(len(COLOURS))]
-    if by is not None and _numbers(found, by):
+    if by is not None and _numbers(cases, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
     families = []
     for value, marker, colour in zip(values, cycle(MARKERS), cycle(COLOURS), strict=False):
         shown = f"{value:.4g}" if isinstance(value, float) else str(value)
-        mine = [row for row in found if by is None or row.get(by) == value]
+        mine = [row for row in cases if by is None or row.get(by) == value]
         families.append(("" if by is None else shown, mine, {"marker": marker, "color": colour}))
     return families
 
 
-def _shields(found: Rows, by: str | None, file: Path) -> Figure:
+def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
     """Critical Shields number against grain Reynolds number beside the curve of Soulsby and Whitehouse."""
-    critical = [row for row in found if 0.0 < row.get("shields", 0.0) < math.inf]
+    critical = [row for row in cases if 0.0 < row.get("shields", 0.0) < math.inf]
     if not critical:
         raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
     figure, axes = figure_of(
-        (row["source"] for row in found), "Critical Shields number", note=ONE_GRAIN_AND_BEDS
+        (row["source"] for row in cases), "Critical Shields number", note=ONE_GRAIN_AND_BEDS
     )
     families = (
         _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
@@ -165,11 +165,11 @@ def _shields(found: Rows, by: str | None, file: Path) -> Figure:
     return figure
 
 
-def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
+def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     """Modes as marks, and the safety factor in colour with the line S = 1; without it the critical Shields number."""
-    shown = [row for row in found if across in row and up in row]
+    shown = [row for row in cases if across in row and up in row]
     value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
-    figure, axes = figure_of((row["source"] for row in found), f"Mode and {name_of(value)}")
+    figure, axes = figure_of((row["source"] for row in cases), f"Mode and {name_of(value)}")
     x, y = (np.array([float(row[name]) for row in shown]) for name in (across, up))
     choose_scale(axes.set_xscale, x.tolist())
     choose_scale(axes.set_yscale, y.tolist())
@@ -210,9 +210,9 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
         axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
 
 
-def _numbers(found: Rows, name: str) -> bool:
+def _numbers(cases: Rows, name: str) -> bool:
     """Whether a column holds numbers alone."""
-    values = [row[name] for row in found if name in row]
+    values = [row[name] for row in cases if name in row]
     return bool(values) and all(
         isinstance(one, int | float) and not isinstance(one, bool) for one in values
     )

@@ -1,7 +1,7 @@
-"""What pictures of sweeps share: axes, their scales and names, and the curve of Soulsby and Whitehouse.
+"""Axes of pictures of sweeps, their scales and names, and the curve of Soulsby and Whitehouse.
 
 The curve (1997) stands beside the critical Shields numbers for comparison: it fits measurements of beds of many grains
-in turbulent flow, ours are of one grain in a steady flow. docs/validation/shields.md says what lies between.
+in turbulent flow, the computed ones are of one grain in a steady flow (docs/validation/shields.md).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...arrays import Floats
+from ...flumes.thresholds import soulsby_whitehouse
 
 ONE_GRAIN_AND_BEDS = (
     "Points: one grain in a steady flow without gusts; incipient entrainment gives its number by probability. "
@@ -52,19 +52,10 @@ def legend(axes: Axes, by: str | None, place: str = "best") -> None:
         )
 
 
-def soulsby_whitehouse(diameters: Floats) -> tuple[Floats, Floats]:
-    """Grain Reynolds numbers u* d/nu and critical Shields numbers of beds of grains of dimensionless diameters D* (n,).
-
-    theta = 0.30/(1 + 1.2 D*) + 0.055 (1 - exp(-0.020 D*)), D* = d (g (s - 1)/nu^2)^(1/3), of Soulsby and Whitehouse
-    (1997); the Reynolds number follows from (u* d/nu)^2 = theta D*^3.
-    """
-    shields = 0.30 / (1.0 + 1.2 * diameters) + 0.055 * (1.0 - np.exp(-0.020 * diameters))
-    return np.sqrt(shields * diameters**3), shields
-
-
 def beside_soulsby_whitehouse(axes: Axes) -> None:
     """Draw their curve, and name the axes."""
-    reynolds, shields = soulsby_whitehouse(_DIMENSIONLESS)
+    shields = soulsby_whitehouse(_DIMENSIONLESS)
+    reynolds = np.sqrt(shields * _DIMENSIONLESS**3)
     label = "Soulsby & Whitehouse (1997)"
     axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
     axes.set(
@@ -83,5 +74,5 @@ def choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) ->
 
 
 def name_of(column: str) -> str:
-    """A column in words; a key of scenes as it is."""
+    """A column in words; a key of scenes is not changed."""
     return column if "." in column else _NAMES.get(column, column.replace("_", " "))

@@ -1,0 +1,62 @@
+"""`incipient flume`: motion of a bed of grains, from stored and published thresholds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+
+from ..errors import SceneError
+from ..files import reported, write_fully
+from ..flumes import flume as answer_of
+from ..flumes.answer import FlumeAnswer
+from ..parallel import Comm, collectively
+from ..scene.units import METRES
+
+_LENGTH = re.compile(r"([-+0-9.eE]+)\s*([a-z]*)")
+FLOW = ("shear_velocity", "depth", "velocity", "slope")
+FLUID = ("temperature", "viscosity", "fluid_density", "gravity")
+
+
+def length(text: str) -> float:
+    """A length [m] from text such as 2mm, 0.3m or 0.002."""
+    parts = _LENGTH.fullmatch(text.strip())
+    unit = (parts and parts[2]) or "m"
+    try:
+        return float(parts[1] if parts else text) * METRES[unit]
+    except (KeyError, ValueError):
+        units = ", ".join(METRES)
+        raise argparse.ArgumentTypeError(
+            f'"{text}" is no length; give a number and one of {units}, as in 2mm'
+        ) from None
+
+
+def flume(options: argparse.Namespace, comm: Comm) -> int:
+    """Print the answer; write the requested scene and picture."""
+    with collectively(comm):
+        if comm.rank == 0:
+            known = {name: getattr(options, name) for name in (*FLOW, *FLUID)}
+            answer = answer_of(options.diameter, options.density, **known)
+            print(json.dumps(answer.as_dict(), indent=2) if options.json else answer.text())
+            _write(options, answer)
+    return 0
+
+
+def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
+    if options.scene is not None:
+        from ..flumes.scene import flume_scene
+
+        text = flume_scene(answer)
+        with reported(options.scene):
+            try:
+                file = options.scene.open("xb", buffering=0)
+            except FileExistsError:
+                raise SceneError(f"{options.scene}: exists already; choose another name") from None
+            with file:
+                write_fully(file, text.encode())
+        print(f"{options.scene}: computes one such grain, with: incipient run {options.scene}")
+    if options.curve is not None:
+        from ..pictures.charts.flume import draw
+
+        draw(answer, options.curve)
+        print(options.curve)

@@ -1,0 +1,209 @@
+"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the flow's Jacobian [[F, G], [B, 0]].
+
+Vectors are (owned pressures,), in the order of their own space.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import basix
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from ... import compat
+from ...compat import petsc
+from ...forms import preconditioning
+from ...mesh.cells import CELLS
+from .equations import Equations
+from .options import algebraic, defaults, preconditioner
+
+if TYPE_CHECKING:
+    from .triangle import Blocks
+
+PREFIX = "fluid_pressure_"
+POISSON = "fluid_pressure_poisson_"
+CHEBYSHEV = {
+    "ksp_type": "chebyshev",
+    "ksp_norm_type": "none",
+    "ksp_max_it": 4,
+    "pc_type": "jacobi",
+}
+
+
+class PressureMass:
+    """S^-1 = M^-1, M the mass matrix over the viscosity, by four steps of Chebyshev's iteration: for Stokes flow.
+
+    Methods are collective.
+    """
+
+    def __init__(self, equations: Equations, viscosity: Any = None):
+        space = equations.space
+        p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
+        nu = equations.viscosity if viscosity is None else viscosity
+        integrand = preconditioning.pressure_mass(p, q, nu, equations.reference_map)
+        self._form = compat.form(integrand * equations.measure())
+        self._mass = petsc.create_matrix(self._form)
+        self._right, self._left = self._mass.createVecs()
+        self._solver = PETSc.KSP().create(self._mass.comm)
+        self._solver.setOptionsPrefix(PREFIX)
+        low, high = _bounds(space.pressure, space.order - 1)
+        with defaults(PREFIX, CHEBYSHEV | {"ksp_chebyshev_eigenvalues": f"{low},{high}"}):
+            self._solver.setFromOptions()
+
+    def assemble(self, blocks: Blocks | None = None) -> None:
+        """Reassemble with the viscosity of the present state."""
+        self._mass.zeroEntries()
+        petsc.assemble_matrix(self._mass, self._form)
+        self._mass.assemble()
+        self._solver.setOperators(self._mass)
+
+    def diagonal(self) -> np.ndarray:
+        """The diagonal of M, to be copied."""
+        self._mass.getDiagonal(self._left)
+        return np.asarray(self._left.array_r)
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Approximately S^-1 times the right-hand side, to be copied."""
+        self._right.setArray(right)
+        self._solver.solve(self._right, self._left)
+        return np.asarray(self._left.array_r)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for held in (self._solver, self._mass, self._right, self._left):
+            held.destroy()
+
+
+class CahouetChabard:
+    """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for unsteady flow.
+
+    Where fluid leaves freely the pressure vanishes weakly: the diagonal of A is doubled there, which unlike a condition
+    leaves the preconditioner regular. A free surface adds a term. Without viscosity there is no M.
+    Source: Cahouet & Chabard (1988), Int. J. Numer. Methods Fluids 8, 869.
+    """
+
+    def __init__(self, equations: Equations):
+        space, self._rate, self._coefficient = equations.space.pressure, equations.rate, 0.0
+        self._mass = None if equations.viscosity is None else PressureMass(equations)
+        p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
+        integrand = preconditioning.pressure_laplacian(p, q, equations.reference_map)
+        added = 0 if equations.surface is None else equations.surface.of_pressure(p, q)
+        self._form = compat.form(integrand * equations.measure() + added)
+        self._open = equations.open[equations.open < space.dofmap.index_map.size_local]
+        self._poisson = _Poisson(equations.closed)
+
+    def assemble(self, blocks: Blocks) -> None:
+        """Take the rate's coefficient, the viscosity and the mesh as they are. Collective."""
+        self._coefficient = float(self._rate.value)
+        if self._mass is not None:
+            self._mass.assemble()
+        matrix = petsc.assemble_matrix(self._form)
+        matrix.assemble()
+        diagonal = matrix.getDiagonal()
+        entries = diagonal.array_r.copy()
+        entries[self._open] *= 2.0
+        diagonal.setArray(entries)
+        matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+        self._poisson.prepare(matrix)
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Approximately S^-1 times the right-hand side. Collective."""
+        pressure = self._coefficient * self._poisson.solve(right)
+        return pressure if self._mass is None else pressure + self._mass.solve(right)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._poisson.destroy()
+        if self._mass is not None:
+            self._mass.destroy()
+
+
+class LeastSquaresCommutator:
+    """S^-1 = L^-1 (B D^-1 F D^-1 G) L^-1, L = B D^-1 G: for steady flow with inertia.
+
+    F are the diagonal blocks of the velocity's components, and D their diagonals. G is the pressure's block in
+    momentum, with what upwinding adds to it: both it and F have the upwinded tests, so that these cancel in S. Source:
+    Elman, Howle, Shadid, Shuttleworth & Tuminaro (2006), SIAM J. Sci. Comput. 27, 1651; scaling and G are measured
+    (docs/contribute/defaults.md).
+    """
+
+    def __init__(self, equations: Equations):
+        self._order, self._poisson = (
+            np.argsort(equations.owned_pressures()),
+            _Poisson(equations.closed),
+        )
+
+    def assemble(self, blocks: Blocks) -> None:
+        """Take the blocks of the Jacobian as they are. Collective."""
+        self._blocks, self._scale = blocks, 1.0 / np.abs(blocks.diagonal())
+        diagonal, scaled = blocks.gradient.createVecLeft(), blocks.gradient.copy()
+        diagonal.setArray(self._scale)
+        scaled.diagonalScale(L=diagonal)
+        self._poisson.prepare(blocks.divergence.matMult(scaled))
+        diagonal.destroy()
+        scaled.destroy()
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Approximately S^-1 times the right-hand side. Collective."""
+        blocks, pressure = self._blocks, np.empty_like(right)
+        forces = blocks.push(self._poisson.solve(right[self._order]))
+        carried = blocks.carry(self._scale * forces)
+        pressure[self._order] = self._poisson.solve(blocks.gather(self._scale * carried))
+        return pressure
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._poisson.destroy()
+
+
+Schur = PressureMass | CahouetChabard | LeastSquaresCommutator
+
+
+def schur_complement(equations: Equations) -> Schur:
+    """The approximation for the terms that there are. Collective."""
+    if equations.rate is not None:
+        return CahouetChabard(equations)
+    if equations.carrier is not None:
+        return LeastSquaresCommutator(equations)
+    return PressureMass(equations)
+
+
+def _bounds(space: Any, order: int) -> tuple[float, float]:
+    """Bounds of the eigenvalues of the mass matrix over its diagonal: those of a straight cell's (Wathen 1987)."""
+    points, weights = basix.make_quadrature(CELLS[space.mesh.geometry.dim], 2 * order)
+    values = compat.tabulate(space, points)
+    mass = (values.T * weights) @ values
+    scale = np.sqrt(mass.diagonal())
+    eigenvalues = np.linalg.eigvalsh(mass / np.outer(scale, scale))
+    return float(eigenvalues[0]), float(eigenvalues[-1])
+
+
+class _Poisson:
+    """One cycle of algebraic multigrid for a matrix; constants are taken out if `closed`. Methods are collective."""
+
+    def __init__(self, closed: bool):
+        self._closed, self._held = closed, list[Any]()
+
+    def prepare(self, matrix: Any) -> None:
+        """Set the cycle up for a matrix, which is freed with it."""
+        self.destroy()
+        self._right, self._left = matrix.createVecs()
+        self._constant = PETSc.NullSpace().create(constant=self._closed, comm=matrix.comm)
+        self._cycle = preconditioner(matrix, POISSON, algebraic())
+        self._held = [self._cycle, self._right, self._left, self._constant, matrix]
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """(owned rows,) the approximate solution, to be copied."""
+        self._right.setArray(right)
+        self._constant.remove(self._right)
+        self._cycle.apply(self._right, self._left)
+        self._constant.remove(self._left)
+        return np.asarray(self._left.array_r)
+
+    def destroy(self) -> None:
+        for held in self._held:
+            held.destroy()
+        self._held = []

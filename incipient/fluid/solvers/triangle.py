@@ -1,0 +1,208 @@
+"""Block-triangular preconditioner of the flow's Jacobian."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from ... import compat
+from .equations import Equations, component_rows
+from .options import RELAXATION, algebraic, preconditioner
+from .pressure import schur_complement
+
+VELOCITY = "fluid_velocity_"
+# The velocity's matrix in a projection is a mass matrix: relaxation is enough.
+OF_MASS = {"pc_type": "sor"}
+OF_COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
+
+
+class Triangle:
+    """The upper block triangle of [[F, G], [B, 0]]: a context of PETSc's `PCPYTHON`. Methods are collective.
+
+    One application is z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`)
+    and, for each component's own diagonal block of F, one V-cycle from the order of the velocity to linear elements and
+    from these on by algebraic multigrid. Where conditions hold the equations are those of the identity.
+
+    Args:
+        matrix: [[F, G], [B, 0]].
+        equations: those that the matrix is of.
+        transposed: whether the preconditioner is that of the transpose.
+    """
+
+    def __init__(self, matrix: Any, equations: Equations, transposed: bool = False):
+        self.blocks = Blocks(matrix, equations, transposed)
+        self._schur = schur_complement(equations)
+        self._pressures = equations.owned_pressures()
+        self._order = np.argsort(self._pressures)
+        self._held = np.flatnonzero(equations.owned_held())
+        self._interpolations: list[Any] = []
+        if equations.viscosity is not None:
+            self._interpolations = _interpolations(equations, self.blocks.velocities)
+        self._cycles: list[Any] = []
+
+    def assemble(self) -> None:
+        """Take the blocks of the matrix, and the state, as they are."""
+        self._forget()
+        self.blocks.extract()
+        self._schur.assemble(self.blocks)
+        components = self.blocks.components
+        if not self._interpolations:
+            self._cycles = [preconditioner(one, VELOCITY, OF_MASS) for one in components]
+            return
+        chosen = OF_COMPONENT | algebraic("mg_coarse_")
+        self._cycles = [
+            preconditioner(one, VELOCITY, chosen, interpolation=interpolation)
+            for one, interpolation in zip(components, self._interpolations, strict=True)
+        ]
+
+    def apply(self, _: Any, right: Any, left: Any) -> None:
+        """One application; called by PETSc."""
+        r, z, blocks = right.array_r, np.zeros(right.getLocalSize()), self.blocks
+        z[self._pressures] = -self._schur.solve(r[self._pressures])
+        forces = blocks.push(z[self._pressures[self._order]])
+        z[blocks.velocities] = blocks.each(
+            r[blocks.velocities] - forces, [cycle.apply for cycle in self._cycles]
+        )
+        z[self._held] = r[self._held]
+        left.setArray(z)
+
+    def _forget(self) -> None:
+        while self._cycles:
+            self._cycles.pop().destroy()
+
+    def destroy(self, _: Any = None) -> None:
+        """Free PETSc's memory; called by PETSc."""
+        self._forget()
+        self._schur.destroy()
+        self.blocks.destroy()
+        while self._interpolations:
+            self._interpolations.pop().destroy()
+
+
+class Blocks:
+    """The blocks of the Jacobian: F's diagonal one for each component, G and B. Methods are collective.
+
+    Of the velocities there are the free ones, of the pressures all; in blocks they ascend as in the mixed system.
+
+    velocities: (n,) numbers of the owned ones in the mixed system
+    gradient:   G; divergence: B
+    """
+
+    def __init__(self, matrix: Any, equations: Equations, transposed: bool):
+        self._matrix, self._transposed = matrix, transposed
+        rows, owned = component_rows(equations.space)[1], ~equations.owned_held()
+        parts = [np.sort(part[part < len(owned)]) for part in rows]
+        parts = [part[owned[part]] for part in parts]
+        self.velocities = np.sort(np.concatenate(parts))
+        self._places = [np.searchsorted(self.velocities, part) for part in parts]
+        start = matrix.getOwnershipRange()[0]
+        self._sets = [
+            PETSc.IS().createGeneral((start + some).astype(PETSc.IntType), comm=matrix.comm)
+            for some in (*parts, self.velocities, np.sort(equations.owned_pressures()))
+        ]
+        self.components: list[Any] = []
+        self._vectors: list[tuple[Any, Any]] = []
+
+    def extract(self) -> None:
+        """Take the blocks as they are."""
+        self._forget()
+        *each, velocities, pressures = self._sets
+        pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
+        submatrices = [self._matrix.createSubMatrix(*pair) for pair in pairs]
+        if self._transposed:
+            submatrices = [block.transpose() for block in submatrices]
+            submatrices[-2:] = submatrices[:-3:-1]
+        *self.components, self.gradient, self.divergence = submatrices
+        self._vectors = [block.createVecs() for block in submatrices]
+
+    def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
+        """(n,) results of functions of PETSc's vectors, one per component, for the velocities (n,)."""
+        results = np.empty_like(values)
+        for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
+            right.setArray(values[at])
+            solve(right, left)
+            results[at] = left.array_r
+        return results
+
+    def carry(self, values: np.ndarray) -> np.ndarray:
+        """(n,) the diagonal blocks of F times velocities (n,)."""
+        return self.each(values, [block.mult for block in self.components])
+
+    def diagonal(self) -> np.ndarray:
+        """(n,) the diagonal of F."""
+        entries = np.empty(len(self.velocities))
+        for at, block, (_, left) in zip(self._places, self.components, self._vectors, strict=False):
+            block.getDiagonal(left)
+            entries[at] = left.array_r
+        return entries
+
+    def push(self, pressures: np.ndarray) -> np.ndarray:
+        """(n,) G times pressures, ascending; to be copied."""
+        return _times(self.gradient, self._vectors[-2], pressures)
+
+    def gather(self, velocities: np.ndarray) -> np.ndarray:
+        """(owned pressures,) B times velocities (n,), ascending; to be copied."""
+        return _times(self.divergence, self._vectors[-1], velocities)
+
+    def _forget(self) -> None:
+        if self._vectors:
+            held = [one for pair in self._vectors for one in pair]
+            for one in (*held, *self.components, self.gradient, self.divergence):
+                one.destroy()
+            self._vectors = []
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._forget()
+        for one in self._sets:
+            one.destroy()
+
+
+def _times(matrix: Any, vectors: tuple[Any, Any], values: np.ndarray) -> np.ndarray:
+    right, left = vectors
+    right.setArray(values)
+    matrix.mult(right, left)
+    return np.asarray(left.array_r)
+
+
+def _interpolations(equations: Equations, velocities: np.ndarray) -> list[Any]:
+    """The interpolation from free nodes of linear elements to the free velocities of each component, ascending."""
+    fine, rows = component_rows(equations.space)
+    coarse = compat.space(fine.mesh, ("Lagrange", 1))
+    whole = compat.interpolation_matrix(coarse, fine)
+    corners, nodes = compat.cell_dofs(coarse), compat.cell_dofs(fine)
+    owned, owned_below = whole.getLocalSize()
+    interpolations = []
+    for mine, held in zip(rows, equations.held()[rows], strict=True):
+        free = np.flatnonzero(~held[:owned])
+        free = free[np.argsort(mine[free])]
+        free_below = np.zeros(corners.max(initial=-1) + 1, dtype=bool)
+        free_below[corners] = ~held[nodes[:, : corners.shape[1]]]
+        interpolations.append(_among(whole, free, np.flatnonzero(free_below[:owned_below])))
+    whole.destroy()
+    return interpolations
+
+
+def _among(matrix: Any, rows: np.ndarray, columns: np.ndarray) -> Any:
+    """The part of a matrix in some owned rows, in their order, and some owned columns. Collective."""
+    starts = matrix.getOwnershipRange()[0], matrix.getOwnershipRangeColumn()[0]
+    above, below = (
+        PETSc.Mat().createAIJ(
+            ((len(chosen), None), (sizes[0], None)),
+            csr=(
+                np.arange(len(chosen) + 1, dtype=PETSc.IntType),
+                (start + chosen).astype(PETSc.IntType),
+                np.ones(len(chosen)),
+            ),
+            comm=matrix.comm,
+        )
+        for chosen, sizes, start in zip((rows, columns), matrix.getSizes(), starts, strict=True)
+    )
+    below.transpose()
+    taken = above.matMult(matrix)
+    submatrix = taken.matMult(below)
+    for held in (above, below, taken):
+        held.destroy()
+    return submatrix

@@ -1,0 +1,306 @@
+"""`flume`: the first answer to whether a bed of grains moves, from grain, water and flow in SI units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..errors import SceneError
+from ..planning.mean_profile import ROUGH, SMOOTH, MeanProfile
+from .thresholds import (
+    OFTEN,
+    SELDOM,
+    NaturalBed,
+    natural_bed,
+    observed_fraction,
+    soulsby_whitehouse,
+    zanke,
+)
+from .water import density_of_water, require_liquid, viscosity_of_water
+
+# The least fraction of observed beds that move, and the answer.
+ANSWERS = (
+    (0.95, "To an observer the bed moves"),
+    (0.75, "To an observer the bed probably moves"),
+    (0.25, "To an observer the bed is near its threshold"),
+    (0.05, "To an observer the bed probably stays at rest"),
+    (0.0, "To an observer the bed stays at rest"),
+)
+SLOWEST, FASTEST = 1e-6, 1e2  # u* [m/s]
+# Numbers that are accepted, in SI units: all flumes and rivers, far from overflow.
+RANGES = {
+    "diameter": (1e-6, 10.0),
+    "density": (1.0, 3e4),
+    "depth": (1e-5, 1e4),
+    "shear_velocity": (SLOWEST, FASTEST),
+    "velocity": (1e-9, 1e4),
+    "slope": (1e-8, 1.0),
+    "viscosity": (1e-8, 1.0),
+    "fluid_density": (0.1, 2e4),
+    "gravity": (1e-3, 1e3),
+}
+ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
+
+
+@dataclass(frozen=True)
+class FlumeAnswer:
+    """A bed of equal grains in a flow: dimensionless numbers, critical Shields numbers, and the answer. SI units.
+
+    shear_velocity: u*, given, or from depth and slope, or from depth and mean velocity
+    mean_velocity:  over the depth, by the logarithmic law over a bed of these grains; None without a depth
+    """
+
+    diameter: float
+    density: float
+    fluid_density: float
+    viscosity: float
+    gravity: float
+    shear_velocity: float
+    depth: float | None
+    mean_velocity: float | None
+    source: str  # of u*, in words
+
+    @property
+    def shear_reynolds(self) -> float:
+        """u* d/nu."""
+        return self.shear_velocity * self.diameter / self.viscosity
+
+    @property
+    def bed_stress(self) -> float:
+        """[Pa]."""
+        return self.fluid_density * self.shear_velocity**2
+
+    @property
+    def shields(self) -> float:
+        """Bed stress over (rho_s - rho_f) g d."""
+        excess = self.density - self.fluid_density
+        return self.bed_stress / (excess * self.gravity * self.diameter)
+
+    @property
+    def dimensionless_diameter(self) -> float:
+        """D* = d (g (s - 1)/nu^2)^(1/3)."""
+        reduced = self.gravity * (self.density / self.fluid_density - 1.0)
+        return float(self.diameter * (reduced / self.viscosity**2) ** (1.0 / 3.0))
+
+    @property
+    def regime(self) -> str:
+        """Hydraulic regime of a bed of these grains, in words (Nikuradse 1933)."""
+        k = ROUGHNESS * self.shear_reynolds
+        word = "smooth" if k < SMOOTH else "rough" if k > ROUGH else "between smooth and rough"
+        return f"hydraulically {word}"
+
+    @property
+    def froude(self) -> float | None:
+        """Mean velocity over sqrt(g h)."""
+        if self.depth is None or self.mean_velocity is None:
+            return None
+        return self.mean_velocity / math.sqrt(self.gravity * self.depth)
+
+    @property
+    def curve(self) -> float:
+        """Critical Shields number by Soulsby and Whitehouse."""
+        return float(soulsby_whitehouse(self.dimensionless_diameter))
+
+    @property
+    def zanke(self) -> float | None:
+        """Critical Shields number by Zanke; None outside his table."""
+        return zanke(self.dimensionless_diameter)
+
+    @property
+    def natural_bed(self) -> NaturalBed | None:
+        """The computed natural bed at this u* d/nu; None beyond its range."""
+        return natural_bed(self.shear_reynolds)
+
+    @property
+    def observed(self) -> float:
+        """Fraction of observed beds that move at this Shields number or below, 0.01 to 0.99."""
+        return observed_fraction(self.shields / self.curve)
+
+    @property
+    def sentence(self) -> str:
+        """Whether the bed moves, and how sure that is."""
+        answer = next(words for least, words in ANSWERS if self.observed >= least)
+        text = (
+            f"{answer}: {_bounded(self.observed, 0.01, 0.99)} of observed beds have a lower critical Shields number, "
+            "relative to Soulsby & Whitehouse"
+        )
+        bed = self.natural_bed
+        if bed is None:
+            return f"{text}."
+        grains = bed.fraction_of_grains(self.shields, SELDOM)
+        return f"{text}; gusts move {_bounded(grains, 0.1, 0.9)} of its grains at least 1% of the time."
+
+    def text(self) -> str:
+        """A page for the screen."""
+        water = f"{self.viscosity:.4g} m2/s, {self.fluid_density:.5g} kg/m3"
+        flow = (
+            f"u* = {self.shear_velocity:.4g} m/s{self.source}, bed stress {self.bed_stress:.3g} Pa"
+        )
+        if self.mean_velocity is not None:
+            flow += f", mean velocity {self.mean_velocity:.3g} m/s, Froude number {self.froude:.2g}"
+        rows = [
+            ("grain", f"{1e3 * self.diameter:g} mm, {self.density:g} kg/m3, D* = {self.dimensionless_diameter:.4g}"),
+            ("fluid", water),
+            ("flow", flow),
+            ("", f"u* d/nu = {self.shear_reynolds:.3g}, {self.regime}"),
+            ("Shields number", f"{self.shields:.4f}"),
+            ("critical", f"{self.curve:.4f}  Soulsby & Whitehouse (1997); observed beds: 0.45 to 2.4 times this"),
+            ("", _or_outside(self.zanke, "  Zanke (2003)", "Zanke (2003): D* is outside his table, 1.2 to 1157")),
+            *self._rows_of_bed(),
+            ("answer", self.sentence),
+        ]  # fmt: skip
+        return "\n".join(f"{name:16}{words}" for name, words in rows)
+
+    def _rows_of_bed(self) -> list[tuple[str, str]]:
+        """Rows of the text on the computed natural bed."""
+        bed = self.natural_bed
+        if bed is None:
+            why = f"u* d/nu = {self.shear_reynolds:.3g} is beyond the computed range, 0 to 300"
+            return [("", f"computed natural bed: {why}")]
+        rows = [
+            ("", f"{bed.median(p):.4f}  computed natural bed, median grain, {100 * p:g}% of the time, "
+            f"standard error {100 * bed.error(p):.0f}%")
+            for p in (SELDOM, OFTEN)
+        ]  # fmt: skip
+        error = 1.0 + bed.error(OFTEN)
+        least, middle, most = (
+            bed.fraction_of_time(self.shields * factor) for factor in (1.0 / error, 1.0, error)
+        )
+        limits = 0.001, 0.5
+        between = f"{_bounded(least, *limits)} to {_bounded(most, *limits)}"
+        entrainment = f"entrained {_bounded(middle, *limits)} of the time (within the standard error: {between})"
+        return [*rows, ("median grain", entrainment)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """All numbers, for JSON."""
+        bed = self.natural_bed
+        names = (
+            "diameter", "density", "fluid_density", "viscosity", "gravity", "shear_velocity", "depth",
+            "mean_velocity", "bed_stress", "shields", "shear_reynolds", "dimensionless_diameter", "froude", "regime",
+        )  # fmt: skip
+        critical = {"soulsby_whitehouse": self.curve, "zanke": self.zanke, "natural_bed": None}
+        entrained = None
+        if bed is not None:
+            critical["natural_bed"] = {  # type: ignore[assignment]
+                "probability": bed.probabilities.tolist(),
+                "median": bed.medians.tolist(),
+                "standard_error": (bed.errors * bed.medians).tolist(),
+            }
+            entrained = bed.fraction_of_time(self.shields)
+        return {
+            **{name: getattr(self, name) for name in names},
+            "critical_shields": critical,
+            "observed_beds_that_move": self.observed,
+            "entrainment_probability": entrained,
+            "sentence": self.sentence,
+        }
+
+
+def flume(
+    diameter: float,
+    density: float = 2650.0,
+    *,
+    shear_velocity: float | None = None,
+    depth: float | None = None,
+    velocity: float | None = None,
+    slope: float | None = None,
+    temperature: float = 20.0,
+    viscosity: float | None = None,
+    fluid_density: float | None = None,
+    gravity: float = 9.81,
+) -> FlumeAnswer:
+    """Whether a bed of equal grains moves in a flume, from published and computed thresholds. Not collective.
+
+    Args:
+        diameter: of the grains [m].
+        density: of the grains [kg/m^3].
+        shear_velocity: u* [m/s]; or depth and slope (uniform flow, u*^2 = g h S), or depth and mean velocity.
+        depth: of the flow [m].
+        velocity: mean over the depth [m/s].
+        slope: of bed and surface, rise over length.
+        temperature: of water [degrees Celsius], unless viscosity and fluid density are given.
+        viscosity: kinematic [m^2/s].
+        fluid_density: [kg/m^3].
+        gravity: [m/s^2].
+
+    Raises:
+        SceneError: a number is outside `RANGES`, or the flow is given twice or not at all.
+    """
+    require_liquid(temperature)
+    flow = {"shear_velocity": shear_velocity, "velocity": velocity, "slope": slope}
+    others = {"viscosity": viscosity, "fluid_density": fluid_density, "gravity": gravity}
+    _require_usual({"diameter": diameter, "density": density, "depth": depth, **flow, **others})
+    _require_one_flow(flow, depth)
+    viscosity = viscosity or viscosity_of_water(temperature)
+    fluid_density = fluid_density or density_of_water(temperature)
+    if density <= fluid_density:
+        raise SceneError(
+            f"density: is {density:g}; give that of the grains, above {fluid_density:.5g}"
+        )
+    grain_and_fluid = diameter, density, fluid_density, viscosity, gravity
+    answer = FlumeAnswer(*grain_and_fluid, shear_velocity or 1.0, depth, velocity, "")
+    if depth is None:
+        return answer
+    if slope is not None:
+        shear, source = math.sqrt(gravity * depth * slope), " from depth and slope"
+        answer = replace(answer, shear_velocity=shear, source=source)
+    elif velocity is not None:
+        shear, source = _shear_velocity(answer, velocity), " from depth and mean velocity"
+        answer = replace(answer, shear_velocity=shear, source=source)
+    return replace(answer, mean_velocity=_mean(answer, answer.shear_velocity))
+
+
+def _require_usual(numbers: dict[str, float | None]) -> None:
+    """Refuse numbers outside `RANGES`; raises SceneError."""
+    for name, value in numbers.items():
+        low, high = RANGES[name]
+        if value is not None and not low <= value <= high:
+            raise SceneError(f"{name}: is {value:g}; give {low:g} to {high:g} in SI units")
+
+
+def _require_one_flow(flow: dict[str, float | None], depth: float | None) -> None:
+    """Refuse a flow that is given in two ways or in none; raises SceneError."""
+    known = [name for name, value in flow.items() if value is not None]
+    if len(known) != 1 or (known != ["shear_velocity"] and depth is None):
+        inputs = " and ".join(["depth"] * (depth is not None) + known)
+        raise SceneError(
+            f"flow: is given by {inputs or 'nothing'}; give shear_velocity, depth and velocity, or depth and slope"
+        )
+
+
+def _shear_velocity(answer: FlumeAnswer, velocity: float) -> float:
+    """The u* [m/s] of a mean velocity; raises SceneError."""
+    slowest, fastest = (_mean(answer, shear) for shear in (SLOWEST, FASTEST))
+    if not slowest < velocity < fastest:
+        raise SceneError(
+            f"velocity: is {velocity:g}; give {slowest:.2g} to {fastest:.2g} m/s at this depth"
+        )
+    return float(brentq(lambda shear: _mean(answer, shear) - velocity, SLOWEST, FASTEST, rtol=1e-6))
+
+
+def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
+    """Mean velocity [m/s] over the depth of a wide flow over a bed of these grains."""
+    assert answer.depth is not None
+    roughness = ROUGHNESS * answer.diameter
+    profile = MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth)
+    nodes, weights = np.polynomial.legendre.leggauss(48)
+    # Towards the bed, where the profile is steep, points lie closer.
+    places = (0.5 * (1.0 + nodes)) ** 2
+    return float(np.sum(weights * profile.speed(answer.depth * places) * np.sqrt(places)))
+
+
+def _bounded(fraction: float, low: float, high: float) -> str:
+    """A fraction in per cent; at the ends of what is known, a bound."""
+    if fraction <= low * (1.0 + 1e-6):
+        return f"less than {100 * low:g}%"
+    if fraction >= high * (1.0 - 1e-6):
+        return f"more than {100 * high:g}%"
+    return f"{100 * fraction:.2g}%"
+
+
+def _or_outside(value: float | None, words: str, outside: str) -> str:
+    return outside if value is None else f"{value:.4f}{words}"

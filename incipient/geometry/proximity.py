@@ -1,0 +1,138 @@
+"""A grain and its bed, prepared for questions about many placements: what 2-D and 3-D share."""
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.errors import SceneError
+from incipient.geometry.contacts import ClosestPoints, Contacts
+from incipient.geometry.placement import Placement
+from incipient.geometry.statics import wrenches
+
+# Of the grain's size.
+SAME_PLACE = 1e-6  # points as near are one
+CONVERGED = 1e-12  # last change of a height
+SEATED = 1e-14  # gaps that count as closed
+SEATINGS = 6  # steps of Newton's method that closes gaps
+WANDERS = 4.0  # gaps by which a contact may be elsewhere when the grain is a gap away
+MOST_LIFTS = 60
+STEEPEST = 0.02  # vertical component of a normal that lowering still relies on
+
+
+class Proximity(ABC):
+    """A grain and a bed of one dimension."""
+
+    grain: Any
+    bed: Any
+
+    @cached_property
+    def size(self) -> float:
+        """The grain's size, computed once: of a polyhedron it takes time."""
+        return float(self.grain.size)
+
+    @property
+    @abstractmethod
+    def sampling(self) -> float:
+        """The longest distance of neighbouring samples on the grain's surface."""
+
+    @abstractmethod
+    def drop(self, placement: Placement) -> float:
+        """The least vertical distance of samples of the placed surface from the bed."""
+
+    @abstractmethod
+    def minima(self, placement: Placement, within: float) -> ClosestPoints:
+        """All local minima of the gap, and corners of the grain, whose gap is at most `within` (a length).
+
+        Different ones are resolved if they lie farther apart than the samples.
+        """
+
+    @abstractmethod
+    def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
+        """The minima `old`, in their order, at another placement close by."""
+
+    @abstractmethod
+    def locally_least(
+        self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
+    ) -> ClosestPoints:
+        """The `minima` that are local over the whole surface, but for a slack; on request all corners as well."""
+
+    @abstractmethod
+    def contacts(self, placement: Placement, tolerance: float) -> Contacts:
+        """All contacts whose distance from the bed is at most `tolerance`; see `closest.touching`."""
+
+    def lowered(self, placement: Placement) -> Placement:
+        """The placement, lowered (or raised) vertically until the grain touches the bed."""
+        placement = placement.raised(-self.drop(placement))
+        near = self.minima(placement, self.sampling)
+        for _ in range(MOST_LIFTS):
+            if not len(near):
+                raise SceneError("the grain finds no bed below it; move it over the bed")
+            lift = float((-near.gaps / np.maximum(near.normals[:, -1], STEEPEST)).max())
+            placement = placement.raised(lift)
+            if abs(lift) <= CONVERGED * self.size:
+                break
+            near = self.tracked(placement, near)
+        return placement
+
+    def lifted(self, placement: Placement, gap: float) -> Placement:
+        """The placement straight above or below whose least distance from the bed is a gap (Newton's method)."""
+        placement = self.lowered(placement).raised(gap)
+        for _ in range(MOST_LIFTS if gap > 0.0 else 0):
+            distance, on_grain, on_bed = self.clearance(placement)
+            rise = max(float(on_grain[-1] - on_bed[-1]) / distance, STEEPEST)
+            placement = placement.raised((gap - distance) / rise)
+            if abs(gap - distance) <= CONVERGED * self.size:
+                break
+        return placement
+
+    def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
+        """The least distance from the bed, and the points (gdim,) on grain and bed where it occurs."""
+        # No point is farther from the bed than from the place straight below.
+        within = max(self.drop(placement), 0.0) + SAME_PLACE * self.size
+        while not len(near := self.minima(placement, within)):  # of a bed that overhangs the grain
+            within += self.size
+        k = int(np.argmin(near.gaps))
+        return float(near.gaps[k]), near.points[k], near.feet[k]
+
+    def gaps(self, placement: Placement, within: float) -> ClosestPoints:
+        """All local minima of the gap not above `within` (a length), and corners of the grain so near to the bed.
+
+        Corners count because an edge or a face that turns onto the bed meets it there.
+        """
+        near, corners = self.minima(placement, within), self.grain.gdim == 3
+        near = self.locally_least(placement, near, corners=corners)
+        return near.distinct(SAME_PLACE * self.size)
+
+    def with_gap(
+        self, placement: Placement, gap: float, places: Floats, before: float = 0.0
+    ) -> Placement:
+        """The placement next to one at which contacts at positions (k, gdim) have a gap, where they had `before`."""
+        within = WANDERS * max(gap, before)
+        near = self.gaps(placement, within)
+        apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)
+        # Of several small gaps about a place only the nearest is its contact.
+        chosen = np.zeros(len(near), dtype=bool)
+        if len(near):
+            nearest = apart.argmin(axis=0)
+            chosen[nearest[apart.min(axis=0) <= within]] = True
+        return self.closed(placement, near.only(chosen), gap)
+
+    def rates(self, placement: Placement, contacts: ClosestPoints) -> Floats:
+        """Rows (k, n) by which motions in grain sizes and radians change gaps, in grain sizes."""
+        arms = contacts.points - np.asarray(placement.centre)
+        return wrenches(contacts.normals, arms, self.size)
+
+    def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
+        """The placement close by, moved as little as possible, at which contacts have a gap."""
+        d = placement.gdim
+        for _ in range(SEATINGS if len(contacts) else 0):
+            now = self.tracked(placement, contacts)
+            lacking = (gap - now.gaps) / self.size
+            if np.abs(lacking).max() <= SEATED:
+                break
+            motion = np.linalg.lstsq(self.rates(placement, now), lacking, rcond=1e-9)[0]
+            placement = placement.moved(self.size * motion[:d], motion[d:])
+        return placement

@@ -1,0 +1,231 @@
+"""Searches of critical flows, gusts and probabilities of motion, with a result directory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..arrays import Point
+from ..errors import SceneError
+from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..input_files import reading
+from ..interrupt import one_at_a_time
+from ..parallel import Comm, collectively, world
+from ..planning.flow_setup import Setup
+from ..progress import Silent
+from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
+from ..scene import Scene
+from ..scene.file import dumps
+from ..scene.fluctuations import Gusts
+from ..scene.messages import one_line, problems_of
+from ..scene.points import read_points
+from ..thresholds.critical import find_threshold
+from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
+from ..thresholds.gusts import CriticalGust, GustSearch, require_durations
+from ..thresholds.lasting import WeakestGusts
+from ..thresholds.outcome import Threshold
+from .lock import locked
+from .ownership import place_scene
+
+Rows = Sequence[Mapping[str, Any]]
+OF_GUSTS = ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
+OF_ENTRAINMENT = (
+    *("strength", "shields", "probability", "low", "high"),
+    *("rate", "lasting", "lasting_low", "lasting_high"),
+)
+
+
+def write(
+    kind: ResultKind,
+    path: Path,
+    scene: Scene,
+    stored: Mapping[str, Any],
+    comm: Comm,
+    columns: Sequence[str] = (),
+    rows: Rows = (),
+) -> None:
+    """Write a record, its scene, and a table for given columns to a directory. Collective.
+
+    Results of another scene are moved to a numbered directory. Raises OutputError.
+    """
+    with collectively(comm):
+        if comm.rank == 0:
+            make_directory(path)
+            place_scene(path, dumps(scene), kind.files)
+            write_json(path / kind.record, stored)
+            if columns:
+                write_text_atomically(path / f"{kind.name}.csv", csv_text(columns, rows))
+
+
+@dataclass(frozen=True)
+class GustCurve:
+    """Critical strengths of gusts by their duration.
+
+    points: the longest duration first; static: critical strength of a steady flow
+    """
+
+    scene: Scene
+    static: float
+    points: tuple[CriticalGust, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        points = [one.to_dict() for one in self.points]
+        return {"title": self.scene.title, "static": self.static, "points": points}
+
+    def text(self) -> str:
+        """A line for each duration."""
+        lines = [f"a steady flow moves the grain from {self.static:.4g} times its strength on"]
+        return "\n".join([*lines, *(one.line() for one in self.points)])
+
+
+@one_at_a_time
+def threshold(
+    scene: Scene,
+    directory: Path | str | None = None,
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+) -> Threshold:
+    """Find the critical flow of a scene: the slowest that moves its grain. Collective over `comm`.
+
+    Args:
+        scene: a grain that rests on a bed, in a steady flow.
+        directory: for threshold.json and the resolved scene; None writes nothing. The critical flow is written before
+            its error bars are estimated.
+        voice: reports every solved flow; default: none.
+
+    Raises:
+        IncipientError: on all ranks, one line; the threshold without error bars stays in the directory.
+    """
+    comm = comm or world()
+    if directory is None:
+        return find_threshold(scene, comm, voice)
+    path = Path(directory)
+
+    def keep(result: Threshold) -> Path:
+        write(THRESHOLD, path, scene, result.to_dict(), comm)
+        return path
+
+    with locked(path, comm, make=True):
+        result = find_threshold(scene, comm, voice, keep)
+        keep(result)
+    return result
+
+
+@one_at_a_time
+def gusts(
+    scene: Scene,
+    durations: Sequence[float],
+    directory: Path | str | None = None,
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+    announce: Callable[[CriticalGust], object] = lambda point: None,
+) -> GustCurve:
+    """Find the weakest gusts that move a released grain out of its pocket. Collective over `comm`.
+
+    Args:
+        scene: a released grain on a bed with forms; shape and start of gusts are those of its [flow.gust].
+        durations: of the gusts [time].
+        directory: for gusts.json, gusts.csv and the resolved scene, updated after each strength; None writes nothing.
+        voice: reports every run; default: none.
+        announce: called with each strength when it is known.
+
+    Raises:
+        IncipientError: on all ranks, one line; earlier results stay in the directory.
+    """
+    comm = comm or world()
+    points: list[CriticalGust] = []
+    search = GustSearch(scene, comm, voice or Silent())
+    require_durations(durations)
+    static = search.static_strength()
+
+    def keep(point: CriticalGust) -> None:
+        """Announce a strength, and write all known ones. Collective."""
+        points.append(point)
+        announce(point)
+        if directory is not None:
+            curve = GustCurve(scene, static, tuple(points)).to_dict()
+            write(GUSTS, Path(directory), scene, curve, comm, OF_GUSTS, curve["points"])
+
+    if directory is None:
+        search.critical(durations, keep)
+    else:
+        with locked(Path(directory), comm, make=True):
+            search.critical(durations, keep)
+    return GustCurve(scene, static, tuple(points))
+
+
+@one_at_a_time
+def entrainment(
+    scene: Scene,
+    directory: Path | str | None = None,
+    probabilities: Sequence[float] = (),
+    strengths: Sequence[float] = (),
+    gusts: Path | str | None = None,
+    data: Path | str | None = None,
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+) -> Entrainment:
+    """Compute the probability of motion in the fluctuating flow of the scene's [gusts]. Collective over `comm`.
+
+    Args:
+        scene: a grain that rests on a bed, in a steady flow, with [gusts].
+        directory: for entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
+        probabilities: fractions of time with motion, for which Shields numbers are computed; default: 0.1%, 1%, 5%
+            and 50%, within the range of the data.
+        strengths: mean flows over the scene's, for a curve; default: along the whole curve.
+        gusts: directory of `incipient gust`, for the rate of gusts that last long enough.
+        data: CSV of measured Shields numbers and probabilities, for the picture.
+        voice: reports every solved flow; default: none.
+
+    Raises:
+        IncipientError: on all ranks, one line.
+    """
+    comm = comm or world()
+    weakest = None if gusts is None else WeakestGusts.of(_stored(Path(gusts) / "gusts.json"))
+    measured = [] if data is None else _points(Path(data))
+    if directory is None:
+        return find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
+    path = Path(directory)
+    with locked(path, comm, make=True):
+        result = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
+        stored, rows = {**result.to_dict(), "data": measured}, [_row(one) for one in result.curve]
+        write(ENTRAINMENT, path, scene, stored, comm, OF_ENTRAINMENT, rows)
+    return result
+
+
+def _row(one: OfStrength) -> dict[str, Any]:
+    if one.lasting is None:
+        return asdict(one)
+    names = ("lasting", "lasting_low", "lasting_high")
+    return {**asdict(one), **dict(zip(names, asdict(one.lasting).values(), strict=True))}
+
+
+def _stored(path: Path) -> dict[str, Any]:
+    """The content of a gusts.json. Raises SceneError without one."""
+    remedy = "give the directory that incipient gust has written"
+    with reading(path, remedy, name=f"--gusts: {path}"):
+        stored = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(stored, dict) or not {"points", "static"} <= stored.keys():
+        raise SceneError(f"--gusts: {path} holds no gusts; {remedy}")
+    return stored
+
+
+def _points(path: Path) -> list[Point]:
+    """Measured Shields numbers and probabilities; raises SceneError."""
+    try:
+        points = read_points(path, 1, "data")
+    except ValidationError as error:
+        raise SceneError(one_line("--data", problems_of(error, Gusts))) from None
+    for shields, probability in points:
+        if not (shields > 0.0 and 0.0 <= probability <= 1.0):
+            why = f"has the Shields number {shields:g} with the probability {probability:g}"
+            raise SceneError(
+                f"--data: {path} {why}; give numbers above zero, and probabilities from 0 to 1"
+            )
+    return points

@@ -1,0 +1,375 @@
+"""Drawing a judged grain: contact forces in their friction cones, the load, how it begins to move.
+
+Places and vectors have three components. A `Sight` projects them: in 2-D along the third, in 3-D from the side and a
+little from above, the weight down. In 3-D the surfaces of grain and bed are an image that VTK renders below the marks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch, Patch, Polygon
+from matplotlib.path import Path
+from matplotlib.patheffects import Normal, Stroke
+
+from ..arrays import quarter_turned, unit
+from ..geometry.space.beds import Terrain
+from .judged import DrawnMotion, Judged
+from .outlines import hull
+from .plane import pyvista_off_screen
+from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
+
+_TURNED, _RAISED = np.radians(
+    [24.0, 17.0]
+)  # of the view: from across the flow, above the horizontal
+_PIXELS = 1320  # of the height of a rendering
+# Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arc of the
+# torque, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
+_STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
+_PIECE, _THICK, _BED = 0.2, 0.05, 1.0
+_SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
+_SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
+_ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
+_SHARP = 35.0  # degrees between the sides of an edge that is shown
+
+Marks = list[tuple[Artist, str]]
+Forces = dict[str, np.ndarray]  # (3,) by name
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A parallel projection along the last of its directions: right, up, toward the eye (3, 3)."""
+
+    directions: np.ndarray
+    planar: bool = False
+
+    @classmethod
+    def of(cls, flow: np.ndarray, weight: np.ndarray, normals: np.ndarray) -> Sight:
+        """The flow to the right, the weight down; without weight the contacts with normals (n, 3) are below."""
+        up = unit(-weight if weight.any() else -normals.sum(axis=0))
+        up = up if up.any() else np.array([0.0, 0.0, 1.0])
+        level = flow - (flow @ up) * up
+        sideways = np.linalg.norm(level) <= 1e-9 * np.linalg.norm(flow)
+        along = unit(_across(up) if sideways else level)
+        beside = np.cos(_TURNED) * np.cross(along, up) - np.sin(_TURNED) * along
+        toward = np.cos(_RAISED) * beside + np.sin(_RAISED) * up
+        right = unit(np.cross(up, toward))
+        return cls(np.array([right, np.cross(toward, right), toward]))
+
+    def __call__(self, places: np.ndarray) -> np.ndarray:
+        """Places or vectors (..., 3) on the sheet (..., 2)."""
+        return np.asarray(places) @ self.directions[:2].T
+
+    def outline(self, places: np.ndarray) -> np.ndarray:
+        """Outline of a grain on the sheet, from points (n, 3) of its outline, in 3-D of its surface."""
+        return self(places) if self.planar else hull(self(places))
+
+
+PLANE = Sight(np.eye(3), planar=True)
+
+
+def show_place(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> View:
+    """Make the axes show points (n, 2) true to scale, with room above [grain sizes] and for arrows below."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = (low + high) / 2
+    y0, y1 = min(low[1] - 0.62 * size, middle[1] - size), high[1] + above * size
+    half = (y1 - y0) * axes.bbox.width / axes.bbox.height / 2
+    view = (middle[0] - half, middle[0] + half, y0, y1)
+    axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]")
+    return view
+
+
+def draw_grain(axes: Axes, outline: np.ndarray, known: bool = True) -> None:
+    """The grain; dashed if its outline (n, 2) is only a sketch."""
+    style = "-" if known else (0, (4, 3))
+    axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=1.2, ls=style, zorder=4))
+
+
+def draw_bed(axes: Axes, line: np.ndarray) -> None:
+    """The bed along a line (n, 2) from left to right, with the ground below it."""
+    low = axes.get_ylim()[0] - 1.0
+    ground = np.vstack([line, [line[-1, 0], low], [line[0, 0], low]])
+    axes.add_artist(Polygon(ground, facecolor=GROUND, lw=0, zorder=0))
+    axes.add_artist(Line2D(*line.T, color=INK, lw=0.8, zorder=3))
+
+
+def render(
+    axes: Axes, sight: Sight, points: np.ndarray, triangles: np.ndarray, terrain: Terrain | None
+) -> None:
+    """Put an image of a grain's surface, points (n, 3) and triangles (m, 3), and of its bed into the axes' limits."""
+    pyvista = pyvista_off_screen()
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    shape = [round(_PIXELS * (x1 - x0) / (y1 - y0)), _PIXELS]
+    plotter = pyvista.Plotter(off_screen=True, window_size=shape, lighting="three lights")
+    plotter.background_color = "white"
+    plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
+    plotter.enable_depth_peeling(6)  # translucent surfaces in the right order
+    size, middle = (
+        float(np.ptp(points, axis=0).max()),
+        (points.min(axis=0) + points.max(axis=0)) / 2,
+    )
+    looks: Looks = {"ambient": 0.3, "smooth_shading": True, "split_sharp_edges": True}
+    looks |= {"feature_angle": _SHARP}
+    if len(triangles):
+        surface = pyvista.PolyData.from_regular_faces(points, triangles)
+        surface = surface.compute_normals(auto_orient_normals=True, point_normals=False)
+        plotter.add_mesh(surface, color=GRAIN, opacity=0.55, culling="back", **looks)
+        edges = surface.extract_feature_edges(_SHARP, boundary_edges=False, manifold_edges=False)
+        if edges.n_points:
+            plotter.add_mesh(edges, color=INK, line_width=2.0, lighting=False)
+        plotter.add_silhouette(surface, color=INK, line_width=3.0)
+    if terrain is not None:
+        side = np.linspace(-_BED, _BED, 201) * size
+        x, y = np.meshgrid(middle[0] + side, middle[1] + side)
+        z = terrain.height(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
+        bed = pyvista.StructuredGrid(x, y, z).extract_surface(algorithm="dataset_surface")
+        bed["away"] = np.hypot(*(bed.points[:, :2] - middle[:2]).T)
+        bed = bed.clip_scalar(scalars="away", value=_BED * size)
+        plotter.add_mesh(bed, color=GROUND, opacity=0.3, **looks)
+    camera, toward = plotter.camera, sight.directions[2]
+    camera.parallel_projection, camera.parallel_scale = True, (y1 - y0) / 2
+    camera.focal_point = (
+        np.array([(x0 + x1) / 2, (y0 + y1) / 2, middle @ toward]) @ sight.directions
+    )
+    camera.position, camera.up = camera.focal_point + 10.0 * size * toward, sight.directions[1]
+    plotter.reset_camera_clipping_range()
+    image = np.asarray(plotter.screenshot(return_img=True))
+    plotter.close()
+    axes.imshow(
+        image, extent=(x0, x1, y0, y1), aspect="auto", interpolation="antialiased", zorder=1
+    )
+
+
+def draw_directions(axes: Axes, sight: Sight) -> None:
+    """The three axes of coordinates in a corner, instead of numbers along the sides."""
+    axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
+    for name, direction in zip("xyz", 0.06 * (x1 - x0) * sight(np.eye(3)), strict=True):
+        axes.plot(*np.array([corner, corner + direction]).T, color=INK, lw=1.0, zorder=9)
+        x, y = corner + 1.3 * direction
+        axes.text(x, y, name, fontsize=8, ha="center", va="center")
+
+
+def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
+    """Pieces of bed at the contacts, for a bed that is otherwise unknown."""
+    points, normals = case.contacts.points, case.contacts.normals
+    single = set(range(len(points))).difference(*case.patches)
+    for group in [*case.patches, *([index] for index in single)]:
+        normal = normals[group[0]]
+        rims = (points[group][:, None] + _PIECE * size * _circle(normal)).reshape(-1, 3)
+        piece = np.vstack([rims, rims + _THICK * size * normal])
+        looks: Looks = {"facecolor": GROUND, "edgecolor": INK, "lw": 0.7, "alpha": 0.85}
+        axes.add_artist(Polygon(hull(sight(piece)), zorder=2, **looks))
+
+
+def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> Marks:
+    """Draw contacts, load and motion; returns the legend's marks.
+
+    Args:
+        places: (n, 3) along the grain's outline, in 3-D on its surface.
+    """
+    scale = _STRONGEST * size / case.largest
+    points, normals = case.contacts.points, case.contacts.normals
+    colours = [STATES[state][0] for state in case.states]
+    for point, normal, force, colour in zip(points, normals, case.forces, colours, strict=True):
+        reach = max(_SHORTEST_CONE * size, _BEYOND * scale * float(np.linalg.norm(force)))
+        draw_cone(axes, sight, point, -normal, case.cone_angle, reach, colour)
+        if force.any():
+            arrow(axes, sight(point), sight(point + scale * force), colour, 2.4, zorder=7.5)
+    for group in case.patches:  # contacts that have an area, given by their corners
+        looks: Looks = {"color": INK, "lw": 5, "alpha": 0.35, "zorder": 5.5}
+        axes.add_artist(Polygon(hull(sight(points[group])), **looks))
+    mark_contacts(axes, sight(points), sight(normals), case.significant, colours, size)
+    if case.motion is not None:
+        _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
+    draw_load(axes, sight, case.load.centre, size, case.acting, case.load.flow_couple, case.largest)
+    return marks_of(case)
+
+
+def draw_load(
+    axes: Axes,
+    sight: Sight,
+    centre: np.ndarray,
+    size: float,
+    forces: Forces,
+    torque: np.ndarray,
+    largest: float,
+) -> None:
+    """Forces from the centre, to one scale, and an arc in the sense of the torque about it."""
+    if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
+        _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
+    visible = {
+        name: unit(sight(force))
+        for name, force in forces.items()
+        if largest and np.linalg.norm(force) > _SMALL * largest
+    }
+    for name, along in visible.items():
+        colour, tip = FORCES[name], sight(centre + _STRONGEST * size / largest * forces[name])
+        arrow(axes, sight(centre), tip, colour, 2.2 if name == "resultant" else 1.8)
+        others = [other for key, other in visible.items() if key != name]
+        label(axes, tip + 0.05 * size * along, along + _aside(along, others), name, colour)
+    axes.plot(*sight(centre), "o", color=INK, ms=3.5, zorder=9)
+
+
+def draw_cone(
+    axes: Axes,
+    sight: Sight,
+    point: np.ndarray,
+    inwards: np.ndarray,
+    angle: float,
+    reach: float,
+    colour: str,
+) -> Artist:
+    """The friction cone at a contact, about a normal into the grain."""
+    rim = point + reach * (np.cos(angle) * inwards + np.sin(angle) * _circle(inwards))
+    if not sight.planar:
+        axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
+    around = hull(sight(np.vstack([point, rim])))
+    looks: Looks = {"facecolor": to_rgba(colour, 0.17), "edgecolor": to_rgba(colour, 0.8)}
+    return axes.add_artist(Polygon(around, lw=0.8, zorder=5, **looks))
+
+
+def arrow(
+    axes: Axes, tail: np.ndarray, tip: np.ndarray, colour: str, width: float, zorder: float = 7
+) -> Artist:
+    """A straight arrow; the head of a short one is smaller."""
+    ends = axes.transData.transform([tail, tip])
+    length = float(np.linalg.norm(ends[1] - ends[0])) * 72 / axes.figure.dpi  # points
+    return axes.add_artist(FancyArrowPatch(
+        tuple(tail), tuple(tip), arrowstyle="-|>", mutation_scale=min(13.0, 0.8 * length + 3),
+        color=colour, lw=width, shrinkA=0, shrinkB=0, zorder=zorder, joinstyle="miter",
+        path_effects=[Stroke(linewidth=width + 1.2, foreground="white", alpha=0.7), Normal()],
+    ))  # fmt: skip
+
+
+def label(
+    axes: Axes, place: np.ndarray, direction: np.ndarray, text: str, colour: str, points: float = 9
+) -> None:
+    """Text beside a point, on the side of a direction, clear of an arrow that ends there."""
+    across, up = unit(direction)
+    beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
+    above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
+    looks: Looks = {"ha": beside, "va": above, "fontsize": points, "zorder": 10, "bbox": PAPER}
+    axes.text(place[0], place[1], text, color=colour, **looks)
+
+
+def mark_contacts(
+    axes: Axes,
+    points: np.ndarray,
+    normals: np.ndarray,
+    significant: Sequence[int],
+    colours: Iterable[str],
+    size: float,
+) -> None:
+    """Contact points (n, 2) with normals into the bed; the significant reaction surface is ringed."""
+    for index, (point, normal, colour) in enumerate(zip(points, normals, colours, strict=True)):
+        stands_out = index in significant
+        end = point + _NORMAL * size * normal
+        ends = np.array([point, end]).T
+        axes.plot(*ends, "--", color=REACTION if stands_out else colour, lw=1.1, zorder=6)
+        if stands_out:
+            axes.plot(*point, "o", color="white", ms=11, mec=REACTION, mew=2.2, zorder=8)
+        axes.plot(*point, "o", color=colour, ms=5.5, mec="white", mew=0.7, zorder=9)
+        if len(points) > 1:
+            label(axes, end + 0.02 * size * normal, normal, f"{index + 1}", INK, 7.5)
+
+
+def _draw_motion(
+    axes: Axes,
+    motion: DrawnMotion,
+    sight: Sight,
+    centre: np.ndarray,
+    places: np.ndarray,
+    size: float,
+) -> None:
+    """The grain a little later, dashed; the acceleration of its centre; the sense in which it turns."""
+    rates = motion.at(places - centre)
+    fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
+    later = sight.outline(places + _MOVED * size / fastest * rates)
+    axes.add_artist(
+        Polygon(later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5)
+    )
+    if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
+        tip = sight(centre + _ACCELERATION * size * unit(motion.acceleration))
+        axes.add_artist(FancyArrowPatch(
+            tuple(sight(centre)), tuple(tip), arrowstyle="simple,tail_width=5,head_width=14,head_length=11",
+            facecolor=MOTION, edgecolor="white", lw=0.9, shrinkA=0, shrinkB=0, zorder=6.8,
+        ))  # fmt: skip
+    if np.linalg.norm(motion.angular) * size > 1e-6 * fastest:
+        top, _ = _ends_of_arc(sight, motion.angular)
+        arms = places - centre
+        lengths = np.linalg.norm(arms, axis=1)
+        above = lengths[arms @ top > np.cos(_ARC) * lengths]
+        radius = float((above if len(above) else lengths).max()) + 0.1 * size
+        _turning(axes, sight, centre, motion.angular, radius, MOTION, 2.4)
+
+
+def _ends_of_arc(sight: Sight, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Perpendicular to an axis: upwards, or toward the eye if the axis is upright, and onwards from there."""
+    axis = unit(axis)
+    top = sight.directions[1] - (sight.directions[1] @ axis) * axis
+    if np.linalg.norm(top) < 0.3:
+        top = sight.directions[2] - (sight.directions[2] @ axis) * axis
+    return unit(top), np.cross(axis, unit(top))
+
+
+def _turning(
+    axes: Axes,
+    sight: Sight,
+    centre: np.ndarray,
+    axis: np.ndarray,
+    radius: float,
+    colour: str,
+    width: float,
+) -> None:
+    """An arc about an axis through the centre, with a head in the sense of turning."""
+    top, onwards = _ends_of_arc(sight, axis)
+    angles = np.linspace(-_ARC, _ARC, 40)[:, None]
+    points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
+    looks: Looks = {"color": colour, "lw": width, "fill": False, "zorder": 7}
+    looks |= {"arrowstyle": "-|>", "mutation_scale": 6 + 3.5 * width}
+    axes.add_artist(FancyArrowPatch(path=Path(points), **looks))
+
+
+def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
+    """Unit vector across an arrow's direction, away from another that runs close to it; zero if none does."""
+    across = quarter_turned(along)
+    close = [other for other in others if along @ other > 0.8]
+    return -np.sign(across @ close[0]) * across if close else np.zeros(2)
+
+
+def _across(direction: np.ndarray) -> np.ndarray:
+    """A unit vector perpendicular to a direction."""
+    return unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
+
+
+def _circle(normal: np.ndarray) -> np.ndarray:
+    """(n, 3) a unit circle about a normal."""
+    first, angles = _across(normal), np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
+    return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
+
+
+def marks_of(case: Judged) -> Marks:
+    """Legend of the marks of a case."""
+    states = [STATES[state] for state in dict.fromkeys(case.states)]
+    marks: Marks = [
+        (Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states
+    ]
+    opening = f"friction cone, {np.degrees(case.cone_angle):.3g}° to either side of the normal"
+    marks.append((Patch(facecolor="#55555533", edgecolor="#555555", lw=0.8), opening))
+    if case.forces.any():
+        marks.append((Line2D([], [], color="#555555", lw=2.4, marker=">", ms=6), case.occasion))
+    if case.significant:
+        ring = Line2D([], [], color=REACTION, ls="--", lw=1.1, marker="o", ms=9, mfc="white", mew=2)
+        marks.append((ring, "significant reaction surface of the paper's criteria"))
+    if case.motion is not None:
+        mark = Line2D([], [], color=MOTION, lw=4)
+        marks.append((mark, "acceleration of the centre, sense of turning, outline a little later"))
+    return marks

@@ -1,0 +1,131 @@
+"""The kinds of results that commands write to a directory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from .quantity import OutputQuantity, at
+
+CRITICAL = "critical numbers"  # heading of a page
+
+
+@dataclass(frozen=True)
+class ResultKind:
+    """One kind of results.
+
+    name: of its record NAME.json and of the template of its page
+    title: of a page whose record and scene have none
+    tables: other files beside the record; pictures: those that are always drawn
+    has_scene: whether the directory contains the scene of the results
+    quantities: numbers in tables of sweeps and on pages; those of runs are defined by their effects
+    """
+
+    name: str
+    title: str
+    tables: tuple[str, ...] = ()
+    pictures: tuple[str, ...] = ()
+    has_scene: bool = False
+    quantities: tuple[OutputQuantity, ...] = ()
+
+    @property
+    def record(self) -> str:
+        """The name of its record."""
+        return f"{self.name}.json"
+
+    @property
+    def files(self) -> set[str]:
+        """The names of all its files but the scene."""
+        return {self.record, *self.tables, *self.pictures}
+
+
+def _kind(name: str, title: str, *tables: str, **more: Any) -> ResultKind:
+    return ResultKind(name, title, tables, (f"{name}.png",), **more)
+
+
+def _scene_probability(end: str) -> OutputQuantity:
+    column = f"probability{'' if end == 'probability' else f'_{end}'}"
+    return OutputQuantity(f"scene.{end}", "probability of motion", column=column)
+
+
+_bounded = partial(OutputQuantity, unbounded=True, heading=CRITICAL)
+_THRESHOLD = (
+    OutputQuantity("mode", "how the grain begins to move", column="mode"),
+    _bounded(
+        "factor",
+        "critical flow over that of the scene",
+        column="factor",
+        error="errors.factor",
+    ),
+    OutputQuantity("computed", "critical flow for the load without corrections", heading=CRITICAL),
+    _bounded("shields", "critical Shields number", column="shields", error="errors.shields"),
+    _bounded(
+        "shields_nominal",
+        "critical Shields number with the nominal diameter",
+        column="shields_nominal",
+    ),
+    _bounded(
+        "reynolds",
+        "critical Reynolds number of the scene",
+        column="reynolds",
+        error="errors.reynolds",
+    ),
+    _bounded(
+        "shear_reynolds",
+        "shear Reynolds number u* d/ν",
+        column="shear_reynolds",
+        error="errors.shear_reynolds",
+    ),
+    OutputQuantity("reason", "why there is no critical flow", column="note"),
+)
+_GUST = (
+    OutputQuantity(
+        "strength", "critical strength", column="strength", error="error", unbounded=True
+    ),
+    *(OutputQuantity(name, name, column=name) for name in ("held", "leaves", "impulse", "runs")),
+)
+_ENTRAINMENT = (
+    OutputQuantity("threshold.mode", "how the grain begins to move", column="mode"),
+    OutputQuantity("threshold.shields", "Shields number of steady flow", column="shields"),
+    *map(_scene_probability, ("probability", "low", "high")),
+    OutputQuantity("scene.rate", "upcrossings in unit time", column="rate"),
+)
+
+RUN = ResultKind(
+    "result",
+    "",
+    ("history.csv", "contacts.csv", "fields", "fields.xdmf", "surface", "surface.xdmf"),
+    ("flow.png", "pressure.png", "mesh.png"),
+    has_scene=True,
+)
+THRESHOLD = _kind("threshold", "Critical flow", has_scene=True, quantities=_THRESHOLD)
+GUSTS = _kind("gusts", "Critical gusts", "gusts.csv", has_scene=True, quantities=_GUST)
+ENTRAINMENT = _kind(
+    "entrainment",
+    "Motion in a fluctuating flow",
+    "entrainment.csv",
+    has_scene=True,
+    quantities=_ENTRAINMENT,
+)
+COST = _kind("cost", "What accuracy costs", "cost.csv", has_scene=True)
+SURVEY = _kind("survey", "A bed of grains", "grains.csv", "spheres.csv", "survey.vtp")
+POSES = _kind("poses", "A grain in many poses", "poses.csv")
+JUDGEMENT = _kind("judgement", "A case")
+SERIES = _kind("series", "A series of loads", "series.csv")
+KINDS = (RUN, THRESHOLD, GUSTS, ENTRAINMENT, SURVEY, POSES, JUDGEMENT, SERIES, COST)
+
+
+def quantities_of(kind: ResultKind, stored: Mapping[str, Any]) -> tuple[OutputQuantity, ...]:
+    """The quantities of a result as plain data, for kinds other than a run."""
+    quantiles = (at(stored, "quantiles") or ()) if kind is ENTRAINMENT else ()
+    return kind.quantities + tuple(
+        OutputQuantity(
+            f"quantiles.{number}.shields",
+            f"Shields number of the probability {one['probability']:g}",
+            column=f"shields_at_{one['probability']:g}",
+            error=f"quantiles.{number}.error",
+        )
+        for number, one in enumerate(quantiles)
+    )
