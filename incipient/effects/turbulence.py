@@ -185,7 +185,7 @@ def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None
     """What a run says of its turbulence, apart from its quantities: a sentence, and rows of words and value."""
     if (walls := stored.get("turbulence")) is None:
         return None
-    from ..results.wall_report import longest
+    from ..results.wall_report import MOST_COARSE, longest
 
     spans, others = longest(walls["backward"])
     rows: list[tuple[str, Any]] = [
@@ -193,6 +193,8 @@ def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None
     ]
     rows += [("further, shorter intervals", others)] if others else []
     sentence = f"y+ of the walls is {walls['least']:.3g} to {walls['largest']:.3g}."
+    if walls.get("judged_along") and (walls["coarse_along"] or 0.0) > MOST_COARSE:
+        sentence += " Warning: cells along the walls do not resolve their friction."
     if not walls.get("converged", True):
         sentence += (
             f" Warning: not converged; loads are means, within {100 * walls['spread']:.2g}%."

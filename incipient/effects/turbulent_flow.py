@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -26,8 +27,9 @@ from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
 from ..planning.tolerance import of_turbulent
+from ..planning.wall_cells import rise
 from ..restart.redistribution import spread_values, stored_values
-from ..results.wall_report import WallReport
+from ..results.wall_report import LARGEST_CHANGE, WallReport
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime, Moving
@@ -233,13 +235,15 @@ class TurbulentFlow(RunPart):
     def wall_report(self) -> WallReport:
         """u* and y+ along the walls."""
         scene, walls, in_plane = self._scene, self._setup.walls, self._scene.gdim == 2
-        columns = list[np.ndarray]()
+        columns, coarse = list[np.ndarray](), list[float]()
         for name in walls.names:
             along = along_wall(self._fluid, name, self.fields.shear_velocity())
             drag = walls.law(name).drag(
                 along.speeds, along.shear_velocities, scene.viscosity, walls.slip(name)
             )
             u = np.sqrt(drag * along.speeds)
+            if walls.is_resolved and (name == "body" or not walls.roughness):
+                coarse.append(along.coarse_fraction(along.directions * u**2, LARGEST_CHANGE))
             if name == walls.names[0]:
                 backward = along.backward() if in_plane else ()
             friction = 2.0 * np.sign(along.velocities[:, 0]) * (u / scene.reference_velocity) ** 2
@@ -266,6 +270,9 @@ class TurbulentFlow(RunPart):
             backward=backward,
             along=drawn if in_plane else {},
             iteration=self.continued,
+            mesh_size=scene.numerics.mesh_size,
+            coarse_along=None if walls.plane else max(coarse, default=None),
+            judged_along=in_plane and math.isfinite(rise(self._setup.geometry)),
         )
 
     def unknowns(self) -> dict[str, int]:

@@ -121,7 +121,7 @@ def _along_layers(walls: Walls, geometry: Geometry, placement: Placement | None)
     if geometry.gdim == 3:
         return
     largest = ALONG * walls.depth
-    size, far = min(largest, ALONG_RISE * _rise(geometry)), None
+    size, far = min(largest, ALONG_RISE * rise(geometry)), None
     if placement is not None:
         size = min(largest, NEAR_GRAIN * geometry.grain.size)
         far = Away(point(placement.centre), AWAY_GROWTH, largest)
@@ -135,7 +135,7 @@ def _along_layers(walls: Walls, geometry: Geometry, placement: Placement | None)
     yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > largest)
 
 
-def _rise(geometry: Geometry) -> float:
+def rise(geometry: Geometry) -> float:
     """The length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
     bed, domain = geometry.bed, geometry.domain
     if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):

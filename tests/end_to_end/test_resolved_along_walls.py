@@ -8,6 +8,7 @@ import incipient
 from incipient.accuracy.coarse_runs import KeptRuns
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
+from incipient.results.wall_report import MOST_COARSE
 from incipient.scene import (
     Domain,
     Effects,
@@ -50,6 +51,14 @@ def test_cells_along_a_bump_follow_its_friction():
     along = dict(zip(walls.along["bed"]["x"], walls.along["bed"]["friction"], strict=True))
     nearest = min(along, key=lambda x: abs(x - 0.2))
     assert along[nearest] == pytest.approx(BEHIND_CREST, rel=0.15)
+    assert walls.judged_along and walls.coarse_along < MOST_COARSE and not walls.doubt
+
+
+@pytest.mark.slow
+def test_cells_too_long_for_the_friction_along_a_bump_are_not_called_resolved():
+    walls = over_bump(2.0).turbulence
+    assert walls.coarse_along > MOST_COARSE
+    assert "NOT RESOLVED" in walls.lines()[0] and "set numerics.mesh_size = 1;" in walls.doubt
 
 
 def test_a_coarse_run_that_fails_does_not_advise_the_user_for_its_own_scene():
