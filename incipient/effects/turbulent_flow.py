@@ -70,6 +70,7 @@ class TurbulentFlow(RunPart):
             setup.order.number,
             walls.least_k,
             in_layers=walls.is_resolved and not walls.plane,
+            surfaces=walls.surfaces,
         )
 
     def _distances(self) -> dict[str, float]:

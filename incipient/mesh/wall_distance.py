@@ -1,4 +1,4 @@
-"""Distances from walls on any number of ranks."""
+"""Distances from walls, and the cells next to them, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .. import compat
-from ..arrays import Floats
+from ..arrays import Floats, Integers
 from ..geometry.space.surfaces import nearest_on_triangles
 from .cells import cell_facets, local_cells, shape_functions
 from .domain import Domain
@@ -71,3 +71,12 @@ def places_on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
     cells, lacking = np.divmod(first[np.searchsorted(every, wanted)], gdim + 1)
     nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[cells], :gdim]
     return np.concatenate(domain.comm.allgather(shapes[lacking] @ nodes))
+
+
+def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:
+    """Local cells, ghosts included, that have a corner on one of the named walls. Collective."""
+    corners = compat.space(domain.mesh, ("Lagrange", 1))
+    facets = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
+    on_wall = np.zeros(len(corners.tabulate_dof_coordinates()), dtype=bool)
+    on_wall[compat.nodes_on(corners, facets)] = True
+    return np.flatnonzero(on_wall[compat.cell_dofs(corners)].any(axis=1))

@@ -19,14 +19,17 @@ from ..fluid import Fluid
 from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size, size_along
 from ..forms import turbulence as forms
-from ..forms.k_omega_sst import KOmegaSST
+from ..forms.k_omega_sst import INNER, KOmegaSST
+from ..mesh.cells import is_node_of
 from ..mesh.domain import Domain
-from ..mesh.wall_distance import distances
+from ..mesh.wall_distance import cells_at, distances
 from ..parallel import Holder
 
 Values = Callable[[np.ndarray], np.ndarray]
 ORDER = 2
 FAR = 1e9  # distance where there are no walls
+ROUNDING = 1e-9  # of the largest distance from a wall: what is on it
+ON_SURFACE = 0.1  # of the least distance of nodes from a wall: that of nodes on it, where omega would be infinite
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
@@ -45,6 +48,7 @@ class TurbulenceFields(Holder):
         values: at the inflow, a function of places (3, n) that returns (2, n).
         inflow: names of boundaries at which the logarithms are given.
         walls: distances by names of boundaries that are walls, or have a wall a distance beyond them.
+        surfaces: smooth ones, in the viscous sublayer, that the mesh reaches: omega is given in the cells at them.
         viscosity: of the molecules.
         k_epsilon: the closure; None: the k-omega SST model.
         order_of_flow: of the velocity, whose strain limits the eddy viscosity of the k-omega SST model.
@@ -73,6 +77,7 @@ class TurbulenceFields(Holder):
         least: float = 0.0,
         in_layers: bool = False,
         order: int = ORDER,
+        surfaces: Sequence[str] = (),
     ):
         super().__init__(domain.comm)
         self.domain, self.order, self._molecules = domain, order, viscosity
@@ -88,6 +93,15 @@ class TurbulenceFields(Holder):
         self._distance.x.array[:] = FAR
         self._least = self.constant(least)
         self.closure: Any = k_epsilon or KOmegaSST(self._distance, self._least)
+        self._surfaces = () if k_epsilon else tuple(surfaces)
+        self._at_surfaces = dolfinx.fem.Function(self._distance.function_space)
+        self._near = np.empty(0, dtype=np.int32)
+        if self._surfaces:
+            near = is_node_of(self._at_surfaces.function_space, cells_at(domain, self._surfaces))
+            self._near = np.flatnonzero(near).astype(np.int32)
+            pairs = [2 * self._near + 1, self._near]
+            of_omega = dolfinx.fem.dirichletbc(self._at_surfaces, pairs, self.space.sub(1))
+            self.conditions = [*self.conditions, of_omega]
         self._seen = dolfinx.fem.Function(
             compat.space(domain.mesh, ("Lagrange", order_of_flow), (domain.gdim,))
         )
@@ -128,11 +142,17 @@ class TurbulenceFields(Holder):
         if not self._walls or not isinstance(self.closure, KOmegaSST):
             return
         places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
-        away = [
-            distances(self.domain, [name], places) + float(beyond.value)
-            for name, beyond in self._walls.items()
-        ]
-        self._distance.x.array[:] = np.min(away, axis=0)
+        beyond = {name: float(one.value) for name, one in self._walls.items()}
+        beyond |= dict.fromkeys(self._surfaces, 0.0)
+        away = [distances(self.domain, [name], places) + more for name, more in beyond.items()]
+        least = np.min(away, axis=0)
+        if self._surfaces:
+            nearest = self.largest(1.0 / least[least > ROUNDING * self.largest(least)])
+            least = np.maximum(least, ON_SURFACE / nearest)
+            # In the viscous sublayer omega = 6 nu/(beta y^2) (Wilcox 1988, AIAA J. 26, 1299).
+            omega = 6.0 * self._molecules / (INNER[2] * least**2)
+            self._at_surfaces.x.array[:] = np.log(omega)
+        self._distance.x.array[:] = least
 
     # -- what the flow sees of it ------------------------------------------------------------------
 
