@@ -103,7 +103,7 @@ class KEpsilon:
         made = ufl.min_value(made, MOST_PRODUCED * lost)
         return made - lost, self.c_1 * made - self.c_2 * lost
 
-    def powers_at_wall(self, viscous: Any) -> tuple[Any, Any]:
+    def powers_at_wall(self, eddies: Any) -> tuple[Any, Any]:
         """Powers of the distance from a wall as which k and epsilon go: those of a logarithmic layer."""
         return 0, -1
 
@@ -168,12 +168,11 @@ def at_walls(logarithms: Any, tests: Any, distance: Any, stream: Stream, closure
 
     Each quantity goes as a power p of the distance: in a logarithmic layer k does not change, and epsilon and omega go
     as 1/y (Kuzmin, Mierka & Turek 2007, Int. J. Computing Science and Mathematics 1, 193); in the viscous sublayer
-    powers are those of the closure. Between them goes the square of the fraction of molecules in the viscosity.
+    and in the buffer layer powers are those of the closure, by the eddy viscosity over the viscosity.
     """
     eddies = unlimited(logarithms, closure)
-    viscous = (stream.viscosity / (stream.viscosity + eddies)) ** 2
     powers, diffusivities = (
-        closure.powers_at_wall(viscous),
+        closure.powers_at_wall(eddies / stream.viscosity),
         closure.diffusivities(logarithms, stream),
     )
     fluxes = zip(diffusivities, powers, tests, strict=True)

@@ -12,6 +12,7 @@ from ..planning.numbers import Numbers
 from ..planning.wall_cells import WALL_CELL, coarsening
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity, at
+from ..turbulence.wall_law import SMOOTH_TO
 from .effect import Effect, SlowestFlow, Solved
 from .run_part import RunPart, Stage
 from .transition import REMEDY, transition, turbulent_from
@@ -220,6 +221,11 @@ def _doubts(setup: Setup) -> Iterator[str]:
             "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag "
             "on a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to "
             "a third too large; another program with this model has 1.1 to 1.6 times the drag, 0.5 to 0.9 of the lift"
+        )
+    if 0.0 < walls.roughness < SMOOTH_TO * walls.unit:
+        yield (
+            f"the walls are hydraulically smooth, u* k_s/nu about {walls.roughness / walls.unit:.2g}: their roughness "
+            "changes nothing"
         )
     if bed is not None and walls.roughness > SMALL * bed.feature:
         yield (
