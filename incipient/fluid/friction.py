@@ -16,9 +16,10 @@ from ..forms.terms import impermeable
 from ..forms.wall_friction import friction, layer, speed
 from ..mesh.domain import Domain
 from .conditions import Friction
-from .space import TaylorHood, cell_size
+from .space import TaylorHood, size_along
 
-HELD = 10.0  # times k^2 nu/h: penalty of flow through a wall, k being the order of the elements
+# Times k^2 nu/h: penalty of flow through a wall, k being the order of the elements, h the size of a cell across it.
+HELD = 10.0
 
 
 class WallMotion:
@@ -66,10 +67,8 @@ class WallLoad:
         shear_velocity: Any,
     ):
         self._measure, self._names = flow.boundary_quadrature(domain.facets), domain.names
-        self._normal, self._held = (
-            ufl.FacetNormal(domain.mesh),
-            HELD * flow.order**2 / cell_size(domain.mesh),
-        )
+        self._normal = ufl.FacetNormal(domain.mesh)
+        self._held = HELD * flow.order**2 / size_along(domain.mesh, self._normal)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = [(one, flow.constant(one.distance)) for one in walls]
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
