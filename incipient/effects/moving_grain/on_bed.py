@@ -42,7 +42,7 @@ class GrainOnBed(MovingGrain):
             *(scene.reference_velocity, first, self._weight()),
         )
         sides = tuple(side for side in around.sides if side.name != around.name_of_bed)
-        self.obstacles = replace(around, sides=sides, bed=None)
+        self.obstacles = replace(around, sides=sides, near_bed=None)
 
     def _kind(self, *others: Any, **named: Any) -> RigidPartOnBed:
         return RigidPartOnBed(*others, contact=self.bed_contact.motion, **named)
