@@ -100,9 +100,9 @@ def quarter_turned(vectors: Floats) -> Floats:
 def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) -> Floats:
     """Values (n,) at a time, from the polynomial through values at several times."""
     result = np.zeros_like(values[0])
-    for i, (one, value) in enumerate(zip(times, values, strict=True)):
+    for i, (node, value) in enumerate(zip(times, values, strict=True)):
         others = np.delete(times, i)
-        result += np.prod((time - others) / (one - others)) * value
+        result += np.prod((time - others) / (node - others)) * value
     return result
 
 

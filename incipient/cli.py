@@ -73,18 +73,18 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=version)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (function, text, add_options) in _commands().items():
-        made = commands.add_parser(name, help=text, description=text)
-        made.set_defaults(command=function)
-        add_options(made)
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.set_defaults(command=function)
+        add_options(sub)
         levels = ("debug", "info", "warning", "error")
-        made.add_argument("--log-level", choices=levels, default="info", help="how much to report")
+        sub.add_argument("--log-level", choices=levels, default="info", help="how much to report")
     for name in RETIRED:  # not listed without a help
         commands.add_parser(name).set_defaults(command=_refuse, name=name, log_level="info")
     return parser
 
 
-def _refuse(given: argparse.Namespace, comm: Comm) -> int:
-    raise SceneError(f"{given.name}: is retired; {RETIRED[given.name]}")
+def _refuse(chosen: argparse.Namespace, comm: Comm) -> int:
+    raise SceneError(f"{chosen.name}: is retired; {RETIRED[chosen.name]}")
 
 
 def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
@@ -170,8 +170,8 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
 
 
 def _later(module: str, name: str) -> Command:
-    def command(given: argparse.Namespace, comm: Comm) -> int:
-        return int(getattr(import_module(f".commands.{module}", __package__), name)(given, comm))
+    def command(chosen: argparse.Namespace, comm: Comm) -> int:
+        return int(getattr(import_module(f".commands.{module}", __package__), name)(chosen, comm))
 
     return command
 
@@ -181,13 +181,13 @@ def _guarded(arguments: Sequence[str] | None) -> int:
     comm = ranks_there_are()
     meeting = Meeting(comm)
     try:
-        given = _parser().parse_args(arguments)
-        _listen(given.log_level)
+        chosen = _parser().parse_args(arguments)
+        _listen(chosen.log_level)
         for number in SIGNALS:
             if signal.getsignal(number) != signal.SIG_IGN:
                 signal.signal(number, _as_interrupt)
         with _system_errors_reported(), required():
-            code = int(given.command(given, comm))
+            code = int(chosen.command(chosen, comm))
         meeting.failed(False)
         return code
     except IncipientError as error:

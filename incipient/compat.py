@@ -185,8 +185,8 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, nodes: np.ndarray, degree: in
     cell = {2: "triangle", 3: "tetrahedron"}[gdim]
     make, keywords = dolfinx.mesh.create_mesh, {"partitioner": partitioner()}
     if hasattr(ufl, "VectorElement"):
-        made = ufl.VectorElement("Lagrange", cell, degree, dim=gdim, variant="equispaced")
-        keywords["domain"] = ufl.Mesh(made)
+        vectors = ufl.VectorElement("Lagrange", cell, degree, dim=gdim, variant="equispaced")
+        keywords["domain"] = ufl.Mesh(vectors)
     else:
         variant = basix.LagrangeVariant.equispaced
         keywords["e"] = basix.ufl.element("Lagrange", cell, degree, variant, shape=(gdim,))

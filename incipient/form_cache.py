@@ -50,14 +50,14 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
             with collectively(comm):  # a failure within `build` on one rank would block the others
                 _require_writable(folder)
             with collectively(comm), _space_reported(root):
-                made = build(folder)
+                result = build(folder)
         except BaseException:
             if comm.rank == 0:
                 shutil.rmtree(folder, ignore_errors=True)
             raise
         if comm.rank == 0 and folder.name != name:
             _finish(folder, root / name)
-    return made
+    return result
 
 
 def _begun(root: Path, name: str) -> Path:

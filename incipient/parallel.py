@@ -39,11 +39,27 @@ PARALLEL_RUN = (
 ONE_RANK = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 
 
-class Holder:
-    """Context manager that frees objects of PETSc on all ranks. Every method is collective."""
+class Owner:
+    """Owner of PETSc objects. Every method is collective."""
+
+    def __init__(self) -> None:
+        self._owned = list[Any]()
+
+    def holding(self, made: Any) -> Any:
+        self._owned.append(made)
+        return made
+
+    def destroy(self) -> None:
+        while self._owned:
+            self._owned.pop().destroy()
+
+
+class Holder(Owner):
+    """Context manager that owns PETSc objects. Every method is collective."""
 
     def __init__(self, comm: Comm):
-        self._comm, self._held = comm, list[Any]()
+        super().__init__()
+        self._comm = comm
 
     def __enter__(self) -> Self:
         return self
@@ -52,14 +68,6 @@ class Holder:
         # After an interrupt or an error on one rank freeing would deadlock.
         if kind is None or issubclass(kind, IncipientError) or self._comm.size == 1:
             self.destroy()
-
-    def holding(self, made: Any) -> Any:
-        self._held.append(made)
-        return made
-
-    def destroy(self) -> None:
-        while self._held:
-            self._held.pop().destroy()
 
 
 class Alone:
@@ -127,7 +135,7 @@ class Meeting:
             if time.monotonic() > until:
                 return []
             time.sleep(OFTEN)
-        return [bool(one) for one in all_of_them]
+        return [bool(failed) for failed in all_of_them]
 
 
 def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:

@@ -103,9 +103,11 @@ def with_safety(
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
+    from ..evaluation.contact_verdict import load_of
     from .goal import bar_of_scene  # which loads linear programs, slowly
 
-    bar = bar_of_scene(run.scene, run.contacts, force, torque, errors)
+    load = load_of(run.scene.placement, force, torque)
+    bar = bar_of_scene(run.scene, run.contacts, load, errors)
     if bar is None:
         return bars
     if (walls := run.wall_report()) is not None:

@@ -8,43 +8,27 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.verdict import MassAndInertia, judged
-from ..evaluation.contact_verdict import find_contacts, load_of
-from ..results.loads import Forces, Torques
-from ..results.result import Result
+from ..evaluation.contact_verdict import find_contacts
 from ..results.safetybar import SafetyBar
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
-from ..scene.numerics import OF_SURFACE, OF_WALLS
+from ..scene.numerics import OF_SURFACE
 from ..setup.setup import Setup
+from ..simulation.loads import weights
 
 if TYPE_CHECKING:
-    from ..results.elevations import Elevations
-    from ..results.errorbars import Term
-    from ..results.wall_report import WallReport
+    from ..results.errorbars import Loads, Term
 
 # Errors (6,) of force and torque by source.
 Errors = Mapping[str, Floats]
 # Fraction of force times grain size: lower bound of the scale of a torque's error.
 LEAST_TORQUE = 0.01
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
-
-
-@dataclass(frozen=True)
-class LoadsOnMesh:
-    """Loads, elevations and wall report of a run on a mesh."""
-
-    force: Forces | None
-    torque: Torques | None
-    elevations: Elevations | None = None
-    turbulence: WallReport | None = None
-
-
-Computed = Result | LoadsOnMesh
 
 
 class Quantity(Protocol):
@@ -54,31 +38,24 @@ class Quantity(Protocol):
     def name(self) -> str:
         """Name of the quantity."""
 
-    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
+    def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque."""
 
-    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
+    def goals(self, loads: Loads) -> list[Floats]:
         """Weights (k,), k = 3 or 6, of force and torque, whose weighted errors are the relative error."""
 
 
-def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
-    """Relative error of a quantity from a term of the error bars; None: not known.
+def relative(goal: Quantity, loads: Loads, term: Term) -> float | None:
+    """Relative error of a load or elevation from a term of the error bars; None: not known.
 
     For elevations: the largest error within the run, or at the end, over the largest elevation.
     """
-    if goal.name == OF_WALLS:
-        if term.shear is None or on_mesh.turbulence is None:
-            return None
-        which = on_mesh.turbulence.leading
-        return _ratio(float(term.shear[which]), float(on_mesh.turbulence.shear_velocities[which]))
     if goal.name in OF_SURFACE:
         error = term.elevation if goal.name == "elevation" else term.level
-        if error is None or on_mesh.elevations is None:
+        if error is None or loads.elevations is None:
             return None
-        return _ratio(float(error.max(initial=0.0)), on_mesh.elevations.largest)
-    if on_mesh.force is None or on_mesh.torque is None:
-        return None
-    return goal.error(on_mesh.force, on_mesh.torque, term.force, term.torque)
+        return _ratio(float(error.max(initial=0.0)), loads.elevations.largest)
+    return goal.error(loads, term.force, term.torque) if len(loads.force) else None
 
 
 @dataclass(frozen=True)
@@ -95,45 +72,47 @@ class Goal:
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
-    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
+    def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque, by norms.
 
         Safety factor: width of its range over its value, infinite if only one of them is.
         """
         if self.name in ("force", "torque"):
             error = of_force if self.name == "force" else of_torque
-            return _ratio(float(np.linalg.norm(error)), self._scale(force, torque))
+            return _ratio(float(np.linalg.norm(error)), self._scale(loads))
         assert self.contacts is not None
         errors = {"discretisation": np.abs(np.concatenate([of_force, of_torque]))}
-        bar = bar_of_scene(self.scene, self.contacts, force, torque, errors)
+        bar = bar_of_scene(self.scene, self.contacts, self._load(loads), errors)
         assert bar is not None
         return bar.relative
 
-    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
+    def goals(self, loads: Loads) -> list[Floats]:
         gdim = self.scene.gdim
         places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
         if self.contacts is not None:
-            slope = self._slope(force, torque, places)
+            slope = self._slope(loads, places)
             if np.all(np.isfinite(slope)) and np.any(slope):
                 return [slope]
-        units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(force, torque) or 1.0)
+        units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(loads) or 1.0)
         return [unit for unit in units if unit[gdim:].any() == (self.name == "torque")]
 
-    def _scale(self, force: Forces, torque: Torques) -> float:
-        size = float(np.linalg.norm(force.flow))
+    def _load(self, loads: Loads) -> Load:
+        placement = self.scene.placement
+        assert placement is not None
+        weight = np.add(*weights(self.scene))
+        return Load(loads.force, loads.torque, weight, spatial(placement.centre))
+
+    def _scale(self, loads: Loads) -> float:
+        size = float(np.linalg.norm(loads.force))
         if self.name != "torque":
             return size
         assert self.scene.grain is not None
-        return max(float(np.linalg.norm(torque.flow)), LEAST_TORQUE * size * self.scene.grain.size)
+        return max(float(np.linalg.norm(loads.torque)), LEAST_TORQUE * size * self.scene.grain.size)
 
-    def _slope(self, force: Forces, torque: Torques, places: dict[int, int]) -> Floats:
-        load, scene, contacts = (
-            load_of(self.scene.placement, force, torque),
-            self.scene,
-            self.contacts,
-        )
+    def _slope(self, loads: Loads, places: dict[int, int]) -> Floats:
+        load, scene, contacts = self._load(loads), self.scene, self.contacts
         assert contacts is not None and scene.contact is not None and scene.grain is not None
-        law, step = scene.contact.law, DIFFERENCE * float(np.linalg.norm(force.flow))
+        law, step = scene.contact.law, DIFFERENCE * float(np.linalg.norm(loads.force))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
         return slopes(load, steps, places, lambda each: judged(each, contacts, law).safety.value)
 
@@ -164,16 +143,11 @@ def _ratio(error: float, scale: float) -> float:
     return error / scale if scale > 0.0 else np.inf
 
 
-def bar_of_scene(
-    scene: Scene, contacts: Contacts, force: Forces, torque: Torques, errors: Errors
-) -> SafetyBar | None:
-    """Safety bar of a scene's grain under computed loads; None without contacts."""
+def bar_of_scene(scene: Scene, contacts: Contacts, load: Load, errors: Errors) -> SafetyBar | None:
+    """Safety bar of a scene's grain under a load; None without contacts."""
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
-    load, inert = (
-        load_of(scene.placement, force, torque),
-        mass_and_inertia(scene.body, scene.placement),
-    )
+    inert = mass_and_inertia(scene.body, scene.placement)
     return bar_of_safety(load, contacts, scene.contact.law, inert, errors)
 
 

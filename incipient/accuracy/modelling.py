@@ -14,15 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import spatial
 from ..errors import IncipientError, SceneError
 from ..results.errorbars import ErrorBars, Loads, Term
-from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..scene.flows import Flow
-from ..simulation.loads import weights
 from .coarse_runs import Solve, changed, coarse, farther
-from .goal import Computed, LoadsOnMesh, Quantity, relative
+from .goal import Quantity, relative
 from .next_mesh import AIM
 from .terms import DECAY, SLOWEST_DECAY, has_no_far_sides, not_there, of_domain, of_the_model
 
@@ -105,9 +102,8 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
         estimates["domain"] = partial(of_domain, scene, decay=decay)
     computed = solve(coarse(scene))
     terms = tuple(estimate(computed, solve) for estimate in estimates.values())
-    on_mesh = _on_mesh(scene, computed)
     errors, plain = (
-        {term.name: relative(goal, on_mesh, term) or 0.0 for term in which}
+        {term.name: relative(goal, computed, term) or 0.0 for term in which}
         for which in (terms, [term.uncorrected for term in terms])
     )
     return Suited(scene, terms, sum(errors.values()), errors=errors, plain=plain)
@@ -143,12 +139,12 @@ def not_estimated(scene: Scene) -> str:
 
 
 def remedies(
-    scene: Scene, accuracy: float, goal: Quantity, computed: Computed, bars: ErrorBars
+    scene: Scene, accuracy: float, goal: Quantity, loads: Loads, bars: ErrorBars
 ) -> tuple[str, ...]:
     """Remedies for errors of gap and domain above an accuracy, as text."""
     said = []
     for term in bars.terms:
-        error = relative(goal, computed, term)
+        error = relative(goal, loads, term)
         if term.name == "discretisation" or error is None or error <= accuracy:
             continue
         remedy = _remedy(scene, term, accuracy / error)
@@ -208,11 +204,3 @@ def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) ->
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
     return farther(scene, min(factor, FARTHEST) if at_once else factor)
-
-
-def _on_mesh(scene: Scene, loads: Loads) -> LoadsOnMesh:
-    if scene.placement is None:
-        return LoadsOnMesh(None, None, loads.elevations)
-    force = Forces(loads.force, loads.force, *weights(scene))
-    torque = Torques(loads.torque, loads.torque, spatial(scene.placement.centre))
-    return LoadsOnMesh(force, torque, loads.elevations)

@@ -20,14 +20,14 @@ from ..planning.expense import MEMORY_GROWTH
 from ..planning.layout import Layout
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
-from ..results.errorbars import Term
+from ..results.errorbars import Loads, Term
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
 from .coarse_runs import KeptRuns
-from .goal import Goal, LoadsOnMesh, Quantity
+from .goal import Goal, Quantity
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:
@@ -143,9 +143,9 @@ class Search:
         while True:
             began = self.elapsed()
             try:
-                with self.strategy.solved(attempt) as (run, on_mesh):
-                    estimate = self._estimated(attempt, run, on_mesh, began)
-                    following = self.strategy.following(attempt, run, on_mesh, estimate)
+                with self.strategy.solved(attempt) as (run, loads):
+                    estimate = self._estimated(attempt, run, loads, began)
+                    following = self.strategy.following(attempt, run, estimate)
                     if following is None and self.best is not None and self.best[0] is attempt:
                         return self.strategy.concluded(run)
             except (ConvergenceError, MeshError) as error:
@@ -167,11 +167,9 @@ class Search:
         with self.strategy.solved(attempt) as (run, _):
             return self.strategy.concluded(run)
 
-    def _estimated(
-        self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, began: float
-    ) -> Estimate:
+    def _estimated(self, attempt: Attempt, run: Run, loads: Loads, began: float) -> Estimate:
         with self.ledger.stage("error bars"):
-            estimate = self.strategy.estimate(run, on_mesh)
+            estimate = self.strategy.estimate(run, loads)
         mesh, time = run.domain.mesh, attempt.scene.time
         cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
         size = order_of(attempt.scene), cells, run.fluid.space.unknowns
@@ -252,7 +250,8 @@ class Search:
         bars = None if result is None else result.error_bars
         if result is None or bars is None or not isinstance(accuracy, float | int):
             return record
-        return replace(record, beside=remedies(self.scene, accuracy, self.goal, result, bars))
+        loads = result.loads_at_end()
+        return replace(record, beside=remedies(self.scene, accuracy, self.goal, loads, bars))
 
     def elapsed(self) -> float:
         return float(self.comm.bcast(self.ledger.total(), root=0))

@@ -19,7 +19,7 @@ from ..planning.layout import coarse_sizes
 from ..planning.wall_cells import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import OF_SURFACE
+from ..scene.numerics import OF_SURFACE, OF_WALLS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.beside import InTurn
@@ -33,10 +33,10 @@ from . import next_mesh
 from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
 from .errorbars import coarse_scenes, error_bars, loads_of_run, of_interaction, unit_of
-from .finish import finished
-from .goal import LoadsOnMesh, relative
+from .goal import relative
 from .modelling import lessened
 from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
+from .run import finished
 from .search import Attempt, Estimate, Search, SearchRecorder
 from .sizing import gathered, resized
 from .terms import (
@@ -54,7 +54,7 @@ CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search f
 CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
-# Fraction left of an estimated error on cells smaller by `finish.COARSER_CELLS`: 1.5^-4.
+# Fraction left of an estimated error on cells smaller by `run.COARSER_CELLS`: 1.5^-4.
 COMPARED = 0.2
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
 # The search ends after so many meshes with a smaller reduction of the error.
@@ -62,9 +62,10 @@ LOOKED_AT, LEAST_FALL = 3, 0.8
 
 
 class Strategy(ABC):
-    """Solution, error estimate and refinement in a search. All methods are collective."""
+    """Solution, error estimate and refinement in a search of steady flow. All methods are collective."""
 
     most = next_mesh.MOST_MESHES
+    _recorder: SearchRecorder | None = None  # of the last run
 
     def __init__(self, search: Search):
         self.search = search
@@ -74,29 +75,12 @@ class Strategy(ABC):
         """A coarse first mesh, finer after failures."""
 
     @abstractmethod
-    def solved(self, attempt: Attempt) -> AbstractContextManager[tuple[Run, LoadsOnMesh]]:
-        """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
-
-    @abstractmethod
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
         """Error of a solved run."""
 
     @abstractmethod
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         """An attempt that is expected to leave a fraction `left` of the error."""
-
-    @abstractmethod
-    def concluded(self, run: Run) -> Any:
-        """Result of the last run, with its error bars."""
-
-    def following(
-        self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
-    ) -> Attempt | None:
-        """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable."""
-        if estimate.rank <= self.search.allowed:
-            self.search.conclude(estimate.rank, estimate.doubt)
-            return None
-        return self.search.refined(attempt, estimate, self.target(estimate))
 
     def target(self, estimate: Estimate) -> float:
         """The fraction of the error to leave."""
@@ -108,12 +92,6 @@ class Strategy(ABC):
         with InTurn(self.search.comm, coarse_scenes, loads_of) as solve:
             yield solve
 
-
-class Steady(Strategy):
-    """Steady flow: a run that may be the last is recorded."""
-
-    _recorder: SearchRecorder | None = None
-
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
         """The scene in elements of an order, with a tolerance for the accuracy."""
         accuracy = self.search.numerics.accuracy
@@ -123,16 +101,18 @@ class Steady(Strategy):
         return changed(scene, numerics={"order": order, "tolerance": tolerance})
 
     @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
+        """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
         search, sizing = self.search, attempt.sizing
         with prepared(
             attempt.scene, search.comm, search.accounts, voice=search.voice, sizing=sizing
         ) as run:
             yield run, self.solve(run)
 
-    @abstractmethod
-    def solve(self, run: Run) -> LoadsOnMesh:
-        """Solve; returns the quantities with errors."""
+    def solve(self, run: Run) -> Loads:
+        """Solve; returns the loads and other quantities."""
+        solve_with_turbulence(run, run.fluid, run.turbulence)
+        return computed_loads(run)
 
     def handed_over(self, run: Run) -> SearchRecorder:
         """The recorder with the result without error bars."""
@@ -146,23 +126,26 @@ class Steady(Strategy):
         return recorder
 
     def concluded(self, run: Run) -> Any:
+        """Result of the last run, with its error bars."""
         recorder = self._recorder or self.handed_over(run)
         finished(run, cast(Recorder, recorder))
         return recorder.result
 
-    def following(
-        self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
-    ) -> Attempt | None:
-        """See `Strategy`; for a verdict refine the decisive source: mesh, gap or domain."""
-        if self.search.numerics.accuracy != "verdict" or estimate.error is None:
-            return super().following(attempt, run, on_mesh, estimate)
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
+        """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable.
+
+        For a verdict the decisive source is refined: mesh, gap or domain.
+        """
         search, comm = self.search, self.search.comm
+        if search.numerics.accuracy != "verdict" or estimate.error is None:
+            if estimate.rank <= search.allowed:
+                search.conclude(estimate.rank, estimate.doubt)
+                return None
+            return search.refined(attempt, estimate, self.target(estimate))
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
         self._recorder = recorder = self.handed_over(run)
         with told_where_kept(recorder.kept, comm):
-            bars = error_bars(
-                run, on_mesh.force, on_mesh.torque, lambda scene: loads_of(scene, comm)
-            )
+            bars = error_bars(run, *loads(run, surface=False), lambda scene: loads_of(scene, comm))
         bar = bars.safety
         assert bar is not None
         if bar.certain:
@@ -189,7 +172,7 @@ class Steady(Strategy):
         return search.affordable(replace(attempt, scene=scene, unknowns=unknowns, note=note))
 
 
-class DualWeighted(Steady):
+class DualWeighted(Strategy):
     """Cells refined by their dual-weighted contributions to the error, together with the order."""
 
     # Speed and improved loads of the previous mesh; the solved run of the first attempt, for the coarse runs.
@@ -204,33 +187,34 @@ class DualWeighted(Steady):
         return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
 
     @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         if self._at_hand is None:
             with super().solved(attempt) as both:
                 yield both
             return
         (run, held), self._at_hand = self._at_hand, None
         with held:
-            yield run, LoadsOnMesh(*loads(run, surface=False))
+            yield run, computed_loads(run)
 
-    def solve(self, run: Run) -> LoadsOnMesh:
-        return LoadsOnMesh(*loads_at(run, self.search.speed))
+    def solve(self, run: Run) -> Loads:
+        force, torque = loads_at(run, self.search.speed)
+        return Loads(force.flow, torque.flow)
 
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        search, force, torque = self.search, on_mesh.force, on_mesh.torque
-        assert run.layout.placement is not None and force is not None and torque is not None
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        search = self.search
+        assert run.layout.placement is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             plain = unit_of(run, search.speed)
             unit = goals.allowance * plain
             term = by_dual(goals, unit)
-            self._plain = search.goal.error(force, torque, term.force, term.torque)
+            self._plain = search.goal.error(computed, term.force, term.torque)
             before, self._improved = self._improved, (search.speed, goals.loads(plain))
             self._compared = self._corrects and before is not None and before[0] == search.speed
             if self._compared and before is not None:
                 term = by_both(term, goals, unit, before[1])
             search.known.terms["discretisation"] = term
             others = search.suited.terms if search.suited is not None else ()
-            between = of_interaction((*others, term), Loads(force.flow, torque.flow))
+            between = of_interaction((*others, term), computed)
             whole = (
                 term
                 if between is None
@@ -238,10 +222,10 @@ class DualWeighted(Steady):
                     term, force=term.force + between.force, torque=term.torque + between.torque
                 )
             )
-            error = search.goal.error(force, torque, whole.force, whole.torque)
+            error = search.goal.error(computed, whole.force, whole.torque)
             if error <= search.allowed:
                 return Estimate(error, term, term.doubt)  # no next mesh
-            parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, torque)]
+            parts = [goals.shares(unit * goal) for goal in search.goal.goals(computed)]
             shares = gathered(run.domain.mesh, parts)
         return Estimate(error, term, term.doubt, shares=shares)
 
@@ -297,7 +281,7 @@ class DualWeighted(Steady):
         return prepared(own, search.comm, search.accounts, voice=search.voice, sizing=first.sizing)
 
 
-class Uniform(Steady):
+class Uniform(Strategy):
     """Uniform refinement of a steady mean flow, each mesh compared with the two previous ones.
 
     There is no dual solution of flow and turbulence.
@@ -320,15 +304,9 @@ class Uniform(Steady):
         note = f"mesh_size {mesh_size:.3g}"
         return Attempt(sized, unknowns=unknowns, work=work, note=note)
 
-    def solve(self, run: Run) -> LoadsOnMesh:
-        """See `Steady`."""
-        solve_with_turbulence(run, run.fluid, run.turbulence)
-        return _on_mesh(run)
-
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        search, walls = self.search, on_mesh.turbulence
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        search, walls = self.search, run.wall_report()
         doubt = "" if walls is None else walls.doubt
-        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
         if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest_at_walls(
@@ -342,19 +320,19 @@ class Uniform(Steady):
         runs = KeptRuns(search.known.loads, search.spent, lambda each: loads_of(each, search.comm))
         term = by_coarser_mesh(run.scene, computed, runs)
         search.known.terms["discretisation"] = term
-        error = relative(search.goal, on_mesh, term.with_changes(computed.unsteady))
+        error = relative(search.goal, computed, term.with_changes(computed.unsteady))
+        if search.goal.name == OF_WALLS and walls is not None and term.shear is not None:
+            error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
         return Estimate(error, term, doubt)
 
-    def following(
-        self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
-    ) -> Attempt | None:
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         known = [trial.estimate for trial in self.search.trials if trial.estimate is not None]
         many = self.search.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
         if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
             why = f"the error has hardly decreased on the last {LOOKED_AT} meshes"
             self.search.reason = f"not reached: {why}"
             return None
-        return super().following(attempt, run, on_mesh, estimate)
+        return super().following(attempt, run, estimate)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
@@ -371,7 +349,6 @@ class InTime(Strategy):
     """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`)."""
 
     most = next_mesh.MOST_RUNS
-    _recorder: SearchRecorder
     _last: Scene | None = None
 
     def first(self, failures: int = 0) -> Attempt:
@@ -381,25 +358,26 @@ class InTime(Strategy):
         return Attempt(scene)
 
     @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
         search, scene = self.search, attempt.scene
         self._recorder = SearchRecorder(search.recorder, scene, search.adaptation)
         accounts = Accounts(known=search.known, spent=search.spent)  # separate times of each run
         recorder = cast(Recorder, self._recorder)
         with solved(scene, search.comm, recorder, search.voice, accounts=accounts) as run:
-            yield run, _on_mesh(run)
+            yield run, computed_loads(run)
 
-    def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
         search, scene, terms = self.search, run.scene, self.search.known.terms
         # Longer steps damp waves, and hide the error of the mesh.
         same = self._last is not None and self._last.numerics == scene.numerics
         if not same or scene.accuracy_of in OF_SURFACE:
             terms.pop(OF_MESH, None)
         self._last = scene
-        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         runs = KeptRuns(search.known.loads, lambda: "", lambda each: loads_of(each, search.comm))
+        assert self._recorder is not None
         try:
-            with told_where_kept(self._recorder.provisional(outcome(run)), search.comm):
+            kept = self._recorder.provisional(outcome(run))
+            with told_where_kept(kept, search.comm):
                 term = by_coarser_runs(scene, computed, runs, terms.get(OF_MESH))
         except Interrupted:
             raise
@@ -407,7 +385,7 @@ class InTime(Strategy):
             return Estimate(None, note=f"not compared: {error}")
         terms["discretisation"], terms[OF_MESH] = term, term.parts[-1]
         whole, of_step, of_mesh = (
-            relative(search.goal, on_mesh, each) for each in (term, *term.parts)
+            relative(search.goal, computed, each) for each in (term, *term.parts)
         )
         return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
@@ -417,11 +395,7 @@ class InTime(Strategy):
         unknowns = last.unknowns * wanted.finer**-WORK_POWER
         return Attempt(next_mesh.finer(attempt.scene, wanted), unknowns=unknowns, work=wanted.work)
 
-    def concluded(self, run: Run) -> Any:
-        finished(run, cast(Recorder, self._recorder))
-        return self._recorder.result
 
-
-def _on_mesh(run: Run) -> LoadsOnMesh:
-    force, torque = (None, None) if run.probe is None else loads(run, surface=False)
-    return LoadsOnMesh(force, torque, run.elevations, run.wall_report())
+def computed_loads(run: Run) -> Loads:
+    """Loads and other quantities of a solved run. Collective."""
+    return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))

@@ -3,8 +3,9 @@
 Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey Signorini's
 and Coulomb's laws with the velocities at the end of the step, and act on the same effective mass as the load, the
 fluid's added mass included. Contacts are those at which the body would penetrate the bed in the step, whose length is
-kept. An impulse acts along the mean of a contact's normals at both ends of the step: a body that rolls along a curved
-bed conserves its energy. Remaining gaps and overlaps are corrected in the position, not in the velocities.
+kept, and with cohesion those of the last step, which open where their tension exceeds it. An impulse acts along the
+mean of a contact's normals at both ends of the step: a body that rolls along a curved bed conserves its energy.
+Remaining gaps and overlaps are corrected in the position, not in the velocities.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats, Integers, quarter_turned, spatial
+from ..arrays import Booleans, Floats, Integers, quarter_turned, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
 from ..geometry import statics
 from ..geometry.contacts import ClosestPoints, frame_of
@@ -32,6 +33,7 @@ SETTLED = 1e-9  # change of the body's place in a round, relative to its reach, 
 CLOSED = 1e-9  # gap, relative to the reach, that counts as none
 CORRECTIONS = 8  # of a place, by gaps that are taken for linear in it
 SEEN = 0.05  # gap, relative to the reach, within which the next round searches for the contacts of the last
+TOUCHES = 1e-6  # gap, relative to the reach, of contacts that cohesion closes at the start
 CREATED = 1e-3  # work done by contacts, relative to impulses times velocities, that is not accepted
 SLIDES = 1e-9  # velocity along a contact, relative to the largest there, from which on it slides
 SAME_NORMAL = 0.9  # cosine of the normals of one contact at two times in a step
@@ -46,12 +48,15 @@ class ContactLaw:
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
     restitution: fraction of the normal velocity with which the body leaves an impact (Newton's law)
     rolling: torque against rolling, over the normal force times half of the body's largest extent, at most
+    cohesion: largest tension of a contact that was closed before the step [force], which friction and rolling count
+        as pressure
     """
 
     friction: float
     kinetic: float | None = None
     restitution: float = 0.0
     rolling: float = 0.0
+    cohesion: float = 0.0
 
     def coefficients(self, slides: np.ndarray) -> Floats:
         """(k,) coefficients of contacts, by whether they slide (k,)."""
@@ -129,6 +134,7 @@ class _Start:
     """Start of a step: state, contacts, velocities (n, n) per unit impulse, and the largest shift of a contact.
 
     mean: whether impulses act along the mean of normals at both ends
+    tension: largest impulse against the opening of a contact that lasts
     """
 
     state: BodyState
@@ -136,6 +142,12 @@ class _Start:
     gain: Floats
     apart: float
     mean: bool = True
+    tension: float = 0.0
+
+    def tensions(self, touched: ClosestPoints) -> Floats:
+        """Largest impulses (k,) against the opening of contacts."""
+        lasts = matches(touched, self.before.places(), self.apart) >= 0
+        return self.tension * lasts
 
 
 class ContactMotion:
@@ -183,7 +195,7 @@ class ContactMotion:
             self.body.velocities_by_impulses(state, added),
             self._apart(state, first.motion.end, dt),
         )
-        start = _Start(state, before or none, gain, apart)
+        start = _Start(state, before or none, gain, apart, tension=self.law.cohesion * dt)
         taken = self._taken(start, first, moved)
         if self.law.restitution > 0.0 or taken.created() <= CREATED:
             return taken
@@ -203,6 +215,9 @@ class ContactMotion:
         else:
             touched = first.contacts.places()
             end, seen = self._placed(end, seen, touched, start)
+        if start.tension > 0.0:
+            bonds = matches(start.before.places(), seen, start.apart)
+            touched = _together(touched, seen.only(bonds[bonds >= 0]), start.apart)
         left = seen.only([])
         for number in range(ROUNDS):
             if len(touched) == 0:
@@ -212,22 +227,21 @@ class ContactMotion:
             local = self._impulses(
                 rows, ways, motion.end.velocities - gain @ pushed, touched, start
             )
+            holds = local[: len(touched), 0] + start.tensions(touched) > 0.0
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
             last, entered = end, self._seen(motion.end)
-            end, seen = self._placed(
-                motion.end, entered, touched.only(local[: len(touched), 0] > 0.0), start
-            )
+            end, seen = self._placed(motion.end, entered, touched.only(holds), start)
             settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(
                 self.reach, 1.0
             )
             pressed = touched
             touched, left = self._next(
-                touched, local, self._as_entered(seen, entered, start), left, start
+                touched, holds, self._as_entered(seen, entered, start), left, start
             )
             if len(touched) == 0:
                 # Along a side that lies on the bed the nearest point may have moved: loaded contacts stay.
-                touched = pressed.only(local[: len(pressed), 0] > 0.0)
+                touched = pressed.only(holds)
             if number >= IN_TURN:
                 touched = _together(touched, pressed, start.apart)
             if settled and len(touched) == len(pressed):
@@ -235,6 +249,16 @@ class ContactMotion:
         # Where two ends of a step alternate, the last obeys the laws at contacts displaced by their difference.
         contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever)
         return ContactStep(end, contacts, motion, pushed, state)
+
+    def closed(self, placement: Placement) -> ActiveContacts:
+        """The contacts of a body at rest at a placement that cohesion holds from the first step on."""
+        none = ActiveContacts.none(self.body.gdim)
+        if self.law.cohesion == 0.0:
+            return none
+        near = self.near(placement, SEEN * self.reach)
+        near = near.only(np.abs(near.gaps) <= TOUCHES * self.reach)
+        local, torques = np.zeros((len(near), 3)), np.zeros((len(near), 2))
+        return ActiveContacts(near.points, near.normals, local, local, torques)
 
     def kept_out(self, end: BodyState) -> BodyState:
         """The state, moved out of the bed where it penetrates; its velocities stay."""
@@ -294,9 +318,15 @@ class ContactMotion:
             new, np.minimum(first[:count, 0], 0.0), 0.0
         )
         gain, friction = rows @ start.gain @ ways.T, self.law.coefficients(slides)
+        # Impulses with the tensions added obey the laws without cohesion.
+        tensions = start.tensions(touched)
+        without = free.ravel() - gain[:, : 3 * count : 3] @ tensions
         if self.law.rolling == 0.0:
-            return contact_impulses(gain, free.ravel(), friction)
-        return resisted_impulses(gain, free.ravel(), friction, self.law.rolling)
+            local = contact_impulses(gain, without, friction)
+        else:
+            local = resisted_impulses(gain, without, friction, self.law.rolling)
+        local[:count, 0] -= tensions
+        return local
 
     def _placed(
         self, end: BodyState, seen: ClosestPoints, pressing: ClosestPoints, start: _Start
@@ -330,16 +360,15 @@ class ContactMotion:
     def _next(
         self,
         touched: ClosestPoints,
-        local: Floats,
+        holds: Booleans,
         seen: ClosestPoints,
         left: ClosestPoints,
         start: _Start,
     ) -> tuple[ClosestPoints, ClosestPoints]:
         """The contacts of the next round, and the dropped ones, which are kept once they return."""
         now, again = matches(touched, seen, start.apart), matches(touched, left, start.apart) >= 0
-        there, presses = now >= 0, local[: len(touched), 0] > 0.0
-        gaps = np.append(seen.gaps, np.inf)[now]
-        staying = now[there & (presses | again)]
+        there, gaps = now >= 0, np.append(seen.gaps, np.inf)[now]
+        staying = now[there & (holds | again)]
         dropped = there & ~np.isin(now, staying) & (gaps > self._closed)
         kept = np.union1d(now[there & ~dropped], np.flatnonzero(seen.gaps < -self._closed))
         return seen.only(kept), _together(left, touched.only(dropped), 0.0)

@@ -44,7 +44,6 @@ def _show_one(options: argparse.Namespace) -> None:
 
 
 def _name(drawn: Drawn) -> None:
-    """Print the files of a drawing. Raises OutputError for failed ones."""
     for path in drawn.paths:
         print(path)
     if drawn.complaint:
@@ -52,7 +51,6 @@ def _name(drawn: Drawn) -> None:
 
 
 def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
-    """Draw the pictures of a sweep next to its file."""
     if options.animate or options.out is not None or options.field is not None:
         why = "is the file of a sweep, which is not animated"
         raise SceneError(f"{options.directory}: {why}; leave the option out")

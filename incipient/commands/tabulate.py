@@ -37,7 +37,6 @@ def table(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _print(file: Path) -> None:
-    """Print the columns that differ between cases, and those of results."""
     from rich.console import Console
     from rich.table import Table
 

@@ -249,11 +249,11 @@ def incipient_motion(
 ) -> IncipientMotion:
     """Accelerations of a grain at rest under a load, at unilateral contacts with friction.
 
-    With the force N, T and the acceleration A_N, A_T along inward normal and surface, N >= 0, A_N
-    >= 0, N A_N = 0, and |T| <= friction N, with equality and T against A_T if that is not zero.
-    `inertia` (3, 3) is about the centre of mass. Planar cases, whose normal is a principal axis of
-    inertia, are enumerated completely; 3-D solutions are sought from several starts. Infinite
-    friction is computed as 1e6.
+    With force N, T and acceleration A_N, A_T along inward normal and surface, each contact obeys
+    Signorini's law (N and A_N are not negative, N A_N = 0) and Coulomb's (|T| <= friction N, with
+    equality and T against A_T if that is not zero). `inertia` (3, 3) is about the centre of mass.
+    Planar cases, whose normal is a principal axis of inertia, are enumerated completely; 3-D
+    solutions are sought from several starts. Infinite friction is computed as 1e6.
 
     Raises SceneError for negative friction and invalid mass or inertia, ConvergenceError if no
     solution converges.
@@ -566,7 +566,6 @@ def _planar(case: Case) -> int:
 
 
 def _opens(normal: Floats, y: Floats, zero: float) -> bool:
-    """Whether an acceleration (3,) penetrates no contact."""
     for i in range(len(normal)):  # noqa: SIM110 (numba has no generators here)
         if dot(normal[i], y) < -zero:
             return False
@@ -605,7 +604,6 @@ def _along(
 
 
 def _put(case: Case, p: int, b: float, q: int, c: float, count: int) -> int:
-    """Keep the motion under forces on two edges."""
     force = np.zeros(case.columns.shape[1])
     k, cosine = len(force) // 3, 1.0 / math.hypot(1.0, case.friction)
     for edge, factor in ((p, b), (q, c)):

@@ -169,7 +169,6 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
 
 
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
-    """Mask (n,) of valid cases with friction and distinct contacts."""
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
     acting = cases.force + cases.couple + cases.weight
     one, other = np.triu_indices(arms.shape[1], 1)

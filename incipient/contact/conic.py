@@ -120,7 +120,6 @@ def _ends(
 
 
 def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
-    """Scale forces (h,) by a unit and make the least change that balances a wrench."""
     for j in range(len(forces)):
         forces[j] *= unit
     for i in range(len(q)):
@@ -383,7 +382,6 @@ def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out:
 
 
 def _longest(x: Floats, step: Floats, linear: int) -> float:
-    """Longest step, at most two, within the cones."""
     most = 2.0
     for i in range(linear):
         if step[i] < 0.0:
@@ -398,7 +396,6 @@ def _longest(x: Floats, step: Floats, linear: int) -> float:
 
 
 def _cone_margin(x: Floats, linear: int) -> float:
-    """Least distance of a vector from the surface of its cones."""
     least = np.inf
     for i in range(linear):
         least = min(least, x[i])

@@ -123,7 +123,6 @@ def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -
 
 
 def _flows(problem: ContactProblem, changes: Floats) -> Floats:
-    """Wrenches (m, j) of changes (6, j) of the flow's load."""
     units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
     return problem.within((changes / units[:, None])[None])[0]
 

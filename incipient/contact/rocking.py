@@ -223,7 +223,6 @@ class _Pocket:
         yield replace(rest, high=0.0 if none else math.inf) if none or every else rest
 
     def _tried(self, fraction: float, step: float, lost: float, shortest: float) -> float:
-        """Next fraction, not beyond that of factor one."""
         if fraction <= NOTHING and lost < 1.0:
             return max(SHRINK * lost, fraction + shortest)
         whole, tried = (
@@ -243,6 +242,5 @@ class _Pocket:
         return max(factor, interval[1])
 
     def _far(self, before: Placement, after: Placement) -> bool:
-        """Whether the grain has left its pocket."""
         turned = 0.0 if self.round else float(np.linalg.norm(after.turn_since(before)))
         return math.dist(before.centre, after.centre) > POCKET * self.size or turned > SIDE

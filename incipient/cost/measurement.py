@@ -86,8 +86,6 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
 
 
 class _History(Recorder):
-    """History of a run."""
-
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
 

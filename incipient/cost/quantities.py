@@ -139,7 +139,6 @@ def _of_loads(scene: Scene, force: dict[str, float], torque: dict[str, float]) -
 
 
 def _single(name: str, value: float) -> Quantities:
-    """A quantity of one number; none for zero or NaN."""
     known = bool(np.isfinite(value)) and value != 0.0
     return {name: Quantity({name.replace(" ", "_"): value}, abs(value))} if known else {}
 

@@ -136,12 +136,10 @@ class Coupling:
         return " or ".join(part.folded for part in self.parts)
 
     def _is_folded(self) -> bool:
-        """Whether a cell is inverted."""
         self.quality = self.motion.quality()
         return self.quality.worst <= 0.0
 
     def _inner_tolerance(self, residuals: Sequence[float]) -> float:
-        """Tolerance of the flow for this iteration."""
         last = residuals[-1] if residuals else self._first_residual
         # Each iteration reduces the residual by two orders or more.
         return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
@@ -189,11 +187,9 @@ class Coupling:
         return self.motion.quality(self._places())
 
     def _places(self) -> Floats:
-        """Node positions (n, 3) with the parts at their trial ends."""
         return self.motion.places(*(part.displacement() for part in self.parts))
 
     def _follow(self) -> None:
-        """Move mesh and boundary values to the trial ends of the parts."""
         with self._stage("mesh motion"):
             self.fluid.domain.mesh.geometry.x[:] = self._places()
             self.fluid.mesh_moved(self.places[0], self.places[-1])

@@ -19,12 +19,14 @@ from ..arrays import Floats
 from ..fluid import Fluid
 from ..forms.surface import carried, levelled, returned
 from ..mesh.elevation import RisingDisplacement
+from ..parallel import Owner
 
 
-class Drift:
+class Drift(Owner):
     """Surface matrices with the velocity of the last state; destroy after use. Every method is collective."""
 
     def __init__(self, fluid: Fluid, rising: RisingDisplacement):
+        super().__init__()
         self._rising, self._fluid, space, load = rising, fluid, rising.space, fluid.surface
         self._places = space.tabulate_dof_coordinates()[rising.nodes].T
         h, q = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -36,22 +38,21 @@ class Drift:
                 kept += returned(h, q, u, load.normal, entry.rate(load.place))
         forms = kept, carried(h, q, u, load.normal)
         self._forms = [compat.form(one * load.measure) for one in forms]
-        self._levelling, self._carried = (rising.area.copy() for _ in range(2))
-        self._matrices: list[Any] = []
-        self._solvers: list[Any] = []
+        self._levelling, self._carried = (self.holding(rising.area.copy()) for _ in range(2))
+        self._present = self.holding(Owner())
 
     def prepare(self, rate: float) -> None:
         """Assemble with the velocity of the last state and the rate a0 of the backward difference."""
         for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
             compat.matrix_of(form, matrix=matrix)
-        self._forget()
-        self._kinematic = self._rising.area.copy()
+        self._present.destroy()
+        rising, holding = self._rising, self._present.holding
+        self._kinematic = holding(rising.area.copy())
         self._kinematic.axpy(1.0 / rate, self._levelling)
-        moving = self._kinematic.copy()
+        moving = holding(self._kinematic.copy())
         moving.axpy(1.0 / rate, self._carried)
-        rising = self._rising
-        self._matrices = [self._kinematic, moving]
-        self._solvers = [rising.factors(self._kinematic, symmetric=True), rising.factors(moving)]
+        factors = rising.factors(self._kinematic, symmetric=True), rising.factors(moving)
+        self._solvers = [holding(one) for one in factors]
 
     def raised(self, flux: Any, known: Floats) -> Floats:
         """Rate of elevation (local nodes,) from fluxes tested with every function (PETSc vector)."""
@@ -63,20 +64,8 @@ class Drift:
         return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
 
     def _entered(self) -> Floats:
-        """Elevation (local nodes,) of the incoming wave."""
         elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
             if entry.wave is not None:
                 elevation[nodes] += entry.wave.elevation(self._places, self._fluid.time)
         return elevation
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._forget()
-        self._levelling.destroy()
-        self._carried.destroy()
-
-    def _forget(self) -> None:
-        for held in (self._solvers, self._matrices):
-            while held:
-                held.pop().destroy()

@@ -44,7 +44,6 @@ class EnclosedPressure:
         return np.abs(force), np.abs(torque)
 
     def _ends(self) -> tuple[float, float]:
-        """Pressures at the left and right lines."""
         low, high = (float(self._comm.allreduce(assemble_scalar(one))) for one in self._means)
         return low, high
 

@@ -104,7 +104,6 @@ def _admissible(
 
 
 def _put(fluid: Fluid, places: Floats) -> None:
-    """Move the new mesh."""
     fluid.domain.mesh.geometry.x[:] = places
     fluid.constraints.boundary_points_moved()
 

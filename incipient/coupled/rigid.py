@@ -212,7 +212,6 @@ class RigidPart:
     # -- one iteration ----------------------------------------------------------------------------
 
     def _under_load(self, end: BodyState, length: float) -> tuple[BodyState, float]:
-        """The end under the present load, and the residual of the body's equation of motion there."""
         with self._stage("tractions"):
             self.probe.refer_to(end.place.tolist())
             flow_load = self._load_of(self.probe.resultant())
@@ -235,7 +234,6 @@ class RigidPart:
         return self._motion.end
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
-        """Residual load relative to the largest of flow, other and resistance loads."""
         end, free = self.end, self.body.mask
         unit = self._unit()
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
@@ -318,7 +316,6 @@ class RigidPart:
         return derivatives
 
     def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
-        """End of a step with a perturbed velocity, and the perturbation."""
         way, d = np.zeros(self.body.size), self.body.gdim
         way[k] = NUDGE * self._extent / self._unit()[k]
         # The end velocity contributes half the step length to the displacement.

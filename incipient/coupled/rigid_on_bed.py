@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..arrays import Floats
-from ..body.contact_motion import ActiveContacts, ContactMotion, ContactStep
+from ..body.contact_motion import ContactMotion, ContactStep
 from ..body.state import BodyState
 from .rigid import RigidPart
 
@@ -16,7 +16,7 @@ class RigidPartOnBed(RigidPart):
     def __init__(self, *others: Any, contact: ContactMotion, **named: Any):
         super().__init__(*others, **named)
         self.contact = contact
-        self.contacts = ActiveContacts.none(self.body.gdim)
+        self.contacts = contact.closed(self.state.placement)
         self._step: ContactStep | None = None
         self._length = 0.0
 

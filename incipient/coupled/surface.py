@@ -236,8 +236,6 @@ class SurfacePart:
 
 
 class _Steepness:
-    """Largest slope of an elevation between nodes of the surface's facets."""
-
     def __init__(self, displacement: RisingDisplacement):
         space, domain = displacement.space, displacement.domain
         cells = compat.cell_dofs(space)

@@ -175,11 +175,9 @@ class TractionProbe:
         return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
     def _nodal_forces(self) -> np.ndarray:
-        """Minus the momentum residual, (owned nodes on the boundary, gdim)."""
         return -self._residual()[self._unknowns()]
 
     def _residual(self) -> np.ndarray:
-        """Residual (owned unknowns,), valid at the boundary's nodes."""
         return (
             self.fluid.residual()
             if self._near_form is None
@@ -214,7 +212,6 @@ class TractionProbe:
         return Resultant(force, torque, self.about)
 
     def _places(self) -> np.ndarray:
-        """Coordinates of the boundary's owned nodes, (n, gdim)."""
         gdim = self.fluid.space.gdim
         if self.fluid.model.reference_map is None:
             return self.fluid.constraints.points[self._blocks, :gdim]

@@ -98,7 +98,6 @@ def change_of_velocity(fluid: Fluid, term: Term) -> float:
 
 
 def _tested(fluid: Fluid, term: Term) -> Floats:
-    """The term at the fluid's state, tested with every function, (owned unknowns,)."""
     v, _ = ufl.split(fluid.state)
     w, _ = ufl.TestFunctions(fluid.space.mixed)
     return compat.owned_entries(compat.form(term(v, w) * fluid.space.quadrature()))

@@ -71,7 +71,6 @@ def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats
 
 
 def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
-    """Solve Laplace's equation with a flux through walls and zero at the nodes `held`."""
     conditions = [dolfinx.fem.dirichletbc(PETSc.ScalarType(0.0), held, phi.function_space)]
     matrix, right = compat.matrix_of(stiffness, conditions), compat.vector_of(flux)
     petsc.set_bc(right, conditions)

@@ -43,7 +43,6 @@ class AlongWall:
 
     @property
     def _level(self) -> np.ndarray:
-        """Mask (n,) of nodes off corners and steep faces."""
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
 
@@ -182,5 +181,4 @@ def _mean_of_facets(values: np.ndarray) -> np.ndarray:
 
 
 def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:
-    """Entries (n, gdim) of an assembled vector at owned nodes."""
     return compat.owned_entries(form).reshape(-1, gdim)[nodes]

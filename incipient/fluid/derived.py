@@ -39,7 +39,6 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any, Any]:
-    """Space of the field, mass form, and curl form."""
     gdim, order = fluid.space.gdim, fluid.space.order - 1
     space = compat.space(fluid.domain.mesh, ("Lagrange", order), (gdim,) if gdim == 3 else ())
     u, w = ufl.TrialFunction(space), ufl.TestFunction(space)

@@ -242,7 +242,6 @@ class Fluid(Holder, FlowEquations):
         return self._direction.x.array.copy(), self.assembled(near) + forcing
 
     def _actions(self) -> tuple[Any, Any]:
-        """Jacobian times the direction: whole, and from cells at carried boundaries only."""
         w, q = ufl.TestFunctions(self.space.mixed)
         near = self.constraints.carried_cells()
         forms = (self.residual_form(w, q), self.residual_form(w, q, near))
@@ -262,7 +261,6 @@ class Fluid(Holder, FlowEquations):
         return np.asarray(compat.vector_of(form, self._vector).array_r.copy())
 
     def _relative_pressure(self) -> float:
-        """Size of the pressure update relative to pressure plus squared speed."""
         nodes = self.space.pressure.dofmap.index_map
         owned = self.space.pressure_map[: nodes.size_local]
         parts = [values[owned] for values in (self._correction.array_r, self.state.x.array)]

@@ -60,7 +60,6 @@ class Projection(Holder):
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any]:
-    """Projection matrix, and right-hand side that cancels the divergence."""
     mixed, where, dx = fluid.space.mixed, fluid.reference_map, fluid.quadrature()
     (u, p), (w, q) = ufl.TrialFunctions(mixed), ufl.TestFunctions(mixed)
     v, _ = ufl.split(fluid.state)

@@ -158,8 +158,6 @@ def _how(report: NewtonReport, share: float) -> str:
 
 
 class _Path:
-    """Last two converged states along the continuation."""
-
     def __init__(self, fluid: Fluid, reached: float):
         self.fluid, self.target = fluid, fluid.reynolds
         self.states: list[tuple[float, np.ndarray]] = [(reached, fluid.state.x.array.copy())]
@@ -168,7 +166,6 @@ class _Path:
         self.states = [*self.states[-1:], (share, self.fluid.state.x.array.copy())]
 
     def restore(self) -> None:
-        """Restore the last converged state, or the start, and its Reynolds number."""
         share, values = self.states[-1]
         self.fluid.state.x.array[:] = values
         # At the start, without a Reynolds number, zero would make the stress infinite.
@@ -186,7 +183,6 @@ class _Path:
         self.fluid.state.x.array[:] = new + min(slope, 1.0) * (new - old)
 
     def _scale_pressure(self, share: float) -> None:
-        """Scale the pressure of Stokes flow to another Reynolds number."""
         ((reached, start),) = self.states
         if 0.0 < self.target * reached < STOKES:
             pressures = self.fluid.space.pressure_map

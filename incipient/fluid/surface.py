@@ -82,8 +82,6 @@ class SurfaceLoad:
 
 
 class _Sponge:
-    """Sponge and its base flow on the undeformed mesh."""
-
     def __init__(self, flow: TaylorHood, sponge: Sponge):
         self._given, self._base_flow = sponge, dolfinx.fem.Function(flow.velocity)
         values = sponge.base_flow(flow.velocity_points().T, 0.0)

@@ -251,7 +251,6 @@ class Transient:
         return f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
 
     def _allowed(self, length: float, good: bool) -> float:
-        """Length to accept: `length`, half of it after a failed attempt, or the time to contact."""
         if not good:
             return 0.5 * length
         return length if self.interface is None else self.interface.allowed(length)
@@ -288,7 +287,6 @@ class Transient:
         return self.order == 2 and len(self._past) > 1
 
     def _discretise(self, length: float) -> None:
-        """Set the fluid's equations for a step, and extrapolate its state."""
         fluid, past = self.fluid, self._past
         second = self._is_second
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
@@ -318,7 +316,6 @@ class Transient:
         return self.accuracy is not None and error is not None and error > 1.5 * self.accuracy
 
     def _error(self, length: float) -> float | None:
-        """Relative local error of the velocities, from divided differences of past states."""
         second = self._is_second
         needed = 3 if second else 2
         if len(self._past) < needed:

@@ -109,7 +109,9 @@ def judge_table(
     _write(directory / verdicts_name(path), answers)
     reasons = {place + 1: faults[place] for place in sorted(faults)[:MOST_REASONS]}
     by_mode = dict(Counter(filter(None, modes)).most_common())
-    least = min((one for one in answers["safety_factor"] if one is not None), default=np.inf)
+    least = min(
+        (factor for factor in answers["safety_factor"] if factor is not None), default=np.inf
+    )
     verdicts = Verdicts(count, len(faults), by_mode, least, reasons)
     write_json(directory / SUMMARY, asdict(verdicts))
     if judged < count:
@@ -139,7 +141,10 @@ def _setting(text: str) -> tuple[str, float]:
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
     if twice := table.columns.keys() & constants.keys():
         raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
-    value = {**table.columns, **{key: np.full(len(table), one) for key, one in constants.items()}}
+    value = {
+        **table.columns,
+        **{key: np.full(len(table), constant) for key, constant in constants.items()},
+    }
     axes = "xyz" if {"force_z", "contact_1_z"} & value.keys() else "xy"
     contacts = max((int(name[1]) for name in map(_CONTACT.fullmatch, value) if name), default=1)
 
@@ -198,16 +203,16 @@ def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
     matrices = np.zeros((len(diagonal), 3, 3))
     matrices[:, range(3), range(3)] = diagonal
     for axes in _PRODUCTS:
-        one, other = ("xyz".index(axis) for axis in axes)
+        first, other = ("xyz".index(axis) for axis in axes)
         product = np.nan_to_num(value.get(f"inertia_{axes}", np.zeros(len(diagonal))), nan=0.0)
-        matrices[:, one, other] = matrices[:, other, one] = product
+        matrices[:, first, other] = matrices[:, other, first] = product
     matrices[np.isnan(value["mass"]) & np.isnan(diagonal).all(axis=1)] = np.nan
     return matrices
 
 
 def _write(path: Path, answers: dict[str, list[Any]]) -> None:
     if path.suffix == ".csv":
-        held = [one if one is None else int(one) for one in answers["held"]]
+        held = [cell if cell is None else int(cell) for cell in answers["held"]]
         rows = zip(*(answers | {"held": held}).values(), strict=True)
         named = (dict(zip(answers, row, strict=True)) for row in rows)
         write_text_atomically(path, csv_text(list(answers), named))

@@ -187,7 +187,7 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
     if grain is not None:
         centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
         files += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
-    elif not any(one.startswith("body.shape") for one in overrides):
+    elif not any(override.startswith("body.shape") for override in overrides):
         remedy = "give the file of its surface, or body.shape"
         raise SceneError(f"--forces without a case: --grain is missing; {remedy}")
     if bed is None:

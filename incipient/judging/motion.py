@@ -45,7 +45,7 @@ class MotionInTime:
         duration = float(times[-1] - times[0]) or 1.0
         begins = float((moves[1:] & ~moves[:-1]).sum())
         spread = math.sqrt(begins) or NO_EVENT
-        rates = (one / duration for one in (begins, max(begins - spread, 0.0), begins + spread))
+        rates = (count / duration for count in (begins, max(begins - spread, 0.0), begins + spread))
         mean, error = mean_in_time(moves.astype(float), times)
         spread_of_mean = float(error) if error > 0.0 else None
         return cls(float(times[0]), duration, len(times), float(mean), spread_of_mean, *rates)
@@ -113,8 +113,8 @@ class FlowThreshold:
             value, low, high = self.mean
             lines.append(f"  by the mean load  {value:.4g} ({low:.4g} to {high:.4g})")
         lines += [
-            f"  probability {one.probability:<6g}{one.factor:.4g} ({one.low:.4g} to {one.high:.4g})"
-            for one in self.quantiles
+            f"  probability {quantile.probability:<6g}{quantile.factor:.4g} ({quantile.low:.4g} to {quantile.high:.4g})"
+            for quantile in self.quantiles
         ]
         return "\n".join(lines)
 

@@ -59,7 +59,9 @@ def commented(scene: Scene) -> str:
         options = variants(field.annotation)
         if options:
             fitting = tuple(
-                one for one in options if scene.gdim in getattr(one, "gdims", (scene.gdim,))
+                option
+                for option in options
+                if scene.gdim in getattr(option, "gdims", (scene.gdim,))
             )
             lines += ["", *_section(name, field, fitting, getattr(scene, name))]
     return "\n".join(lines) + "\n"
@@ -86,13 +88,13 @@ def _explained(line: str, comment: str) -> str:
 
 def _assignment(key: str, value: Any) -> str:
     if isinstance(value, dict):
-        return f"{key} = {{{', '.join(_assignment(*one) for one in value.items())}}}"
+        return f"{key} = {{{', '.join(_assignment(*item) for item in value.items())}}}"
     return f"{key} = {json.dumps(value, ensure_ascii=False)}"
 
 
 def _comment(part: FieldInfo, key: str, options: tuple[type[BaseModel], ...]) -> str:
     values = get_args(part.annotation) if get_origin(part.annotation) is Literal else ()
-    choices = [str(one).lower() if isinstance(one, bool) else str(one) for one in values]
+    choices = [str(value).lower() if isinstance(value, bool) else str(value) for value in values]
     if key == discriminator(options[0]) and len(options) > 1:
         choices = [str(tag(option)) for option in options]
     words = str(part.description)

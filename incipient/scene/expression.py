@@ -125,7 +125,7 @@ def expressions(texts: Sequence[str], key: str) -> list[Expression]:
 def of_time(texts: Sequence[str], key: str) -> Callable[[float], Floats]:
     """Values (n,) over time of formulas in t."""
     formulas, origin = expressions(texts, key), np.zeros((3, 1))
-    return lambda time: np.array([float(one(origin, time)[0]) for one in formulas])
+    return lambda time: np.array([float(formula(origin, time)[0]) for formula in formulas])
 
 
 def _number(node: ast.AST, names: dict[str, Any], text: str) -> Any:
@@ -153,10 +153,12 @@ def _number(node: ast.AST, names: dict[str, Any], text: str) -> Any:
 
 def _condition(node: ast.AST, names: dict[str, Any], text: str) -> Any:
     match node:
-        case ast.Compare(ops=operators) if all(type(one) in _OPERATORS for one in operators):
+        case ast.Compare(ops=operators) if all(
+            type(operator) in _OPERATORS for operator in operators
+        ):
             sides = [_number(side, names, text) for side in (node.left, *node.comparators)]
             pairs = zip(operators, sides[:-1], sides[1:], strict=True)
-            return reduce(np.logical_and, [_function(one)(a, b) for one, a, b in pairs])
+            return reduce(np.logical_and, [_function(operator)(a, b) for operator, a, b in pairs])
         case ast.BoolOp(op=operator, values=parts):
             return reduce(_function(operator), [_condition(part, names, text) for part in parts])
         case ast.UnaryOp(op=ast.Not(), operand=operand):

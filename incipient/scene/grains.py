@@ -6,27 +6,12 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from ..geometry.placement import Placement
 from ..geometry.shape import Shape
-from .section import NotNegative, Rule, Section, allowed, formula
+from .section import NotNegative, Rule, Section, allowed, formula, key
 
-# Keys that grains have in 2-D and in 3-D.
-Density = Annotated[
-    NotNegative | None,
-    Field(
-        description="Density relative to the fluid [-]; without it or a mass no weight and no verdict",
-        examples=[2.65],
-    ),
-]
-Motion = Annotated[
-    Literal["fixed", "free", "prescribed", "released"],
-    Field(
-        description="Motion of the grain; free: by flow and weight; prescribed: by `course`; released: from rest on "
-        "the bed, by flow, weight and contact"
-    ),
-]
 FRICTIONLESS = "frictionless"
 LEVEL = "level"
 # Keys that only a grain with this motion reads.
@@ -38,23 +23,11 @@ READ_ONLY_BY = {
     "course": "prescribed",
 }
 OfTime = Annotated[str, formula("t")]
-SETTLES = (
-    'on the bed, with contact.friction; "frictionless": without; "level": as if bed.slope were zero'
-)
-
-
 Settle = Annotated[
     bool | Literal["frictionless", "level"],
     allowed(
         lambda value: isinstance(value, bool) or value in (FRICTIONLESS, LEVEL),
         f'give true, false, "{FRICTIONLESS}" or "{LEVEL}"',
-    ),
-]
-OnContact = Annotated[
-    Literal["stop", "touch"],
-    Field(
-        description="stop: the run ends when a moving grain is within contact.gap of a wall; touch: a free grain may "
-        "roll, slide or rest on the bed"
     ),
 ]
 
@@ -105,14 +78,34 @@ class BodySection(Section):
              "give x instead of centre, or leave settle out"),
     )  # fmt: skip
 
+    x: float | None = key(
+        "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
+    )
+    density: NotNegative | None = key(
+        "Density relative to the fluid [-]; without it or a mass no weight and no verdict",
+        None,
+        examples=[2.65],
+    )
+    settle: Settle = key(
+        "Let the grain roll and tip until it is in equilibrium on the bed, with contact.friction; "
+        '"frictionless": without; "level": as if bed.slope were zero',
+        False,
+    )
+    motion: Literal["fixed", "free", "prescribed", "released"] = key(
+        "Motion of the grain; free: by flow and weight; prescribed: by `course`; released: from rest on "
+        "the bed, by flow, weight and contact",
+        "fixed",
+    )
+    on_contact: Literal["stop", "touch"] = key(
+        "stop: the run ends when a moving grain is within contact.gap of a wall; touch: a free grain may "
+        "roll, slide or rest on the bed",
+        "stop",
+    )
+
     if TYPE_CHECKING:
-        x: float | None
         centre: Any
-        density: float | None
-        motion: str
         mass: float | None
         inertia: Any
-        on_contact: str
 
     @model_validator(mode="after")
     def _has_a_shape(self) -> Self:

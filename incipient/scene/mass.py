@@ -26,12 +26,6 @@ def mass(body: BodySection) -> float | None:
     return None if body.density is None else body.density * body.grain().volume
 
 
-def moment(body: BodySection) -> float | None:
-    """Moment of inertia about the centroid per unit depth, in 2-D; None without a mass."""
-    tensor = inertia_tensor(body)
-    return None if tensor is None else float(tensor[2, 2])
-
-
 def inertia_tensor(body: BodySection) -> Floats | None:
     """Inertia (3, 3) about the centroid in the body frame: given, or of a uniform grain; None without a mass.
 

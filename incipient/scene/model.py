@@ -279,14 +279,6 @@ class Scene(Section):
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property
-    def no_gusts(self) -> str:
-        return (
-            "effects.turbulence: gusts are computed in laminar flow only; leave it out"
-            if self.is_averaged
-            else ""
-        )
-
-    @property
     def is_averaged(self) -> bool:
         """Whether a turbulence model computes the mean flow."""
         return self.effects.turbulence is True

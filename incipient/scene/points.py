@@ -89,11 +89,11 @@ class FromFile(Section):
         if not isinstance(data, dict):
             return data
         # A scene that was dumped names no file.
-        given, from_file = cls.in_file in data, data.get("file") is not None
-        if (given and from_file) or (cls.is_needed(data) and not (given or from_file)):
+        in_scene, from_file = cls.in_file in data, data.get("file") is not None
+        if (in_scene and from_file) or (cls.is_needed(data) and not (in_scene or from_file)):
             which = (
                 f"both file and {cls.in_file} are"
-                if given
+                if in_scene
                 else f"neither file nor {cls.in_file} is"
             )
             raise about_file(cls.__name__, f"{which} given", cls.instead)

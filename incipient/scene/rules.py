@@ -371,8 +371,9 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     (
         Rule("contact.friction", lambda s: _touches(s) and s.contact is None,
              "is missing, but the grain touches the bed while it moves", "add a section [contact] with a friction"),
-        Rule("contact.cohesion", lambda s: s.moves and s.contact is not None and s.contact.cohesion,
-             "is for a grain at rest but the grain moves", 'leave it out, or set body.motion = "fixed"'),
+        Rule("contact.cohesion",
+             lambda s: s.moves and not _touches(s) and s.contact is not None and s.contact.cohesion,
+             "but the grain moves and never touches the bed", "leave it out"),
         Rule("contact.kinetic_friction",
              lambda s: _touches(s) and (s.contact.kinetic_friction or 0.0) > s.contact.friction,
              "is {s.contact.kinetic_friction:g}, more than contact.friction = {s.contact.friction:g}",
@@ -424,7 +425,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         Rule("flow.kind", lambda s: _channel(s) and not s.flow.below_surface,
-             '"{s.flow.kind}" is no flow below a free surface, on which there is no shear', f"use {either(STREAMS)}"),
+             '"{s.flow.kind}" is not possible below a free surface, which has no shear', f"use {either(STREAMS)}"),
         Rule("flow.kind", lambda s: s.has_surface and _boxed(s) and not s.flow.at_rest,
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),

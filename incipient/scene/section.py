@@ -214,7 +214,7 @@ def unit_of(model: type[BaseModel], key: str) -> str:
     """Unit of a key such as ``body.density``, "-" for a pure number, "" without one."""
     models, described = [model], [""]
     for part in key.split("."):
-        fields = [one.model_fields[part] for one in models if part in one.model_fields]
+        fields = [model.model_fields[part] for model in models if part in model.model_fields]
         described = [field.description or "" for field in fields]
         models = [inner for field in fields for inner in _models(field.annotation)]
     units = (unit[1] for text in described if (unit := _UNIT.search(text)))

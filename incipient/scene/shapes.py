@@ -13,7 +13,7 @@ from pydantic import Field
 from .. import geometry
 from ..arrays import Point
 from ..geometry.plane.grains import MAX_EXPONENT
-from .grains import SETTLES, BodySection, Density, Motion, OfTime, OnContact, Settle
+from .grains import BodySection, OfTime
 from .points import MOST_POINTS, FromFile, about_file, file_key, read_points
 from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key, of_length
 
@@ -33,20 +33,12 @@ class GrainSection(BodySection):
     gdim: ClassVar[int] = 2
     gdims: ClassVar[tuple[int, ...]] = (2,)
 
-    x: float | None = key(
-        "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
-    )
     centre: Pair | None = key(
         "Centroid of a grain away from the bed [length]; give x or centre",
         None,
         examples=[(4.0, 2.0)],
     )
     angle: float = key("Rotation, counter-clockwise [degrees]", 0.0)
-    density: Density = None
-    settle: Settle = key(
-        f"Let the grain roll and tip from x and angle until it is in equilibrium {SETTLES}", False
-    )
-    motion: Motion = "fixed"
     mass: NotNegative | None = key(
         "Mass instead of density [density of the fluid x area]", None, examples=[2.0]
     )
@@ -63,7 +55,6 @@ class GrainSection(BodySection):
         None,
         examples=[("0.1*cos(t)", "0", "0")],
     )
-    on_contact: OnContact = "stop"
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
         return geometry.Placement(tuple(centre), math.radians(self.angle))

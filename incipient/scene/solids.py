@@ -13,7 +13,7 @@ from .. import geometry
 from ..errors import SceneError
 from ..geometry.placement import product, rotation_by
 from ..geometry.plane.grains import MAX_EXPONENT
-from .grains import SETTLES, BodySection, Density, Motion, OfTime, OnContact, Settle
+from .grains import BodySection, OfTime
 from .messages import split
 from .points import MOST_POINTS, FromFile, about_file, file_key
 from .section import NotNegative, Positive, PositiveTriple, Rule, Triple, key, of_length
@@ -57,9 +57,6 @@ class SolidSection(BodySection):
         Rule("y", lambda s: s.y is not None and s.x is None, "goes with x, but centre is given", "leave it out"),
     )  # fmt: skip
 
-    x: float | None = key(
-        "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
-    )
     y: float | None = key(
         "y of a grain that rests on the bed; default: mid-width [length]", None, examples=[5.0]
     )
@@ -69,11 +66,6 @@ class SolidSection(BodySection):
         examples=[(4.0, 5.0, 2.0)],
     )
     orientation: Triple = key("Successive rotations about x, y and z [degrees]", (0.0, 0.0, 0.0))
-    density: Density = None
-    settle: Settle = key(
-        f"Let the grain roll and tip from x and y until it is in equilibrium {SETTLES}", False
-    )
-    motion: Motion = "fixed"
     mass: NotNegative | None = key(
         "Mass instead of density [density of the fluid x volume]", None, examples=[2.0]
     )
@@ -94,7 +86,6 @@ class SolidSection(BodySection):
         None,
         examples=[("0.1*cos(t)", "0", "0", "0", "0", "0")],
     )
-    on_contact: OnContact = "stop"
 
     @property
     def aside(self) -> float | None:

@@ -83,7 +83,7 @@ class Surface(FromFile):
         return Expression(self.elevation)(x)
 
     def places(self) -> list[tuple[float, ...]]:
-        return [one if isinstance(one, tuple) else (one,) for one in self.stations]
+        return [station if isinstance(station, tuple) else (station,) for station in self.stations]
 
 
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:

@@ -99,7 +99,7 @@ def _differ(
     """Whether formulas differ from those of the mirror image, whose values are `mirror` times theirs."""
     points = domain.grid(11, 11, 11).T
     for t in _times(time):
-        here = np.array([one(points, t) for one in formulas]).reshape(-1, 11, 11, 11)
+        here = np.array([formula(points, t) for formula in formulas]).reshape(-1, 11, 11, 11)
         there = mirror[:, None, None, None] * here[:, :, ::-1]
         if np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):
             return True

@@ -20,10 +20,6 @@ from .shapes import BedSection, apart
 from .solids import Ball
 
 MOST_SPHERES = 10_000  # of a heap
-Heights = Annotated[
-    tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
-    Field(strict=False, description="Heights above the base plane, rows of ascending y [length]"),
-]
 
 
 class TerrainSection(BedSection):
@@ -129,10 +125,13 @@ class RasterBed(FromFile, TerrainSection):
              "give the spacing of the heights, as in [0.1, 0.1]"),
     )  # fmt: skip
 
+    heights: Annotated[
+        tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)
+    ] = key("Heights above the base plane, rows of ascending y [length]", ())
+
     if TYPE_CHECKING:
         cell: tuple[float, float] | None
         offset: tuple[float, float]
-        heights: tuple[tuple[float, ...], ...]
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
@@ -177,7 +176,6 @@ class HeightMapBed(RasterBed):
     offset: Pair = key(
         "x, y of the first height; default: that of an .asc file [length]", (0.0, 0.0)
     )
-    heights: Heights = ()
 
     @classmethod
     def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
@@ -202,7 +200,6 @@ class MeshBed(RasterBed):
     )
     scale: Positive = key("Factor on the file's coordinates [length]", 1.0)
     offset: Pair = key("x, y of the file's origin [length]", (0.0, 0.0))
-    heights: Heights = ()
 
     @classmethod
     def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
@@ -226,7 +223,9 @@ def _require_numbers(section: str, key: str, value: Any) -> None:
     numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (
         len(numbers) == count
-        and all(isinstance(one, (int, float)) and least <= one <= LARGEST for one in numbers)
+        and all(
+            isinstance(number, (int, float)) and least <= number <= LARGEST for number in numbers
+        )
     ):
         return
     raise refusal(section, [Problem((key,), f"is {shown(value)}", remedy)])

@@ -127,7 +127,6 @@ def completed(
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
-    """Correct loads, coefficients and verdict."""
     if bars is None or bars.correction is None or result.force is None or result.torque is None:
         return result
     force, torque = bars.corrected(result.force, result.torque)
@@ -141,7 +140,6 @@ def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
 
 
 def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars | None:
-    """Error bars of a grain that may rock to another equilibrium. Not collective."""
     rocking = (result.verdict or {}).get("rocking")
     if bars is None or rocking is None or bars.safety is None:
         return bars
@@ -183,14 +181,12 @@ def cost(run: Run) -> dict[str, Any]:
 
 
 def _measured(run: Run) -> dict[str, Any]:
-    """Measured quantities of effects by key, None for absent effects."""
     present = known.quantities(run.plan)
     measured = ((one, one.measure) for one in known.quantities() if one.measure is not None)
     return {one.key: measure(run) if one in present else None for one, measure in measured}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
-    """Contacts as plain data. Not collective."""
     if contacts is None:
         return []
     areas = np.zeros(len(contacts.points)) if contacts.areas is None else contacts.areas
@@ -199,7 +195,6 @@ def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
 
 
 def _grain(run: Run) -> dict[str, Any] | None:
-    """Rest and computed positions of the grain, and its size. Not collective."""
     layout, grain = run.layout, run.scene.grain
     resting, placement = layout.resting, layout.placement
     if run.grain is not None:
@@ -220,7 +215,6 @@ def _grain(run: Run) -> dict[str, Any] | None:
 
 
 def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
-    """Wall time, memory growth over all ranks, and unknowns, by effect."""
     costs = run.accounts.ledger.by_effect(_unknowns(run))
     for share in costs.values():
         share["memory_mib"] = run.comm.allreduce(share["memory_mib"])
@@ -228,7 +222,6 @@ def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
 
 
 def _unknowns(run: Run) -> dict[str, int]:
-    """Numbers of unknowns by effect."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
     if run.plan.has(EffectName.MOVING_MESH):

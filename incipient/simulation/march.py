@@ -110,7 +110,6 @@ class March:
         put_back_flow(checkpoint, self.transient)
 
     def _renew_worn_mesh(self) -> None:
-        """Remesh if another step would degrade the mesh around a moving grain."""
         grain = self._run.grain
         if grain is None or self.coupling is None or (length := grain.last_step()) is None:
             return

@@ -81,7 +81,6 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
 
 
 def _loads_in(run: Run, force: Forces, torque: Torques) -> Loads:
-    """Force and torque of a run, with their changes in the last steps."""
     assert run.scene.grain is not None
     return Loads.at_the_end(force, torque, None, None, run.wall_report(), run.scene.grain.size)
 

@@ -65,7 +65,6 @@ class TimeLoop:
             raise explained from error
 
     def _start(self) -> None:
-        """Set the initial state: rest, Stokes flow or steady flow."""
         run, start = self._run, self._time.start
         if self._checkpoint is not None:
             return
@@ -96,7 +95,6 @@ class TimeLoop:
                 run.turbulence.fields.state.x.array[:] = turbulence.fields.state.x.array
 
     def _march(self) -> None:
-        """Advance to the end, or to a terminating event of a moving grain."""
         run, time = self._run, self._time
         stage = run.stage("mesh motion" if run.scene.moves else "free surface")
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
@@ -152,7 +150,6 @@ class TimeLoop:
             )
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
-        """History row: the step, the parts, and the loads on a fixed grain."""
         run = self._run
         assert run.march is not None
         row: dict[str, Any] = {
@@ -175,7 +172,6 @@ class TimeLoop:
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:
-        """Columns of loads and verdict of a fixed grain."""
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
             force, torque = loads(run, surface=False)

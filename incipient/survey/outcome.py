@@ -68,7 +68,11 @@ class EmulatorRecord:
     ) -> EmulatorRecord:
         wrong, bars = emulator.errors, emulator.bars
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
-        ranges = [(*one.bar, one.shields) for one in thresholds if not one.is_computed]
+        ranges = [
+            (*threshold.bar, threshold.shields)
+            for threshold in thresholds
+            if not threshold.is_computed
+        ]
         relative = [
             0.5 * (high - low) / shields
             for low, high, shields in ranges
@@ -124,9 +128,9 @@ class SurveyOutcome:
 
     @property
     def _stress(self) -> tuple[Floats, Floats]:
-        ratios = np.array([self._ratio(one.pocket) for one in self.thresholds])
-        own = np.array([one.shields for one in self.thresholds])
-        draws = np.array([one.draws for one in self.thresholds])
+        ratios = np.array([self._ratio(threshold.pocket) for threshold in self.thresholds])
+        own = np.array([threshold.shields for threshold in self.thresholds])
+        draws = np.array([threshold.draws for threshold in self.thresholds])
         return own * ratios, draws * ratios[:, None]
 
     def _ratio(self, grain: Pocket) -> float:
@@ -167,7 +171,7 @@ class SurveyOutcome:
         return with_constant_drag(grain.pivot, grain.protrusion, self._ratio(grain))
 
     def rows(self) -> list[dict[str, Any]]:
-        known = {one.pocket.number: one for one in self.thresholds}
+        known = {threshold.pocket.number: threshold for threshold in self.thresholds}
         rows = [self._row(grain, known.get(grain.number)) for grain in self.pockets]
         rows.sort(key=lambda row: (row.get("stress", math.inf), row["number"]))
         for rank, row in enumerate(rows, 1):
@@ -235,7 +239,7 @@ class SurveyOutcome:
             for row in self.distribution()
         ]
         if len(self.thresholds) <= TOO_FEW:
-            lines.append(few([one.shields for one in self.thresholds]))
+            lines.append(few([threshold.shields for threshold in self.thresholds]))
         first = [str(row["number"]) for row in self.rows() if "rank" in row][:FIRST]
         return [*lines, f"first to go         grains {', '.join(first)}"]
 

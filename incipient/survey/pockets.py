@@ -175,7 +175,7 @@ def pockets(
             carries=int((near[touches, 2] > TOUCHING * size).sum()),
             shifted=shifted,
             pivot=float(np.degrees(np.arctan(critical_force(contacts, 0.0)))),
-            critical_force=critical_force(contacts, flow.friction),
+            critical_force=critical_force(contacts, flow.law(size / surface.median, 1.0)),
         )
 
 

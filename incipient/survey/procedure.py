@@ -208,7 +208,7 @@ class _Loads:
         self.voice.begin("thresholds")
         emulator, of_flow = self._emulator(runs), relative_error(runs)
         errors = LoadErrors(emulator.correlation, of_flow, outcome.request.runs.seed)
-        critical = thresholds(grains, median, flow.friction, flow.galileo, runs, emulator, errors)
+        critical = thresholds(grains, median, flow, runs, emulator, errors)
         features, computed = self._features.copy(), {run.number for run in runs}
         features[:, -1] = np.log10(runs[0].reynolds)
         unknown = [place for place, grain in enumerate(grains) if grain.number not in computed]

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from ..contact.friction import FrictionCone
 from ..scene.section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key
 
 MOST_GRAINS = 100_000
@@ -82,6 +83,13 @@ class FlowPast(Section):
         None,
     )
     friction: NotNegative = key("Coefficient of static friction [-]", 0.5)
+    cohesion: NotNegative = key(
+        "Largest pull of each contact over the submerged weight of the median grain [-]", 0.0
+    )
+
+    def law(self, size: float, weight: float) -> FrictionCone:
+        """The law of contact of a grain by its diameter over the median one, and its submerged weight."""
+        return FrictionCone.of(self.friction, weight * self.cohesion / size**3)
 
 
 class Surveyed(Section):

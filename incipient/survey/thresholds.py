@@ -13,11 +13,12 @@ import numpy as np
 
 from ..arrays import Floats, percentile
 from ..contact.batch import Batch, Cases, judge_many
-from ..contact.friction import FrictionCone, Law
+from ..contact.friction import FrictionCone
 from .deposition import DOWN
 from .emulator import Emulator
 from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients
 from .pockets import Pocket
+from .request import FlowPast
 
 DRAWS = 40  # of the errors of all loads
 STRENGTHS = 16  # Shields numbers, with inertia, between which the threshold is interpolated
@@ -73,13 +74,13 @@ class LoadErrors:
 def thresholds(
     grains: Sequence[Pocket],
     median: float,
-    law: Law,
-    galileo: float | None,
+    flow: FlowPast,
     runs: Sequence[LoadCoefficients],
     emulator: Emulator,
     errors: LoadErrors,
 ) -> list[Threshold]:
     """Thresholds of grains: by their own run in creeping flow, otherwise by the emulator."""
+    galileo = flow.galileo
     computed = {run.number: run for run in runs} if galileo is None else {}
     strengths = np.geomspace(*SHIELDS_RANGE, STRENGTHS)
     features = []
@@ -95,8 +96,9 @@ def thresholds(
         own, ranges = means[place], deviations[place][:, None] * errors.of_emulator(grain.number)
         if grain.number in computed:
             own, ranges = computed[grain.number].values[None], np.zeros_like(ranges)
-        flow = np.abs(own[:, :1])[:, None] * errors.of_flow()
-        drawn = np.concatenate([own[:, None], own[:, None] + ranges + flow], axis=1)
+        common = np.abs(own[:, :1])[:, None] * errors.of_flow()
+        drawn = np.concatenate([own[:, None], own[:, None] + ranges + common], axis=1)
+        law = flow.law(grain.diameter / median, SUBMERGED_WEIGHT)
         shields = _critical(grain, drawn, law, None if galileo is None else strengths)
         nearest = int(np.abs(strengths - shields[0]).argmin()) if len(own) > 1 else 0
         mode = _mode(grain, own[nearest], float(shields[0]), law)
@@ -110,7 +112,9 @@ def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:
     return np.array([*grain.features, grain.diameter / median, math.log10(reynolds)])
 
 
-def _critical(grain: Pocket, coefficients: Floats, law: Law, strengths: Floats | None) -> Floats:
+def _critical(
+    grain: Pocket, coefficients: Floats, law: FrictionCone, strengths: Floats | None
+) -> Floats:
     """Critical Shields numbers (m,) by load coefficients (strengths or 1, m, 6)."""
     if strengths is None:
         return np.asarray(_judged(grain, coefficients[0], law).factors)
@@ -135,7 +139,7 @@ def _first_loss(strengths: Floats, factors: Floats) -> float:
     return float(strengths[first] ** (1.0 - fraction) * strengths[second] ** fraction)
 
 
-def _mode(grain: Pocket, coefficients: Floats, shields: float, law: Law) -> str:
+def _mode(grain: Pocket, coefficients: Floats, shields: float, law: FrictionCone) -> str:
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
     load = (1.0 + BEYOND) * shields * coefficients[None]
@@ -143,9 +147,9 @@ def _mode(grain: Pocket, coefficients: Floats, shields: float, law: Law) -> str:
     return verdicts.labels[int(verdicts.modes[0])]
 
 
-def _judged(grain: Pocket, loads: Floats, law: Law, with_mode: bool = False) -> Batch:
+def _judged(grain: Pocket, loads: Floats, law: FrictionCone, with_mode: bool = False) -> Batch:
     """Verdicts on loads (m, 6), in units of diameter and submerged specific weight."""
     surface = 0.5 * grain.contacts.normals, grain.contacts.normals
     acting = loads[:, :3], loads[:, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3)
     inert = (SUBMERGED_WEIGHT, 0.1 * SUBMERGED_WEIGHT * np.eye(3)) if with_mode else ()
-    return judge_many(Cases(*surface, *acting, FrictionCone.of(law), *inert)).complete()
+    return judge_many(Cases(*surface, *acting, law, *inert)).complete()

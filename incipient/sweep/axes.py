@@ -150,7 +150,7 @@ def combined(
         raise SceneError(f"the sweep has {number} cases; give at most {_MOST}")
     columns = [axis.settings for axis in axes]
     tuples = zip(*columns, strict=True) if together and columns else itertools.product(*columns)
-    varied = [tuple(itertools.chain.from_iterable(one)) for one in tuples]
+    varied = [tuple(itertools.chain.from_iterable(settings)) for settings in tuples]
     listed = list(table) or [()]
     in_table = {setting.split("=")[0].strip() for row in listed for setting in row}
     if both := next((key for key in keys if key in in_table), None):

@@ -205,7 +205,9 @@ class _Sweep:
     def add(self, cases: Sequence[SweepCase]) -> None:
         self._store.add(cases, self._means.retry)
         states = self._store.states()
-        waiting = {one.identity: one for one in cases if states[one.identity] not in (DONE, FAILED)}
+        waiting = {
+            case.identity: case for case in cases if states[case.identity] not in (DONE, FAILED)
+        }
         self._waiting |= waiting
         self.progress.total += len(cases)
         self.progress.known += len(cases) - len(waiting)
@@ -273,7 +275,7 @@ class _Sweep:
             ended.append(self._ended.get(timeout=LOOK))
             while True:
                 ended.append(self._ended.get_nowait())
-        for future in (one for one in ended if one in self._running):
+        for future in (future for future in ended if future in self._running):
             case, since = self._running.pop(future)
             try:
                 outcome = self._outcome(future, case, time.monotonic() - since)

@@ -150,8 +150,8 @@ class Family:
                     yield (1, -miss), middle
 
     def _curvature(self, three: Sequence[float]) -> float | None:
-        (one, f), (two, g), (last, h) = (self.known[position] for position in three)
-        if len({one, two, last}) > 1 or f is None or g is None or h is None:
+        (first, f), (second, g), (last, h) = (self.known[position] for position in three)
+        if len({first, second, last}) > 1 or f is None or g is None or h is None:
             return None
         a, b, c = map(self.along.at, three)
         return abs(((h - g) / (c - b) - (g - f) / (b - a)) / (c - a))
@@ -248,7 +248,7 @@ def _numbers(axis: VariedKey) -> dict[tuple[float, ...], str]:
         if parts.dtype.kind not in "if" or parts.ndim > 1 or not np.isfinite(parts).all():
             return {}
         numbers.setdefault(tuple(parts.astype(float).tolist()), text)
-    return numbers if len({len(one) for one in numbers}) == 1 else {}
+    return numbers if len({len(row) for row in numbers}) == 1 else {}
 
 
 def _has_equal_ratios(values: Floats) -> bool:

@@ -66,15 +66,15 @@ class Request:
     def cases(self, voice: Silent | None = None) -> list[SweepCase]:
         """The distinct cases; `voice` counts those checked. Raises SceneError."""
         settings = axes.combined(self.over, self.together, self._rows())
-        pairs = [(source, one) for source in self.sources for one in settings]
+        pairs = [(source, varied) for source in self.sources for varied in settings]
         cases: dict[str, SweepCase] = {}
-        for number, (source, one) in enumerate(pairs):
+        for number, (source, varied) in enumerate(pairs):
             (voice or Silent()).count("checking cases", number, len(pairs))
             try:
-                case = self._case(source, one)
+                case = self._case(source, varied)
             except SceneError as error:
                 which = f"case {number % len(settings) + 1} of {len(settings)}"
-                raise SceneError(f"{which} ({', '.join(one) or source.name}): {error}") from None
+                raise SceneError(f"{which} ({', '.join(varied) or source.name}): {error}") from None
             cases.setdefault(case.identity, case)
         return list(cases.values())
 
@@ -84,7 +84,7 @@ class Request:
             return None
         along, others = direction(self.over, self.together)
         fixed = axes.combined(others, False, self._rows())
-        families = [Family(source, one, along) for source in self.sources for one in fixed]
+        families = [Family(source, setting, along) for source in self.sources for setting in fixed]
         return SweepRefinement(families, self.aim, self._case, cases)
 
     def _rows(self) -> list[axes.Settings]:

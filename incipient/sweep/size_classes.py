@@ -49,7 +49,8 @@ def size_classes(
         else [row for row in rows(path) if row["status"] == "done"]
     )
     named = next(
-        (one for one in ([size] if size else SIZES) if any(one in row for row in table_rows)), None
+        (name for name in ([size] if size else SIZES) if any(name in row for row in table_rows)),
+        None,
     )
     if named is None or not any("shields" in row for row in table_rows):
         lacks = "shields" if named is not None else size or " or ".join(SIZES)
@@ -58,9 +59,9 @@ def size_classes(
         )
     # A grain that carries others has none, and is not free to move.
     grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in table_rows]
-    table = np.array([one for one in grains if not any(map(math.isnan, one))]).reshape(-1, 2)
+    table = np.array([grain for grain in grains if not any(map(math.isnan, grain))]).reshape(-1, 2)
     classes = [_class(table, low, high) for low, high in pairwise(bounds)]
-    if not any(one["grains"] for one in classes):
+    if not any(row["grains"] for row in classes):
         where = f"{named} from {bounds[0]:g} to {bounds[-1]:g}"
         raise SceneError(
             f"--size-classes: {path} has no threshold of a {where}; give others, or compute thresholds"
@@ -92,4 +93,4 @@ def _number(value: Any) -> float:
 
 
 def _shown(bounds: Sequence[float]) -> str:
-    return ", ".join(f"{one:g}" for one in bounds)
+    return ", ".join(f"{bound:g}" for bound in bounds)

@@ -175,8 +175,13 @@ class Store:
         """Quantities of finished cases, by identity."""
         query = "SELECT columns FROM cases WHERE id = ? AND status = ?"
         with self._reported():
-            rows = {one: self._base.execute(query, (one, DONE)).fetchone() for one in identities}
-            return {one: json.loads(row[0]) for one, row in rows.items() if row is not None}
+            rows = {
+                identity: self._base.execute(query, (identity, DONE)).fetchone()
+                for identity in identities
+            }
+            return {
+                identity: json.loads(row[0]) for identity, row in rows.items() if row is not None
+            }
 
     def keys(self) -> list[str]:
         with self._reported():

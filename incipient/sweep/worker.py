@@ -127,7 +127,9 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and words of the result of a case, error bars under NAME_low and NAME_high."""
     kind, columns = _KINDS.get(task), dict[str, Any]()
     # The verdict first.
-    of_run = sorted(known.quantities(), key=lambda one: not one.key.startswith("verdict."))
+    of_run = sorted(
+        known.quantities(), key=lambda quantity: not quantity.key.startswith("verdict.")
+    )
     for quantity in of_run if kind is None else quantities_of(kind, result):
         columns |= quantity.columns(result)
     si = result.get("si") or {}

@@ -202,7 +202,11 @@ def find_entrainment(
         strengths = np.geomspace(low, high, ON_CURVE).tolist()
     curve = tuple(motion.at(strength) for strength in strengths)
     assumed = [*_assumed(gusts, law), without or ACCELERATION]
-    if left_out := [one for one in PROBABILITIES if not probabilities and one not in wanted]:
+    if left_out := [
+        probability
+        for probability in PROBABILITIES
+        if not probabilities and probability not in wanted
+    ]:
         missing = ", ".join(f"{probability:g}" for probability in left_out)
         assumed.append(f"omitted, since the data do not resolve them: probabilities {missing}")
     if weakest is not None and not weakest.known:

@@ -80,7 +80,7 @@ class GustSearch:
     runs: int = 0
 
     def __post_init__(self) -> None:
-        if why := self.scene.no_gusts or _missing(self.scene):
+        if why := _missing(self.scene):
             raise SceneError(why)
 
     def static_strength(self) -> float:
@@ -190,6 +190,8 @@ def require_durations(durations: Sequence[float]) -> None:
 
 def _missing(scene: Scene) -> str:
     body, bed, flow = scene.body, scene.bed, scene.flow
+    if scene.is_averaged:
+        return "effects.turbulence: gusts are computed in laminar flow only; leave it out"
     if body is None or body.motion != "released":
         return 'body.motion: gusts are computed for a grain that rests on its bed; use "released"'
     if bed is None or bed.kind == "flat":

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..accuracy.goal import LoadsOnMesh, components, slopes
-from ..accuracy.search import Attempt, Search
+from ..accuracy.goal import components, slopes
+from ..accuracy.search import Attempt, Estimate, Search
 from ..accuracy.strategies import DualWeighted
 from ..arrays import Floats
 from ..contact.safety import safety_factor
@@ -22,7 +22,7 @@ from ..errors import ConvergenceError, SceneError
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.loads import Forces, Torques
+from ..results.errorbars import Loads
 from ..scene import Scene
 from ..setup.setup import Setup
 from ..simulation.build import prepared
@@ -56,12 +56,12 @@ class CriticalGoal:
     halved: bool = False
     name: str = "critical flow"
 
-    def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
+    def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
         """Relative error of the critical factor for errors (3,) of force and torque."""
         low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_torque])))
         return max(high / self.flow.factor - 1.0, 1.0 - low / self.flow.factor)
 
-    def goals(self, force: Forces, torque: Torques) -> list[Floats]:
+    def goals(self, loads: Loads) -> list[Floats]:
         """Derivatives (3,), in 3-D (6,), of log factor along force and torque; along force alone if S jumps."""
         path, load = self.flow.path, self.flow.load
         size = float(np.linalg.norm(load.flow_force))
@@ -108,7 +108,7 @@ class _DualWeightedThreshold(DualWeighted):
         super().__init__(search)
         self._conclude = conclude
 
-    def solve(self, run: Run) -> LoadsOnMesh:
+    def solve(self, run: Run) -> Loads:
         self._critical = CriticalSearch(run)
         flow = self._flow = _next(self._critical, self._flow)
         if flow.rocking is not None:
@@ -117,11 +117,12 @@ class _DualWeightedThreshold(DualWeighted):
         if flow.is_critical:
             search, halved = self.search, run.setup.symmetric
             search.speed, search.goal = flow.factor, CriticalGoal(flow, run.scene.gdim, halved)
-        return LoadsOnMesh(*self._critical.at_nearest(flow.factor))
+        force, torque = self._critical.at_nearest(flow.factor)
+        return Loads(force.flow, torque.flow)
 
-    def following(self, attempt: Attempt, run: Run, *estimated: Any) -> Attempt | None:
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         if self._flow is not None and self._flow.is_critical:
-            return super().following(attempt, run, *estimated)
+            return super().following(attempt, run, estimate)
         self.search.reason = "there is no critical flow whose error could be made smaller"
         return None
 

@@ -57,7 +57,7 @@ class LoadPath:
         chosen, known, base = self._nearest(factor), self.loads, np.zeros(6)
         if self.before is not None:
             base = self.before.over_factor(factor)
-            known = known - np.array([self.before.over_factor(one) for one in self.factors])
+            known = known - np.array([self.before.over_factor(other) for other in self.factors])
         return base + extrapolated(self.factors[chosen].tolist(), list(known[chosen]), factor)
 
     def _nearest(self, factor: float) -> list[int]:

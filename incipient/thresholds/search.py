@@ -230,7 +230,7 @@ class CriticalSearch:
             if len(self.trials) >= MOST_FLOWS:
                 reason = NOT_WITHIN
                 break
-            failed = min((one for one in self.unsolved if one > factor), default=np.inf)
+            failed = min((other for other in self.unsolved if other > factor), default=np.inf)
             if following > failed / APART or not self._try(following):
                 following = max(self._states)  # towards the unconverged flow
                 if following <= factor:

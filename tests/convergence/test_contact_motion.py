@@ -418,3 +418,62 @@ def test_a_rod_that_slides_on_its_tip_finds_its_way_where_rigid_bodies_have_no_a
         assert now <= last + 1e-3 * case.body.inertia.mass * G * length
         jammed, last = jammed or float(case.state.velocity[0]) < 0.7 * speed, now
     assert jammed
+
+
+def stuck(grain: object, bed: object, placement: Placement, law: ContactLaw) -> Case:
+    """A grain at rest whose contacts cohesion holds."""
+    case = Case(grain, bed, placement, law)
+    case.contacts = case.moves.closed(placement)
+    return case
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_cohesion_holds_a_round_grain_up_to_its_pull(gdim: int) -> None:
+    """Pulled by twice its weight beyond it; torn off it accelerates freely, the pull acts in the first step."""
+    grain, bed = (Disc(0.5), Flat()) if gdim == 2 else (Sphere(0.5), Plane())
+    weight, dt = G * grain.volume, 0.01
+    for excess, velocity in ((-0.2, 0.0), (0.2, G * dt * (0.2 + 9 * 2.2))):
+        law = ContactLaw(0.5, cohesion=2.0 * weight)
+        case = stuck(grain, bed, Placement((*[0.0] * (gdim - 1), 0.25)), law)
+        for _ in range(10):
+            case.step(dt, down(gdim), np.array([*[0.0] * (gdim - 1), (3.0 + excess) * weight]))
+        assert case.state.velocity[-1] == pytest.approx(velocity, abs=1e-12)
+        assert len(case.contacts) == (excess < 0.0)
+
+
+def test_cohesion_adds_to_the_pressure_of_friction_on_a_sliding_block() -> None:
+    """It slides at mu (W + 2 c), and with any further force by Newton's law; both contacts last."""
+    block, friction = Rectangle(1.0, 0.5), 0.3
+    weight = G * block.volume
+    held = friction * (weight + 2.0 * 1.5 * weight)
+    for force, velocity in ((0.98 * held, 0.0), (1.2 * held, 0.1 * 0.2 * held / block.volume)):
+        law = ContactLaw(friction, cohesion=1.5 * weight)
+        case = stuck(block, Flat(), Placement((0.0, 0.25)), law)
+        for _ in range(10):
+            case.step(0.01, down(2), np.array([force, 0.0]))
+        assert case.state.velocity[0] == pytest.approx(velocity, abs=1e-12)
+        assert len(case.contacts) == 2 and case.work <= 1e-15
+
+
+@pytest.mark.parametrize("excess", [-0.02, 0.02])
+def test_a_block_topples_against_the_cohesion_of_its_rear_edge(excess: float) -> None:
+    """Pushed at its centre, a height h/2: H h/2 = W b/2 + c b."""
+    block = Rectangle(1.0, 0.5)
+    weight = G * block.volume
+    push = (1.0 + excess) * (0.5 * weight + 1.5 * weight) / 0.25
+    case = stuck(block, Flat(), Placement((0.0, 0.25)), ContactLaw(50.0, cohesion=1.5 * weight))
+    case.step(0.001, down(2), np.array([push, 0.0]))
+    assert (float(case.state.spin[0]) < -1e-6) == (excess > 0.0)
+    assert len(case.contacts) == (1 if excess > 0.0 else 2)
+
+
+def test_contacts_of_an_impact_pull_from_the_next_step_on() -> None:
+    """A disc that falls onto the plane and is pulled up afterwards by half of the cohesion stays."""
+    disc = Disc(0.5)
+    weight = G * disc.volume
+    case = Case(disc, Flat(), Placement((0.0, 0.26)), ContactLaw(0.5, cohesion=4.0 * weight))
+    for _ in range(20):
+        case.step(0.01, down(2))
+    for _ in range(10):
+        case.step(0.01, down(2), np.array([0.0, 3.0 * weight]))
+    assert len(case.contacts) == 1 and abs(case.state.velocity[1]) < 1e-12

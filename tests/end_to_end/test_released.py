@@ -239,6 +239,18 @@ def test_a_disc_leaves_its_pocket_and_the_run_ends(tmp_path: Path) -> None:
     assert max(one["change"] for one in stored["remeshings"]) < 1e-2
 
 
+@pytest.mark.parametrize("cohesion", [30.7, 37.5])
+def test_cohesion_holds_a_released_disc_as_the_judge_says(cohesion: float, tmp_path: Path) -> None:
+    """Its safety factor is proportional to the cohesion, which outweighs it: 1.465 at 50, thus 1 at 34.1."""
+    scene = pocket(2.0, flow__rate=4.0, time__step=0.1, contact__cohesion=cohesion)
+    result = incipient.run(scene, tmp_path)
+    if cohesion < 34.1:
+        assert set(history_of(tmp_path)["mode"]) == {"rolling"} and result.verdict is None
+    else:
+        assert set(history_of(tmp_path)["mode"]) == {"rest"} and result.verdict is not None
+        assert result.verdict["safety_factor"] == pytest.approx(1.465 * cohesion / 50.0, rel=5e-3)
+
+
 def turbulent(gravity: float, end: float, step: float) -> Scene:
     """The stone of demos/scenes/large_grain.toml on a coarse mesh, released."""
     plain = load(SCENES / "large_grain.toml").model_dump(exclude_unset=True)

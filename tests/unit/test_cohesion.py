@@ -171,9 +171,10 @@ def test_cohesion_is_a_key_of_scenes_and_cases():
     )
 
 
-def test_a_moving_grain_has_none():
-    settings = ["body.motion=released", "time={end=1.0, step=0.1}", "contact.cohesion=1.0"]
-    with pytest.raises(SceneError, match=r"contact\.cohesion: .* the grain moves"):
+def test_a_grain_that_never_touches_the_bed_has_none():
+    free = ["body={shape='disc', diameter=1.0, centre=[20.0, 5.0], density=2.0, motion='free'}"]
+    settings = [*free, "time={end=1.0, step=0.1}", "contact={friction=0.5, cohesion=1.0}"]
+    with pytest.raises(SceneError, match=r"contact\.cohesion: .*never touches the bed"):
         loads(example(), overrides=settings)
 
 

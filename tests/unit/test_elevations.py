@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scenes import TANK, message
@@ -100,7 +98,7 @@ def test_step_and_mesh_are_told_apart():
     assert bars.total.elevation == pytest.approx(both / (1.0 - both[0] / 1.001))
     assert bars.force.shape == (0,)
     assert f"discretisation    elevation {bars.total.elevation[0]:.1e}" in "\n".join(bars.lines())
-    found = SimpleNamespace(force=None, torque=None, elevations=wave(40, size=0.5))
+    found = of(wave(40, size=0.5))
     assert relative(Goal.of(loads(WAVE)), found, term) == pytest.approx(
         2.0 * bars.total.elevation[0]
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from incipient.accuracy.terms import of_domain, of_gap
 from incipient.errors import ConvergenceError, SceneError
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
-from incipient.results.loads import Forces, Torques
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
@@ -113,10 +111,8 @@ def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> 
 
 def advice(asked: float, scene: Scene, term: Term) -> tuple[str, ...]:
     """What is said of one term beside a force of size one."""
-    unit, none = np.array([1.0, 0.0, 0.0]), np.zeros(3)
-    force, torque = Forces(unit, unit, none, none), Torques(none, none, none)
-    found = SimpleNamespace(force=force, torque=torque, elevations=None)
-    return remedies(scene, asked, Goal.of(scene), found, ErrorBars((term,)))
+    loads_ = Loads(np.array([1.0, 0.0, 0.0]), np.zeros(3))
+    return remedies(scene, asked, Goal.of(scene), loads_, ErrorBars((term,)))
 
 
 def test_a_gap_is_advised_by_the_power_with_which_its_error_falls() -> None:

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from incipient.arrays import known_percentiles, percentile
 from incipient.errors import MissingError, SceneError
+from incipient.geometry.contacts import Contacts
 from incipient.geometry.statics import balance
 from incipient.scene.file import parse
 from incipient.survey.beds import spheres_of
@@ -16,7 +17,7 @@ from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
 from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from incipient.survey.laws import kirchner, with_constant_drag
-from incipient.survey.pockets import Pocket, Surface, exposed, pockets
+from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import survey
 from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
 from incipient.sweep.cases import identity_of
@@ -368,3 +369,16 @@ class TestBadInput:
             with pytest.raises(SceneError) as caught:
                 spheres_of(asked(text).bed, tmp_path)
             assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [1.0, 2.0])
+def test_cohesion_pulls_at_the_rear_contact_of_a_grain(size):
+    """Between two contacts at an angle without friction: F = W tan + 2 c sin, by hand; c over the grain's own weight.
+
+    The pull of each contact is that of all grains: a grain of twice the median diameter has eight times the weight.
+    """
+    angle, flow = np.radians(30.0), FlowPast(friction=0.0, cohesion=2.4)
+    normals = np.array([[sign * np.sin(angle), 0.0, -np.cos(angle)] for sign in (1.0, -1.0)])
+    force = critical_force(Contacts(0.5 * normals, normals), flow.law(size, 1.0))
+    pull = flow.cohesion / size**3
+    assert force == pytest.approx(np.tan(angle) + 2.0 * pull * np.sin(angle), rel=1e-9)

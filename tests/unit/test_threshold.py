@@ -356,7 +356,7 @@ def test_goal_of_a_threshold_in_space(halved: bool) -> None:
     path = LoadPath(
         np.ones(1), flow[None], Load(np.zeros(3), np.zeros(3), weight, centre), contacts, 0.5
     )
-    (goal,) = CriticalGoal(CriticalFlow(factor, factor, path, ()), 3, halved).goals(None, None)  # type: ignore[arg-type]
+    (goal,) = CriticalGoal(CriticalFlow(factor, factor, path, ()), 3, halved).goals(None)  # type: ignore[arg-type]
     step = 1e-5
     for place in (0, 2, 4) if halved else range(6):
         ahead, behind = (

@@ -257,7 +257,6 @@ def _tangential_force(torque: Floats, arms: Floats) -> Floats:
 
 
 def _located(criterion: Criterion, minima: Minima) -> Located:
-    """The minimum that defines x*."""
     lifts = criterion is Criterion.SIMULTANEOUS and minima.sign_2 > 0
     return "torque" if lifts or criterion is Criterion.ROTATION_ONLY else "force"
 

@@ -84,7 +84,6 @@ class MovingSurface(RunPart):
         return MovingSurface(self._setup, self._stage)
 
     def _take_over(self, old: MovingSurface) -> None:
-        """Transfer present and past elevations from the surface of another mesh."""
         mesh = old.fluid.domain.mesh
         comm, now = mesh.comm, mesh.geometry.x.copy()
         everywhere = comm.allgather(self._places + old.part.mesh.raised * np.eye(3)[self._up])
@@ -135,7 +134,6 @@ class MovingSurface(RunPart):
         return height + raised
 
     def _mean_above(self, placement: Placement, size: float) -> float:
-        """Mean elevation within half a grain size of its centre."""
         own = slice(0, self.part.mesh.owned)
         away = self._places[own, : self._up] - np.asarray(placement.centre)[: self._up]
         near = self.part.elevation[self.part.mesh.nodes[own]][
@@ -206,7 +204,6 @@ class MovingSurface(RunPart):
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
-        """Volume flux at the inflow of a channel, of the whole domain."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
         return {"inflow": whole * held.influx} if held.entries else {}
 
@@ -246,8 +243,6 @@ class MovingSurface(RunPart):
 
 
 class _Stations:
-    """Elevation at the stations of a scene, by constant nodal weights."""
-
     def __init__(self, rising: RisingDisplacement, setup: Setup):
         comm, space, scene = rising.domain.comm, rising.space, setup.scene
         across = stations_of(scene.surface, scene.domain)
@@ -264,7 +259,6 @@ class _Stations:
         self._weights = compat.tabulate(space, mine.reference)
 
     def values(self, elevation: Floats) -> list[float]:
-        """Elevations at the stations from all nodes. Collective."""
         local = np.zeros(self._count)
         local[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
         total: list[float] = self._comm.allreduce(local).tolist()

@@ -91,6 +91,7 @@ class BedContact:
             contact.kinetic_friction,
             contact.restitution,
             contact.rolling_resistance,
+            contact.cohesion,
         )
         self.motion = ContactMotion(body, self._gaps, law, near.grain.size)
         self.course = Course()
@@ -152,12 +153,10 @@ class BedContact:
     # -- the pocket -------------------------------------------------------------------------------
 
     def _height(self, state: BodyState) -> float:
-        """Height above the start against the submerged weight."""
         heavy = float(np.linalg.norm(self._weight))
         return float((state.place - self._start) @ -self._weight) / heavy if heavy else 0.0
 
     def _over_the_top(self, height: float) -> bool:
-        """Whether the grain descends after a rise."""
         last, before = self.course.heights
         return last > RISEN * self._near.grain.size and height < last >= before
 
@@ -218,7 +217,6 @@ class BedContact:
 def _works(
     before: BodyState, after: BodyState, mean_load: Floats, weight: Floats, contacts: ActiveContacts
 ) -> dict[str, float]:
-    """Work of flow, weight and contact in a step."""
     way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
     gravity = float(weight @ way)
     return dict(

@@ -91,7 +91,6 @@ def _factor_where_it_touches(
 
 
 def _left_open(contact: Contact, factor: float | None) -> str:
-    """Uncertainty of a verdict at rest: contact gap, rolling resistance, error bars."""
     where = f"without the gap at which contact acts, {contact.gap:g} of its size"
     said = [] if factor is None else [f"{where}, the safety factor is {factor:.4g}"]
     said += [ROLLING] if contact.rolling_resistance else []
@@ -99,7 +98,6 @@ def _left_open(contact: Contact, factor: float | None) -> str:
 
 
 def _note(state: BodyState) -> str:
-    """Uncertainty of the verdict, and its remedy."""
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
         "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
@@ -108,7 +106,6 @@ def _note(state: BodyState) -> str:
 
 
 def _missing(setup: Setup) -> str:
-    """Reason for a missing verdict, or ""."""
     scene = setup.scene
     if scene.contact is None:
         return "it needs a section [contact] with a friction"

@@ -170,7 +170,6 @@ class MovingGrain(RunPart):
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        """Columns of a grain on its bed."""
         return {}
 
     def energies(self) -> dict[str, float]:
@@ -225,7 +224,6 @@ class MovingGrain(RunPart):
         return self.surroundings.clearance(self.state.placement)
 
     def _room(self, state: BodyState) -> float:
-        """Distance that the grain may move before contact."""
         gap = self.scene.contact_gap
         return self.obstacles.clearance(state.placement, 2.0 * gap).distance - gap
 
@@ -234,7 +232,6 @@ class MovingGrain(RunPart):
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
 
     def _other_load(self, state: BodyState) -> Floats:
-        """Submerged weight, and the gust's load on the displaced fluid."""
         load = np.zeros(self.body.size)
         load[: self.body.gdim] = self._weight()
         return load + self.displaced_load(state)

@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ...errors import UnsolvedError
+from ...parallel import Owner
 from .direct import NOT_FINITE, Direct, fits
 from .equations import Equations, LinearSolver, LinearStatistics
 from .options import defaults
@@ -36,6 +37,7 @@ class Block(LinearSolver):
     regular: ClassVar[bool] = False
 
     def __init__(self, matrix: Any, equations: Equations):
+        super().__init__()
         self.matrix, self._equations = matrix, equations
         self.statistics = LinearStatistics()
         self._held = np.flatnonzero(equations.owned_held())
@@ -45,15 +47,19 @@ class Block(LinearSolver):
         steady = equations.rate is None
         self._may_factorise = steady and not equations.closed
         self._symmetric = equations.carrier is None and equations.surface is None
-        self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
+        self._null_space = None
+        if equations.closed:
+            self._null_space = self.holding(_constant_pressures(matrix, equations))
         self._rough = ROUGH if steady else ROUGH_IN_TIME
         self._side, self._most = ("right", MOST_ITERATIONS) if steady else ("left", MOST_IN_TIME)
         # By transposition; the solver of the transpose is built on demand.
+        self._for_transpose = self.holding(Owner())
         self._solvers: dict[bool, tuple[Any, Triangle]] = {False: self._made(matrix, False)}
         self._most = self._solvers[False][0].getTolerances()[3]
 
     def _made(self, matrix: Any, transposed: bool) -> tuple[Any, Triangle]:
-        solver = PETSc.KSP().create(matrix.comm)
+        owner = self._for_transpose if transposed else self
+        solver = owner.holding(PETSc.KSP().create(matrix.comm))
         triangle = Triangle(self.matrix, self._equations, transposed)
         solver.setOptionsPrefix(PREFIX)
         solver.setOperators(matrix)
@@ -70,7 +76,8 @@ class Block(LinearSolver):
         if self._direct is not None:
             self._direct.prepare()
             return
-        self._forget_transposed()
+        self._for_transpose.destroy()
+        self._solvers = {False: self._solvers[False]}
         self._solvers[False][1].assemble()
         self.statistics.factorisations += 1
         self._state, self._usual = self.matrix.stateGet(), np.inf
@@ -93,7 +100,6 @@ class Block(LinearSolver):
             raise
 
     def _by_blocks(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
-        """Solve by GMRES; without convergence, create the direct solver."""
         if self._state < 0:
             self.prepare()
         iterations = self._iterate(b, x, rtol, transposed)
@@ -117,13 +123,12 @@ class Block(LinearSolver):
 
     @property
     def _new(self) -> bool:
-        """Whether the preconditioner belongs to the present matrix."""
         return bool(self.matrix.stateGet() == self._state)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
-        """Number of iterations, or None without convergence."""
         if transposed not in self._solvers:
-            self._solvers[True] = self._made(PETSc.Mat().createTranspose(self.matrix), True)
+            matrix = self._for_transpose.holding(PETSc.Mat().createTranspose(self.matrix))
+            self._solvers[True] = self._made(matrix, True)
             self._solvers[True][1].assemble()
         solver = self._solvers[transposed][0]
         right = b.copy()
@@ -156,20 +161,11 @@ class Block(LinearSolver):
             "smaller numerics.mesh_size, more memory for an LU factorisation or, with [time], a smaller time.step"
         )
 
-    def _forget_transposed(self) -> None:
-        if True in self._solvers:
-            solver, _ = self._solvers.pop(True)
-            operator = solver.getOperators()[0]
-            solver.destroy()
-            operator.destroy()
-
     def destroy(self) -> None:
         """Free PETSc's memory."""
-        self._forget_transposed()
-        self._solvers[False][0].destroy()  # and the preconditioner with it
-        for held in (self._direct, self._null_space):
-            if held is not None:
-                held.destroy()
+        if self._direct is not None:
+            self._direct.destroy()
+        super().destroy()
 
 
 def _constant_pressures(matrix: Any, equations: Equations) -> Any:

@@ -48,13 +48,14 @@ class Direct(LinearSolver):
     regular: ClassVar[bool] = True
 
     def __init__(self, matrix: Any, equations: Equations | None = None, patience: int = 8):
+        super().__init__()
         self.matrix, self.patience = matrix, patience
         self.statistics = LinearStatistics()
         self._aged, self._factored = True, -1
         self._solver = self._make(*ATTEMPTS[0])
 
     def _make(self, workspace: int, scaling: int) -> Any:
-        solver = PETSc.KSP().create(self.matrix.comm)
+        solver = self.holding(PETSc.KSP().create(self.matrix.comm))
         solver.setOptionsPrefix("fluid_")
         solver.setType("gmres")
         solver.setGMRESRestart(50)
@@ -130,7 +131,7 @@ class Direct(LinearSolver):
                 self._factored = self.matrix.stateGet()
                 return
             # PETSc cannot reuse a MUMPS object after a failure.
-            self._solver.destroy()
+            self.destroy()
             self._solver = self._make(*following)
         raise self._why_not_factorised(error)
 
@@ -180,7 +181,3 @@ class Direct(LinearSolver):
             f"(PETSc's reason {reason}), it is nearly singular: use another numerics.mesh_size or, with [time], a "
             "smaller time.step"
         )
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._solver.destroy()

@@ -12,6 +12,7 @@ import ufl
 
 from ... import compat
 from ...forms import ReferenceMap
+from ...parallel import Owner
 from ..space import TaylorHood
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ class LinearStatistics:
         self.krylov_iterations += other.krylov_iterations
 
 
-class LinearSolver(ABC):
+class LinearSolver(Owner, ABC):
     """Solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
 
     `matrix` is None where A is known by its action alone; `regular`: A must be regular, with a
@@ -122,10 +123,6 @@ class LinearSolver(ABC):
     @abstractmethod
     def approximate(self, b: Any, x: Any) -> None:
         """Solve with the matrix as last prepared, even if it has changed: a chord-method step."""
-
-    @abstractmethod
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
 
 
 def component_rows(space: TaylorHood) -> tuple[Any, np.ndarray]:

@@ -16,6 +16,7 @@ from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
 from ...mesh.cells import CELLS
+from ...parallel import Owner
 from .equations import Equations
 from .options import algebraic, defaults, preconditioner
 
@@ -32,18 +33,19 @@ CHEBYSHEV = {
 }
 
 
-class PressureMass:
+class PressureMass(Owner):
     """S^-1 = M^-1, mass matrix over viscosity, by four Chebyshev steps, for Stokes flow. Methods are collective."""
 
     def __init__(self, equations: Equations, viscosity: Any = None):
+        super().__init__()
         space = equations.space
         p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
         nu = equations.viscosity if viscosity is None else viscosity
         integrand = preconditioning.pressure_mass(p, q, nu, equations.reference_map)
         self._form = compat.form(integrand * equations.measure())
-        self._mass = petsc.create_matrix(self._form)
-        self._right, self._left = self._mass.createVecs()
-        self._solver = PETSc.KSP().create(self._mass.comm)
+        self._mass = self.holding(petsc.create_matrix(self._form))
+        self._right, self._left = map(self.holding, self._mass.createVecs())
+        self._solver = self.holding(PETSc.KSP().create(self._mass.comm))
         self._solver.setOptionsPrefix(PREFIX)
         low, high = _bounds(space.pressure, space.order - 1)
         with defaults(PREFIX, CHEBYSHEV | {"ksp_chebyshev_eigenvalues": f"{low},{high}"}):
@@ -65,13 +67,8 @@ class PressureMass:
         self._solver.solve(self._right, self._left)
         return np.asarray(self._left.array_r)
 
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        for held in (self._solver, self._mass, self._right, self._left):
-            held.destroy()
 
-
-class CahouetChabard:
+class CahouetChabard(Owner):
     """S^-1 = M^-1 + a0 A^-1 for unsteady flow, with the Laplacian A and rate coefficient a0.
 
     At free outflow the doubled diagonal of A keeps the preconditioner regular. Cahouet & Chabard
@@ -79,14 +76,17 @@ class CahouetChabard:
     """
 
     def __init__(self, equations: Equations):
+        super().__init__()
         space, self._rate, self._coefficient = equations.space.pressure, equations.rate, 0.0
-        self._mass = None if equations.viscosity is None else PressureMass(equations)
+        self._mass = None
+        if equations.viscosity is not None:
+            self._mass = self.holding(PressureMass(equations))
         p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.pressure_laplacian(p, q, equations.reference_map)
         added = 0 if equations.surface is None else equations.surface.of_pressure(p, q)
         self._form = compat.form(integrand * equations.measure() + added)
         self._open = equations.open[equations.open < space.dofmap.index_map.size_local]
-        self._poisson = _Poisson(equations.closed)
+        self._poisson = self.holding(_Poisson(equations.closed))
 
     def assemble(self, blocks: Blocks) -> None:
         """Update rate coefficient, viscosity and mesh. Collective."""
@@ -105,16 +105,10 @@ class CahouetChabard:
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Approximate S^-1 `right`. Collective."""
         pressure = self._coefficient * self._poisson.solve(right)
-        return pressure if self._mass is None else pressure + self._mass.solve(right)
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._poisson.destroy()
-        if self._mass is not None:
-            self._mass.destroy()
+        return np.asarray(pressure if self._mass is None else pressure + self._mass.solve(right))
 
 
-class LeastSquaresCommutator:
+class LeastSquaresCommutator(Owner):
     """S^-1 = L^-1 (B D^-1 F D^-1 G) L^-1, L = B D^-1 G, for steady flow with inertia.
 
     F is reduced to the diagonal blocks of the velocity components, with diagonals D. G includes
@@ -123,10 +117,9 @@ class LeastSquaresCommutator:
     """
 
     def __init__(self, equations: Equations):
-        self._order, self._poisson = (
-            np.argsort(equations.owned_pressures()),
-            _Poisson(equations.closed),
-        )
+        super().__init__()
+        self._order = np.argsort(equations.owned_pressures())
+        self._poisson = self.holding(_Poisson(equations.closed))
 
     def assemble(self, blocks: Blocks) -> None:
         """Use the present blocks of the Jacobian. Collective."""
@@ -145,10 +138,6 @@ class LeastSquaresCommutator:
         carried = blocks.carry(self._scale * forces)
         pressure[self._order] = self._poisson.solve(blocks.gather(self._scale * carried))
         return pressure
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._poisson.destroy()
 
 
 Schur = PressureMass | CahouetChabard | LeastSquaresCommutator
@@ -173,29 +162,23 @@ def _bounds(space: Any, order: int) -> tuple[float, float]:
     return float(eigenvalues[0]), float(eigenvalues[-1])
 
 
-class _Poisson:
+class _Poisson(Owner):
     """One cycle of algebraic multigrid; constants are projected out if `closed`. Collective."""
 
     def __init__(self, closed: bool):
-        self._closed, self._held = closed, list[Any]()
+        super().__init__()
+        self._closed = closed
 
     def prepare(self, matrix: Any) -> None:
-        """Set up for a matrix, which is then owned."""
         self.destroy()
-        self._right, self._left = matrix.createVecs()
-        self._constant = PETSc.NullSpace().create(constant=self._closed, comm=matrix.comm)
-        self._cycle = preconditioner(matrix, POISSON, algebraic())
-        self._held = [self._cycle, self._right, self._left, self._constant, matrix]
+        self._right, self._left = map(self.holding, self.holding(matrix).createVecs())
+        constant = PETSc.NullSpace().create(constant=self._closed, comm=matrix.comm)
+        self._constant = self.holding(constant)
+        self._cycle = self.holding(preconditioner(matrix, POISSON, algebraic()))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximate solution (owned rows,), to be copied."""
         self._right.setArray(right)
         self._constant.remove(self._right)
         self._cycle.apply(self._right, self._left)
         self._constant.remove(self._left)
         return np.asarray(self._left.array_r)
-
-    def destroy(self) -> None:
-        for held in self._held:
-            held.destroy()
-        self._held = []

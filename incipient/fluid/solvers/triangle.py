@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ... import compat
+from ...parallel import Owner
 from .equations import Equations, component_rows
 from .options import RELAXATION, algebraic, preconditioner
 from .pressure import schur_complement
@@ -18,7 +19,7 @@ OF_MASS = {"pc_type": "sor"}
 OF_COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
 
 
-class Triangle:
+class Triangle(Owner):
     """Upper block triangle of [[F, G], [B, 0]], or its transpose: a `PCPYTHON` context. Methods are collective.
 
     z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`)
@@ -27,30 +28,32 @@ class Triangle:
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool = False):
-        self.blocks = Blocks(matrix, equations, transposed)
-        self._schur = schur_complement(equations)
+        super().__init__()
+        self.blocks = self.holding(Blocks(matrix, equations, transposed))
+        self._schur = self.holding(schur_complement(equations))
         self._pressures = equations.owned_pressures()
         self._order = np.argsort(self._pressures)
         self._held = np.flatnonzero(equations.owned_held())
         self._interpolations: list[Any] = []
         if equations.viscosity is not None:
-            self._interpolations = _interpolations(equations)
-        self._cycles: list[Any] = []
+            self._interpolations = [self.holding(one) for one in _interpolations(equations)]
+        self._present, self._cycles = self.holding(Owner()), list[Any]()
 
     def assemble(self) -> None:
         """Update for the present matrix and state."""
-        self._forget()
+        self._present.destroy()
         self.blocks.extract()
         self._schur.assemble(self.blocks)
         components = self.blocks.components
-        if not self._interpolations:
-            self._cycles = [preconditioner(one, VELOCITY, OF_MASS) for one in components]
-            return
-        chosen = OF_COMPONENT | algebraic("mg_coarse_")
-        self._cycles = [
-            preconditioner(one, VELOCITY, chosen, interpolation=interpolation)
-            for one, interpolation in zip(components, self._interpolations, strict=True)
-        ]
+        if self._interpolations:
+            chosen = OF_COMPONENT | algebraic("mg_coarse_")
+            cycles = [
+                preconditioner(one, VELOCITY, chosen, interpolation=interpolation)
+                for one, interpolation in zip(components, self._interpolations, strict=True)
+            ]
+        else:
+            cycles = [preconditioner(one, VELOCITY, OF_MASS) for one in components]
+        self._cycles = [self._present.holding(cycle) for cycle in cycles]
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
         """Apply the preconditioner; called by PETSc."""
@@ -63,20 +66,12 @@ class Triangle:
         z[self._held] = r[self._held]
         left.setArray(z)
 
-    def _forget(self) -> None:
-        while self._cycles:
-            self._cycles.pop().destroy()
-
     def destroy(self, _: Any = None) -> None:
         """Free PETSc's memory; called by PETSc."""
-        self._forget()
-        self._schur.destroy()
-        self.blocks.destroy()
-        while self._interpolations:
-            self._interpolations.pop().destroy()
+        super().destroy()
 
 
-class Blocks:
+class Blocks(Owner):
     """Blocks of the Jacobian: F's diagonal blocks, G `gradient` and B `divergence`. Methods are collective.
 
     Free velocities and all pressures ascend as in the mixed system; velocities (n,): numbers of the
@@ -84,6 +79,7 @@ class Blocks:
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool):
+        super().__init__()
         self._matrix, self._transposed = matrix, transposed
         rows, owned = component_rows(equations.space)[1], ~equations.owned_held()
         parts = [np.sort(part[part < len(owned)]) for part in rows]
@@ -91,24 +87,28 @@ class Blocks:
         self.velocities = np.sort(np.concatenate(parts))
         self._places = [np.searchsorted(self.velocities, part) for part in parts]
         start = matrix.getOwnershipRange()[0]
+        unknowns = (*parts, self.velocities, np.sort(equations.owned_pressures()))
         self._sets = [
-            PETSc.IS().createGeneral((start + some).astype(PETSc.IntType), comm=matrix.comm)
-            for some in (*parts, self.velocities, np.sort(equations.owned_pressures()))
+            self.holding(
+                PETSc.IS().createGeneral((start + some).astype(PETSc.IntType), comm=matrix.comm)
+            )
+            for some in unknowns
         ]
-        self.components: list[Any] = []
-        self._vectors: list[tuple[Any, Any]] = []
+        self._present, self.components = self.holding(Owner()), list[Any]()
 
     def extract(self) -> None:
         """Extract the present blocks."""
-        self._forget()
+        self._present.destroy()
         *each, velocities, pressures = self._sets
         pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
         submatrices = [self._matrix.createSubMatrix(*pair) for pair in pairs]
         if self._transposed:
             submatrices = [block.transpose() for block in submatrices]
             submatrices[-2:] = submatrices[:-3:-1]
-        *self.components, self.gradient, self.divergence = submatrices
-        self._vectors = [block.createVecs() for block in submatrices]
+        *self.components, self.gradient, self.divergence = map(self._present.holding, submatrices)
+        self._vectors = [
+            [self._present.holding(one) for one in block.createVecs()] for block in submatrices
+        ]
 
     def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
         """Apply functions of PETSc vectors, one per component, to velocities (n,)."""
@@ -139,21 +139,8 @@ class Blocks:
         """B times velocities (n,), (owned pressures,) ascending, to be copied."""
         return _times(self.divergence, self._vectors[-1], velocities)
 
-    def _forget(self) -> None:
-        if self._vectors:
-            held = [one for pair in self._vectors for one in pair]
-            for one in (*held, *self.components, self.gradient, self.divergence):
-                one.destroy()
-            self._vectors = []
 
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._forget()
-        for one in self._sets:
-            one.destroy()
-
-
-def _times(matrix: Any, vectors: tuple[Any, Any], values: np.ndarray) -> np.ndarray:
+def _times(matrix: Any, vectors: list[Any], values: np.ndarray) -> np.ndarray:
     right, left = vectors
     right.setArray(values)
     matrix.mult(right, left)

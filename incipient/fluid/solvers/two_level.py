@@ -15,6 +15,7 @@ from ... import compat
 from ...compat import petsc
 from ...errors import UnsolvedError
 from ...forms import preconditioning
+from ...parallel import Owner
 from ..space import TaylorHood
 from .equations import Equations, LinearSolver, LinearStatistics, component_rows
 from .options import preconditioner
@@ -57,6 +58,7 @@ class TwoLevel(LinearSolver):
         equations: Equations,
         coarse: tuple[Any, Equations],
     ):
+        super().__init__()
         self.matrix, self.statistics = None, LinearStatistics()
         self._times, self._pressure_force, self._held = (
             times,
@@ -64,13 +66,18 @@ class TwoLevel(LinearSolver):
             equations.owned_held(),
         )
         self._comm = equations.space.mixed.mesh.comm
-        self._velocity, self._mass = Relaxation(equations), PressureMass(equations)
-        self._pressure, self._convected = _smoothing_mass(equations), equations.carrier is not None
-        self._pressures = equations.owned_pressures()
-        self._solver, self._transfer = coarse[0], OrderTransfer(coarse[1], equations)
+        self._velocity = self.holding(Relaxation(equations))
+        self._mass = self.holding(PressureMass(equations))
+        self._pressure = self.holding(_smoothing_mass(equations))
+        self._pressures, self._convected = (
+            equations.owned_pressures(),
+            equations.carrier is not None,
+        )
+        self._solver, self._transfer = coarse[0], self.holding(OrderTransfer(coarse[1], equations))
         self._constant = equations.constant_pressures() if equations.closed else None
         matrix = self._solver.matrix
-        self._right, self._left = matrix.createVecLeft(), matrix.createVecRight()
+        self._right = self.holding(matrix.createVecLeft())
+        self._left = self.holding(matrix.createVecRight())
         self._scale: np.ndarray | None = None  # of residuals, set when first prepared
 
     def prepare(self) -> None:
@@ -158,23 +165,17 @@ class TwoLevel(LinearSolver):
         return float(np.sqrt(self._inner(residual, residual)))
 
     def _free(self, values: np.ndarray) -> np.ndarray:
-        """Zero at constrained unknowns, without undetermined constant pressures."""
         values = np.where(self._held, 0.0, values)
         if self._constant is None:
             return values
         return values - self._comm.allreduce(float(self._constant @ values)) * self._constant
 
-    def destroy(self) -> None:
-        """Free PETSc's memory, except the lower-order solver's."""
-        held = (self._velocity, self._pressure, self._mass, self._transfer, self._right, self._left)
-        for one in held:
-            one.destroy()
 
-
-class Relaxation:
+class Relaxation(Owner):
     """Two sweeps of rank-wise symmetric relaxation of each velocity component's operator. Collective."""
 
     def __init__(self, equations: Equations):
+        super().__init__()
         scalar, rows = component_rows(equations.space)
         self._rows = rows[:, : scalar.dofmap.index_map.size_local]
         self._held = equations.held()[rows]
@@ -189,23 +190,27 @@ class Relaxation:
             k: [dolfinx.fem.dirichletbc(zero, np.flatnonzero(self._held[k]).astype(np.int32))]
             for k in sorted(set(self._alike))
         }
-        self._matrices = {k: petsc.create_matrix(self._form) for k in self._conditions}
-        self._right, self._left = self._matrices[self._alike[0]].createVecs()
-        self._sweeps: dict[bool, dict[int, Any]] = {}  # by whether transposed
+        self._matrices = {
+            k: self.holding(petsc.create_matrix(self._form)) for k in self._conditions
+        }
+        self._right, self._left = map(self.holding, self._matrices[self._alike[0]].createVecs())
+        self._present = self.holding(Owner())
+        self._sweeps: dict[bool, dict[int, Any]] = {}  # by transposition
 
     def assemble(self) -> None:
         """Update the operators to the present state."""
-        self._forget()
+        self._present.destroy()
         for k, matrix in self._matrices.items():
             compat.matrix_of(self._form, self._conditions[k], matrix)
-        self._sweeps[False] = {k: _swept(matrix) for k, matrix in self._matrices.items()}
+        self._sweeps = {False: {k: self._swept(matrix) for k, matrix in self._matrices.items()}}
 
     def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
         """Relax with the operators or their transposes, (owned rows of the mixed system,)."""
         transposed = transposed and self._convected
         if transposed not in self._sweeps:
             self._sweeps[True] = {
-                k: _swept(matrix.transpose(PETSc.Mat())) for k, matrix in self._matrices.items()
+                k: self._swept(self._present.holding(matrix.transpose(PETSc.Mat())))
+                for k, matrix in self._matrices.items()
             }
         for rows, k in zip(self._rows, self._alike, strict=True):
             self._right.setArray(right[rows])
@@ -219,23 +224,8 @@ class Relaxation:
             free = ~held[: len(rows)]
             weights[rows[free]] = np.abs(self._left.array_r[free])
 
-    def _forget(self) -> None:
-        for transposed, sweeps in self._sweeps.items():
-            for one in sweeps.values():
-                if transposed:
-                    one.getOperators()[0].destroy()
-                one.destroy()
-        self._sweeps = {}
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._forget()
-        for held in (self._right, self._left, *self._matrices.values()):
-            held.destroy()
-
-
-def _swept(matrix: Any) -> Any:
-    return preconditioner(matrix, RELAXED, SWEEPS)
+    def _swept(self, matrix: Any) -> Any:
+        return self._present.holding(preconditioner(matrix, RELAXED, SWEEPS))
 
 
 def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
@@ -245,25 +235,27 @@ def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
     return [int(number) for number in same.argmax(axis=1)]
 
 
-class OrderTransfer:
+class OrderTransfer(Owner):
     """Transfer between mixed spaces of two orders on one mesh, by interpolation and its transpose. Collective.
 
     Vectors are (owned unknowns,), zero where constrained.
     """
 
     def __init__(self, coarse: Equations, fine: Equations):
+        super().__init__()
         self._held = [equations.owned_held() for equations in (coarse, fine)]
         (one, mine), (other, theirs) = (
             component_rows(equations.space) for equations in (coarse, fine)
         )
-        self._velocity = compat.interpolation_matrix(one, other)
-        self._pressure = compat.interpolation_matrix(coarse.space.pressure, fine.space.pressure)
+        spaces = (one, other), (coarse.space.pressure, fine.space.pressure)
+        velocity, pressure = (self.holding(compat.interpolation_matrix(*pair)) for pair in spaces)
         pressures = [equations.owned_pressures() for equations in (coarse, fine)]
         owned = [space.dofmap.index_map.size_local for space in (one, other)]
         velocities = list(zip(mine[:, : owned[0]], theirs[:, : owned[1]], strict=True))
-        self._parts = [(self._velocity, *rows) for rows in velocities]
-        self._parts.append((self._pressure, *pressures))
-        self._vectors = {id(m): m.createVecs() for m in (self._velocity, self._pressure)}
+        self._parts = [*((velocity, *rows) for rows in velocities), (pressure, *pressures)]
+        self._vectors = {
+            id(m): [self.holding(one) for one in m.createVecs()] for m in (velocity, pressure)
+        }
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
         """Interpolate to the higher order."""
@@ -285,14 +277,6 @@ class OrderTransfer:
             coarse_values[coarse] = one.array_r
         return np.where(self._held[0], 0.0, coarse_values)
 
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        for vectors in self._vectors.values():
-            for vector in vectors:
-                vector.destroy()
-        self._velocity.destroy()
-        self._pressure.destroy()
-
 
 def _smoothing_mass(equations: Equations) -> PressureMass:
     carrier = equations.carrier
@@ -304,7 +288,7 @@ def _smoothing_mass(equations: Equations) -> PressureMass:
     return PressureMass(equations, viscosity)
 
 
-class Action:
+class Action(Owner):
     """Jacobian of the present state, or its transpose, as an action; identity where `held`. Collective.
 
     For orders of three and more on tetrahedra, one application costs about three of a matrix, which
@@ -312,6 +296,7 @@ class Action:
     """
 
     def __init__(self, state: Any, residual: Callable[[Any, Any], Any], held: np.ndarray):
+        super().__init__()
         self._state, self._residual, self._held = state, residual, held
         self._direction = dolfinx.fem.Function(state.function_space)
         self._forms: dict[bool, Any] = {}
@@ -324,7 +309,7 @@ class Action:
         self._direction.x.array[:owned] = np.where(self._held, 0.0, values)
         self._direction.x.scatter_forward()
         if self._vector is None:
-            self._vector = compat.create_vector(form, self._state.function_space)
+            self._vector = self.holding(compat.create_vector(form, self._state.function_space))
         compat.vector_of(form, self._vector)
         return np.where(self._held, values, self._vector.array_r)
 
@@ -336,13 +321,8 @@ class Action:
             self._forms[transposed] = compat.form(ufl.derivative(residual, self._state, change))
         return self._forms[transposed]
 
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        if self._vector is not None:
-            self._vector.destroy()
 
-
-class PressureForce:
+class PressureForce(Owner):
     """Pressure part of momentum, or transposed continuity part (without upwinding), of the Jacobian. Collective.
 
     A matrix, which saves 198 of 430 actions for two updates and two dual solutions of a sphere in
@@ -350,6 +330,7 @@ class PressureForce:
     """
 
     def __init__(self, space: TaylorHood, form: Callable[[bool], Any]):
+        super().__init__()
         self._form = form
         velocities = space.velocity.dofmap.index_map.size_local * space.gdim
         pressures = space.pressure.dofmap.index_map.size_local
@@ -370,8 +351,8 @@ class PressureForce:
         """Pressure forces (owned unknowns,) of values (owned unknowns,)."""
         if transposed not in self._made:
             form = compat.form(self._form(not transposed))
-            matrix = petsc.create_matrix(form)
-            self._made[transposed] = form, matrix, *matrix.createVecs()
+            matrix = self.holding(petsc.create_matrix(form))
+            self._made[transposed] = form, matrix, *map(self.holding, matrix.createVecs())
         form, matrix, right, left = self._made[transposed]
         if transposed not in self._fresh:
             compat.matrix_of(form, matrix=matrix)
@@ -381,9 +362,3 @@ class PressureForce:
         forces = np.zeros_like(values)
         forces[self._velocities] = left.array_r
         return forces
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        for _, *held in self._made.values():
-            for one in held:
-                one.destroy()
