@@ -17,7 +17,7 @@ from ..scene.grains import FRICTIONLESS, LEVEL
 from ..scene.settling import DEFAULT_FRICTION
 from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow
-from ..setup.numbers import Numbers, time_of_change, wall_distance
+from ..setup.numbers import Numbers, time_of_change
 from ..setup.setup import Setup
 from .transition import REMEDY, transition, turbulent_from
 
@@ -151,8 +151,9 @@ def unsteadiness(setup: Setup) -> Decision:
 def shedding(setup: Setup) -> str:
     """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
     reynolds, scene = setup.numbers.grain_reynolds, setup.scene
+    clearance = setup.numbers.reach - 0.5
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
-    if reynolds is None or reynolds <= least or wall_distance(setup) < SHEDDING_CLEARANCE:
+    if reynolds is None or reynolds <= least or clearance < SHEDDING_CLEARANCE:
         return ""
     if not scene.fluid.inertia or scene.effects.inertia is False:
         return ""

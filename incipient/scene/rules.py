@@ -425,7 +425,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         Rule("flow.kind", lambda s: _channel(s) and not s.flow.below_surface,
-             '"{s.flow.kind}" is no flow below a free surface, on which there is no shear', f"use {either(STREAMS)}"),
+             '"{s.flow.kind}" is not possible below a free surface, which has no shear', f"use {either(STREAMS)}"),
         Rule("flow.kind", lambda s: s.has_surface and _boxed(s) and not s.flow.at_rest,
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),

@@ -84,7 +84,7 @@ def numbers_of(setup: Setup) -> Numbers:
     # The reference velocity of shear is that over the reference length.
     velocity *= scene.flow.reference_velocity(height) / scene.reference_velocity
     flow = 0.0 if scene.flow.at_rest else velocity * height / viscosity
-    reach = wall_distance(setup) + 0.5 if grain is not None else 0.0
+    reach = _wall_distance(setup) + 0.5 if grain is not None else 0.0
     return Numbers(
         reynolds,
         flow,
@@ -155,7 +155,7 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
     return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.viscosity
 
 
-def wall_distance(setup: Setup) -> float:
+def _wall_distance(setup: Setup) -> float:
     """Distance [grain sizes] from the grain to the next wall above or below; without one the height of the domain."""
     scene, base_flow = setup.scene, setup.base_flow
     placement, domain, top = scene.placement, scene.domain, scene.top

@@ -96,7 +96,7 @@ class Setup:
     @cached_property
     def surroundings(self) -> Surroundings:
         """The boundaries that the grain may meet."""
-        return surroundings_of(self.scene, self.sides, self.ceiling)
+        return surroundings_of(self.geometry, self.sides, self.ceiling)
 
     def faster(self, factor: float) -> Setup:
         """Makes the setup of a flow faster by a factor at the same viscosity, in units of that flow."""

@@ -8,15 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Floats
-from ..geometry.closest import proximity
 from ..geometry.placement import Placement
-from ..geometry.plane.beds import Bed
 from ..geometry.plane.grains import Grain
 from ..geometry.proximity import Proximity
-from ..geometry.space.beds import Terrain
 from ..geometry.space.grains import Solid
-from ..scene import Scene
-from .geometry import Place, SideNames, point
+from .geometry import Geometry, Place, SideNames, point
 
 # On each curve of the outline, by which the distance of a side is known to 1e-7 of the grain's size
 SAMPLES = 2000
@@ -42,28 +38,13 @@ class Side:
     inwards: int
 
 
-def surroundings_of(scene: Scene, names: SideNames, ceiling: float) -> Surroundings:
-    """The boundaries that the grain may meet; a free surface replaces the top of the domain. Not collective."""
-    domain, up = scene.domain, scene.up
-    sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
-    if not scene.has_surface:
-        sides.insert(0, Side(names.top, up, ceiling, -1))
-    # In half a scene the grain is equally far from the side beyond the plane of symmetry.
-    ends = zip(domain.across[::-1], (-1, 1), strict=True) if scene.gdim == 3 else ()
-    sides += [Side(name, 1, *end) for name, end in zip(names.across[::-1], ends, strict=False)]
-    if scene.bed_shape is None:
-        sides.append(Side(names.bottom, up, domain.bottom, 1))
-    assert scene.grain is not None
-    return Surroundings(scene.grain, tuple(sides), scene.bed_shape, names.bottom)
-
-
 @dataclass(frozen=True, eq=False)
 class Surroundings:
     """The sides of a domain, without the lower one where there is a bed, and that bed."""
 
     grain: Grain | Solid
     sides: tuple[Side, ...]
-    bed: Bed | Terrain | None = None
+    near_bed: Proximity | None = None
     name_of_bed: str = "bed"
 
     def clearance(self, placement: Placement, within: float = np.inf) -> Clearance:
@@ -74,8 +55,9 @@ class Surroundings:
         clearances = [self._from_side(placement, side) for side in self.sides]
         down = -np.eye(placement.gdim)[-1]
         lowest = float(self._extreme(placement, down)[-1])
-        if self.bed is not None and (within == np.inf or lowest - self.bed.crest < within):
-            gap, on_grain, on_bed = self._near_bed.clearance(placement)
+        near = self.near_bed
+        if near is not None and (within == np.inf or lowest - near.bed.crest < within):
+            gap, on_grain, on_bed = near.clearance(placement)
             clearances.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
         return min(clearances, key=lambda one: one.distance)
 
@@ -102,7 +84,17 @@ class Surroundings:
         assert isinstance(self.grain, Grain)
         return self.grain.chain.points(SAMPLES)
 
-    @cached_property  # preparation takes longer than a query
-    def _near_bed(self) -> Proximity:
-        assert self.bed is not None
-        return proximity(self.grain, self.bed)
+
+def surroundings_of(geometry: Geometry, names: SideNames, ceiling: float) -> Surroundings:
+    """The boundaries that the grain may meet; a free surface replaces the top of the domain. Not collective."""
+    scene, domain, up = geometry.scene, geometry.scene.domain, geometry.scene.up
+    sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
+    if not scene.has_surface:
+        sides.insert(0, Side(names.top, up, ceiling, -1))
+    # In half a scene the grain is equally far from the side beyond the plane of symmetry.
+    ends = zip(domain.across[::-1], (-1, 1), strict=True) if scene.gdim == 3 else ()
+    sides += [Side(name, 1, *end) for name, end in zip(names.across[::-1], ends, strict=False)]
+    near_bed = None if scene.bed_shape is None else geometry.near_bed
+    if near_bed is None:
+        sides.append(Side(names.bottom, up, domain.bottom, 1))
+    return Surroundings(scene.grain, tuple(sides), near_bed, names.bottom)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,9 +14,12 @@ from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
 from ...results.loads import named
-from ...setup.surroundings import Surroundings
+from ...setup.setup import Setup
 from .bed_contact import BedContact
 from .part import MovingGrain, columns_of_load
+
+if TYPE_CHECKING:
+    from ...restart.checkpoint import Checkpoint
 
 # Largest advance, in gaps, of a new mesh ahead of a grain on its bed, by dimension: beyond, cells fold on the way back,
 # in 3-D at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).
@@ -26,38 +28,24 @@ IN_POCKET = "in-pocket"  # returning or at rest after a gust
 
 
 class GrainOnBed(MovingGrain):
-    """Moving grain in contact with its bed."""
+    """Moving grain in contact with its bed; `bed_contact` has its history since the scene's placement."""
 
     part: RigidPartOnBed
 
-    @cached_property
-    def bed_contact(self) -> BedContact:
-        """Contact with the bed, and history, since the scene's placement."""
-        scene, geometry = self.scene, self.setup.geometry
+    def __init__(self, setup: Setup, *others: Any):
+        super().__init__(setup, *others)
+        scene, geometry, around = self.scene, setup.geometry, self.surroundings
         first = geometry.stance.placement
         assert scene.contact is not None and first is not None
-        return BedContact(
-            *(
-                geometry.near_bed,
-                scene.contact_gap,
-                self.body,
-                scene.contact,
-                scene.reference_velocity,
-            ),
-            *(first, self._weight()),
+        self.bed_contact = BedContact(
+            *(geometry.near_bed, scene.contact_gap, self.body, scene.contact),
+            *(scene.reference_velocity, first, self._weight()),
         )
-
-    def _rigid_part(self, *others: Any, **named: Any) -> RigidPartOnBed:
-        return RigidPartOnBed(*others, contact=self.bed_contact.motion, **named)
-
-    @cached_property
-    def _around(self) -> Surroundings:
-        around = self.surroundings
         sides = tuple(side for side in around.sides if side.name != around.name_of_bed)
-        return replace(around, sides=sides, bed=None)
+        self.obstacles = replace(around, sides=sides, near_bed=None)
 
-    def _in_the_way(self) -> Surroundings:
-        return self._around
+    def _kind(self, *others: Any, **named: Any) -> RigidPartOnBed:
+        return RigidPartOnBed(*others, contact=self.bed_contact.motion, **named)
 
     def _meshed_at(self) -> Placement:
         """Next to contact a placement up to half the next step ahead, which halves the shear of
@@ -155,6 +143,8 @@ class GrainOnBed(MovingGrain):
         body = super().stored(coupling, transient)["body"]
         return {"body": replace(body, on_bed=self.bed_contact.stored(self.part.contacts))}
 
-    def _restore_contacts(self, kept: dict[str, Any] | None) -> None:
-        if kept is not None:
-            self.part.contacts = self.bed_contact.restore(kept)
+    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+        """Restore contacts and history, too."""
+        super().restore(kept, coupling)
+        if kept.body is not None and kept.body.on_bed is not None:
+            self.part.contacts = self.bed_contact.restore(kept.body.on_bed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ from ...planning.effects import EffectName
 from ...results.loads import apart, named, named_torque
 from ...setup.body import initial_state, rigid_body
 from ...setup.setup import Setup
-from ...setup.surroundings import Clearance, Surroundings
+from ...setup.surroundings import Clearance
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ class MovingGrain(RunPart):
 
     Attributes:
         part: rigid body in the coupling, set by `moving`.
+        obstacles: boundaries that the grain may not touch.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
         meshes_ahead: whether remeshing may anticipate the motion.
     """
@@ -57,6 +59,7 @@ class MovingGrain(RunPart):
 
     effect = EffectName.FREE_BODY
     part: RigidPart
+    _kind: Callable[..., RigidPart] = RigidPart
     does = ""  # its motion on its bed, where it continues there
 
     def __init__(
@@ -71,7 +74,8 @@ class MovingGrain(RunPart):
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        self.surroundings, self._halved = setup.surroundings, setup.symmetric
+        self.surroundings = self.obstacles = setup.surroundings
+        self._halved = setup.symmetric
         self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
         self.body = rigid_body(scene.body, self._halved)
         first = setup.geometry.stance.placement
@@ -114,15 +118,12 @@ class MovingGrain(RunPart):
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
-        self.part = self._rigid_part(
+        self.part = self._kind(
             *(self._fluid, self.body, self._start, self._displacement, self._other_load),
             room=self._room,
             stage=self._stage,
         )
         return (self.part,)
-
-    def _rigid_part(self, *others: Any, **named: Any) -> RigidPart:
-        return RigidPart(*others, **named)
 
     def drawn(self) -> Placement:
         """Rounded placement for a new mesh."""
@@ -222,12 +223,9 @@ class MovingGrain(RunPart):
         """Distance from the nearest other boundary. Not collective."""
         return self.surroundings.clearance(self.state.placement)
 
-    def _in_the_way(self) -> Surroundings:
-        return self.surroundings
-
     def _room(self, state: BodyState) -> float:
         gap = self.scene.contact_gap
-        return self._in_the_way().clearance(state.placement, 2.0 * gap).distance - gap
+        return self.obstacles.clearance(state.placement, 2.0 * gap).distance - gap
 
     def _weight(self) -> Floats:
         """Submerged weight (gdim,)."""
@@ -291,12 +289,8 @@ class MovingGrain(RunPart):
         part.state, part.met = part.past[0], body.met
         part.end = End(part.state, body.load, body.flow_load, body.length)
         part.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
-        self._restore_contacts(kept.body.on_bed)
         self.remeshings = [Remeshing(**one) for one in kept.body.remeshings]
         self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()
-
-    def _restore_contacts(self, kept: dict[str, Any] | None) -> None:
-        """Restore contacts with the bed."""
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:
