@@ -318,7 +318,7 @@ class Uniform(Strategy):
         term = by_coarser_mesh(run.scene, computed, runs)
         search.known.terms["discretisation"] = term
         if doubt and walls is not None and walls.by_cells:
-            return Estimate(None, term, note=doubt)  # a finer mesh may be as the model asks
+            return Estimate(None, term, note=doubt)  # a finer mesh may meet the model's requirement
         error = relative(search.goal, computed, term.with_changes(computed.unsteady))
         if search.goal.name == OF_WALLS and walls is not None and term.shear is not None:
             error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
