@@ -47,7 +47,7 @@ _TOPS: dict[str, Top] = {
     "still": "wall",
 }
 _DEFAULT_GAP = 0.01
-# Gaps [grain sizes]: above the first the plan warns, above the second the flow no longer represents that around a grain at rest.
+# Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
 _DEFAULT_TOLERANCE = 1e-6
 
