@@ -12,7 +12,7 @@ from pydantic import Field
 from .points import FromFile, file_key, read_points
 from .section import NotNegative, Pair, Positive, Rule, key, rises
 
-RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, where none is given
+RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 
 
 class Gust(FromFile):

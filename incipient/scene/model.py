@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
 
 _DEFAULT_GAP = 0.01
-# Gaps [grain sizes]: above the first the plan warns, above the second the flow is no more that around a grain at rest.
+# Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
 _DEFAULT_TOLERANCE = 1e-6
 

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
-FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
+FINEST_PLACE = 1e-6  # of the smallest size in the scene: least resolution of positions
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
-_PLACES = 201  # in each direction at which bed and free surface are looked at
+_PLACES = 201  # points in each direction at which bed and free surface are checked
 CELLS_OF_A_FORM = 20  # at the least
 
 

@@ -35,7 +35,7 @@ _BY_OTHERS = (
     "incipient judge --forces"
 )
 
-Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks itself
+Asked = Callable[[Any], Any]  # of a scene; rules check which sections exist
 
 
 def contradictions(scene: Scene) -> Iterator[Problem]:

@@ -64,7 +64,7 @@ def test_zanke_is_his_formula():
     tan = math.tan(math.radians(35.0 / 1.5))
     for row in range(0, 14, 2):
         size, reynolds, ratio, stored = (
-            thresholds._zanke()[name][row]
+            thresholds._read("zanke_2003.csv")[name][row]
             for name in ("D_m", "Re_star", "turbulence_ratio", "D_star")
         )
         damped = math.exp(-0.1 * reynolds)
