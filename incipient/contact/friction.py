@@ -50,22 +50,18 @@ class FrictionCone:
         return cone
 
     def rows(self, count: int) -> FrictionCone:
-        """Broadcast to n cases."""
         both = self.coefficient, self.cohesion
         return FrictionCone(*(np.broadcast_to(number, count) for number in both))
 
     def part(self, rows: Rows) -> FrictionCone:
-        """Select cases."""
         cohesion = self.cohesion[rows] if self.cohesion.shape else self.cohesion
         return FrictionCone(self.coefficient[rows], cohesion)
 
     def changed(self, change: float) -> FrictionCone:
-        """Shift the coefficient, limited to at least 0."""
         return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))
 
     @property
     def is_cohesive(self) -> bool:
-        """Whether contacts can pull."""
         return bool((self.cohesion > 0.0).any())
 
     @property
@@ -76,7 +72,6 @@ class FrictionCone:
 
     @property
     def is_frictionless(self) -> bool:
-        """Whether the coefficient counts as zero."""
         return bool(self.coefficient.flat[0] < FRICTIONLESS)
 
     @cached_property

@@ -93,7 +93,6 @@ class SurfacePart:
         """Do nothing."""
 
     def predict(self, length: float, order: int) -> None:
-        """Extrapolate the elevation; the fluid has the backward difference of the step."""
         time = self.times[0] + length
         count = min(order + 1, len(self.past))
         self._tried = extrapolated(self.times[:count], self.past[:count], time)
@@ -112,16 +111,13 @@ class SurfacePart:
             self._drift.prepare(a0)
 
     def displacement(self) -> Floats:
-        """Displacement (n, 3) of the mesh's nodes by the trial elevation."""
         return self.mesh.at(self._tried)
 
     def place(self) -> None:
-        """Set the trial elevation, and the pressure above it, in the flow."""
         self._load.elevation.x.array[:] = self._tried
         self._load.update(self.fluid.time)
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         self._vector.destroy()
         if self._drift is not None:
             self._drift.destroy()
@@ -143,7 +139,6 @@ class SurfacePart:
         return missed / max(self.fluid.speed(), 1e-300)
 
     def correct(self) -> None:
-        """Update the trial elevation."""
         if self._drift is None:
             self._tried = self._improved
         else:
@@ -160,7 +155,6 @@ class SurfacePart:
         self.times = [self.fluid.time, *self.times[:2]]
 
     def restore(self) -> None:
-        """Restore the last state."""
         self._tried = self._improved = self.past[0]
         self._load.elevation.x.array[:] = self.past[0]
 
@@ -175,11 +169,9 @@ class SurfacePart:
 
     @property
     def elevation(self) -> Floats:
-        """Elevation (local nodes,) at the last state."""
         return self.past[0]
 
     def largest(self) -> float:
-        """Largest absolute elevation."""
         mine = float(np.abs(self.past[0]).max(initial=0.0))
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
@@ -192,7 +184,6 @@ class SurfacePart:
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:
-        """Potential energy above that of the still level."""
         return self._whole * self._sum(self._potential)
 
     def crossed(self) -> float:
