@@ -71,13 +71,13 @@ class SurfacePart:
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
         fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest()))
-        fluid.holding(self)
+        fluid.holding(displacement)
         self._tried = self._improved = elevation
         self._load.elevation.x.array[:] = elevation
         v, _ = ufl.split(fluid.state)
         n, measure, load = self._load.normal, self._load.measure, self._load
         self._flux = compat.form(flux(v, ufl.TestFunction(load.space), n) * measure)
-        self._vector = petsc.assemble_vector(self._flux)
+        self._vector = fluid.holding(petsc.assemble_vector(self._flux))
         crossed = crossing(v, load.known, load.elevation, load.rate, n) * measure
         self._crossing = compat.form(crossed)
         self._potential = compat.form(
@@ -85,7 +85,9 @@ class SurfacePart:
         )
         self._area = compat.form(dolfinx.fem.Constant(fluid.domain.mesh, 1.0) * measure)
         self._steepness = _Steepness(displacement)
-        self._drift = Drift(fluid, displacement) if fluid.constraints.crossings else None
+        self._drift: Drift | None = None
+        if fluid.constraints.crossings:
+            self._drift = fluid.holding(Drift(fluid, displacement))
 
     # -- the step, as the coupling sees it --------------------------------------------------------
 
@@ -116,12 +118,6 @@ class SurfacePart:
     def place(self) -> None:
         self._load.elevation.x.array[:] = self._tried
         self._load.update(self.fluid.time)
-
-    def destroy(self) -> None:
-        self._vector.destroy()
-        if self._drift is not None:
-            self._drift.destroy()
-        self.mesh.destroy()
 
     def residual(self, length: float, order: int) -> float:
         """Distance of the mesh from the convected surface, as a velocity relative to the flow's.
