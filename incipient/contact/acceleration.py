@@ -168,7 +168,6 @@ class ReleaseProblem:
 
     @property
     def planar(self) -> bool:
-        """Whether the cases are planar."""
         return self.contacts.plane is not None
 
     @cached_property

@@ -63,12 +63,10 @@ class FrictionCone:
         return replace(self, **{one.name: change(getattr(self, one.name)) for one in fields(self)})
 
     def changed(self, change: float) -> FrictionCone:
-        """Shift the coefficient, limited to at least 0."""
         return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))
 
     @property
     def is_cohesive(self) -> bool:
-        """Whether contacts can pull."""
         return bool((self.cohesion > 0.0).any())
 
     @property
@@ -79,7 +77,6 @@ class FrictionCone:
 
     @property
     def is_frictionless(self) -> bool:
-        """Whether the coefficient counts as zero."""
         return bool(self.coefficient.flat[0] < FRICTIONLESS)
 
     @cached_property

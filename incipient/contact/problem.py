@@ -137,7 +137,6 @@ class ContactProblem:
         return len(self.arms)
 
     def part(self, rows: Rows) -> ContactProblem:
-        """Select cases."""
         names = ("arms", "inward", "reach", "wrenches", "sizes")
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         plane = None if self.plane is None else self.plane[rows]

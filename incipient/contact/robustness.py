@@ -68,12 +68,10 @@ class SafetyRange:
 
     @property
     def rests(self) -> bool:
-        """Whether every load of the box is held at factor one."""
         return _contains(self.guaranteed, 1.0)
 
     @property
     def moves(self) -> bool:
-        """Whether no load of the box is held at factor one."""
         return not _contains(self.possible, 1.0)
 
     @property
@@ -218,7 +216,6 @@ class StandardErrors:
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Standard error of each input by name."""
         values = [*self.flow_force, *self.flow_couple, self.friction]
         return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
 
@@ -247,7 +244,6 @@ class Probability:
 
     @classmethod
     def of(cls, count: int, total: int) -> "Probability":
-        """Probability of an event seen in `count` of `total` cases."""
         mean = (count + 1.0) / (total + 2.0)
         error = float(np.sqrt(mean * (1.0 - mean) / (total + 3.0)))
         extreme = count in (0, total)
@@ -273,7 +269,6 @@ class Within:
 
     @classmethod
     def of(cls, bounds: SafetyRange) -> "Within":
-        """Describe a range of safety factors in words."""
         says = "it may rest and it may move"
         if bounds.rests or bounds.moves:
             says = f"it {'moves' if bounds.moves else 'rests'} for certain"
@@ -304,7 +299,6 @@ class Probabilities:
 
     @property
     def sentence(self) -> str:
-        """The outcome in a sentence."""
         text = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
         if self.most is not None:
             part = self.influence[self.most]

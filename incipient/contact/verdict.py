@@ -133,7 +133,6 @@ class Exact:
 
     @property
     def label(self) -> str:
-        """Mode in words; "moves" if it is unknown."""
         if self.motion is not None and self.motion.moves:
             return self.motion.first.mode.label
         return "moves" if self.moves else "rest"

@@ -64,7 +64,6 @@ class JudgedRun:
 
     @property
     def said(self) -> str:
-        """The error as text."""
         return f"{'' if self.resolved else '<'}{percent(self.error)}"
 
 
@@ -168,7 +167,6 @@ class Study:
         return f"{mark} {judged.said:>9} {spent}  {run.rung.name}{own}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The study without its runs as plain data."""
         judged = [
             _row(one)
             | {"name": one.run.rung.name, "said": one.said, "resolved": one.resolved}

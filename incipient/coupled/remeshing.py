@@ -144,7 +144,6 @@ class Carrier:
         self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))
 
     def state(self, values: Floats) -> Floats:
-        """Transfer the unknowns of a state."""
         carried = np.zeros_like(self.new.state.x.array)
         spaces = (self.old.space, self.new.space)
         for name in ("velocity", "pressure"):

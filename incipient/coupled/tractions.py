@@ -89,7 +89,6 @@ class TractionProbe:
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
-        """Set the reference point (gdim,) of torques."""
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:

@@ -39,7 +39,6 @@ class AlongWall:
 
     @property
     def speeds(self) -> np.ndarray:
-        """Tangential speeds (n,)."""
         normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))

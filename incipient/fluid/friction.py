@@ -40,7 +40,6 @@ class WallMotion:
             constant.value[:] = values
 
     def at(self, places: np.ndarray) -> np.ndarray:
-        """Velocities (n, gdim) at positions (n, gdim)."""
         velocity, spin, centre = (part.value for part in self._parts)
         arms = places - centre
         return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
@@ -92,7 +91,6 @@ class WallLoad:
         return np.zeros_like(places) if motion is None else motion.at(places)
 
     def relative(self, v: Any, boundary: str) -> Any:
-        """Velocity relative to a wall, in UFL. Not collective."""
         motion = self._motions.get(boundary)
         return v if motion is None else v - motion.velocity
 

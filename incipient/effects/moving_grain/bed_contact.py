@@ -178,7 +178,6 @@ class BedContact:
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, contacts: ActiveContacts) -> dict[str, float | int | str]:
-        """History columns: number of contacts, fastest slip, mode, work."""
         slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
         course = self.course
         return {
@@ -189,7 +188,6 @@ class BedContact:
         }
 
     def reported(self) -> dict[str, Any]:
-        """History of the grain as plain data."""
         course = self.course
         times = {name: getattr(course, name) for name in ("mode", "first_motion", "first_step")}
         works = {name: getattr(course, name) for name in WORKS}

@@ -72,7 +72,6 @@ class Block(LinearSolver):
         return solver, triangle
 
     def prepare(self) -> None:
-        """Rebuild the preconditioner from the present matrix. Collective."""
         if self._direct is not None:
             self._direct.prepare()
             return
@@ -162,7 +161,6 @@ class Block(LinearSolver):
         )
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         if self._direct is not None:
             self._direct.destroy()
         super().destroy()
