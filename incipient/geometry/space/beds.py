@@ -23,6 +23,7 @@ Extent = tuple[Sides, Sides]
 MOST_ACROSS = 1000  # points of the rule for means along each side
 LOWEST = 0.5  # of the radius, by which a sphere in disorder may lie lower
 AROUND = 2  # places of the lattice on either side at which a sphere above a point may belong
+FOOT = 1e-12  # of the feature: residual of a foot on a smooth bed; gaps err by its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -411,7 +412,7 @@ class SmoothTerrain(Terrain):
             better = size < least[pending]
             best[pending[better]], least[pending[better]] = x[better], size[better]
             # A residual that gets no smaller is round-off.
-            going = better & (size > 1e-15 * (self.feature + np.abs(x).max(axis=1)))
+            going = better & (size > FOOT * (self.feature + np.abs(x).max(axis=1)))
             x, pending = (x - step)[going], pending[going]
             if len(pending) == 0:
                 break

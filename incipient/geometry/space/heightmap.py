@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
+from numpy.polynomial.polynomial import polyder
 from numpy.typing import ArrayLike
 
 from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows
@@ -15,11 +15,14 @@ from incipient.input_files import reading
 
 ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
-KEYS = 0.5 * np.array(
-    [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
-)  # cubics by four heights
-CUBICS = [polyder(KEYS, order) for order in range(3)]  # and their derivatives
-ORDERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]  # of derivatives in x and y
+# Cubics through the two heights between which a point lies, by powers of its fraction of the cell, for each of the
+# four heights around it (Keys 1981), and their first and second derivatives
+KEYS = 0.5 * np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]])
+CUBICS = np.array(
+    [np.pad(polyder(KEYS, order, axis=1), ((0, 0), (0, order))) for order in range(3)]
+)
+ORDERS = np.arange(3)[:, None, None]
+AROUND = np.arange(-1, 3)
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
 # Values that programs write for cells without data: ESRI's, those of 16-bit integers and of single precision
@@ -159,11 +162,12 @@ class HeightMap(SmoothTerrain):
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
-        return np.asarray(self.origin[2] + self._derivatives(x, [(0, 0)])[0])
+        return np.asarray(self.origin[2] + self._derivatives(x, 0)[:, 0, 0])
 
     def gradient(self, x: ArrayLike) -> Floats:
         """The derivatives (n, 2)."""
-        return np.column_stack(self._derivatives(x, [(1, 0), (0, 1)]))
+        table = self._derivatives(x, 1)
+        return np.column_stack([table[:, 0, 1], table[:, 1, 0]])
 
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives (n, 2, 2), which jump between cells."""
@@ -171,41 +175,39 @@ class HeightMap(SmoothTerrain):
 
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Height, gradient and second derivatives, of which each needs the same heights."""
-        z, *first, xx, xy, yy = self._derivatives(x, ORDERS)
-        second = np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
-        return self.origin[2] + z, np.column_stack(first), second
+        table = self._derivatives(x, 2)
+        mixed = table[:, 1, 1]
+        second = np.stack([table[:, 0, 2], mixed, mixed, table[:, 2, 0]], axis=1)
+        first = np.column_stack([table[:, 0, 1], table[:, 1, 0]])
+        return self.origin[2] + table[:, 0, 0], first, second.reshape(-1, 2, 2)
 
-    def _derivatives(self, x: ArrayLike, orders: list[tuple[int, int]]) -> list[Floats]:
-        """Derivatives (n,) of the interpolation at points (n, 2), of some orders in x and y."""
+    def _derivatives(self, x: ArrayLike, most: int) -> Floats:
+        """Derivatives (n, most + 1, most + 1) of the interpolation at points (n, 2), by their orders in y and x."""
         at = (rows(x) - np.asarray(self.origin[:2])) / np.asarray(self.cell)
         count = np.array(self.heights.shape[::-1])
-        first = np.clip(np.floor(at), 0, count - 2).astype(int)
         # Beyond the edge everything is as at the edge.
-        t = np.clip(at - first, 0.0, 1.0)
         outside = (at < 0.0) | (at > count - 1)
-        i, j = (np.clip(first[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
-        values = self.heights[j[:, :, None], i[:, None, :]]
-        # Along x first, for each order there.
-        along = [
-            (values @ _weights(t[:, 0], order, self.cell[0])[..., None])[..., 0]
-            for order in range(1 + max(order for order, _ in orders))
+        at = np.clip(at, 0.0, count - 1.0)
+        first = np.minimum(at.astype(int), count - 2)
+        powers = (at - first)[..., None] ** np.arange(4)
+        weights = [
+            powers[:, k]
+            @ (CUBICS[: most + 1] / self.cell[k] ** ORDERS[: most + 1]).reshape(-1, 4).T
+            for k in (0, 1)
         ]
-        result = []
-        for order in orders:
-            total = (along[order[0]] * _weights(t[:, 1], order[1], self.cell[1])).sum(axis=1)
-            result.append(np.where((outside & (np.array(order) > 0)).any(axis=1), 0.0, total))
-        return result
+        i, j = (np.clip(first[:, k, None] + AROUND, 0, count[k] - 1) for k in (0, 1))
+        values = self.heights[j[:, :, None], i[:, None, :]]
+        along, across = (table.reshape(len(at), most + 1, 4) for table in weights)
+        result = across @ values @ along.transpose(0, 2, 1)
+        result[outside[:, 0], :, 1:] = 0.0
+        result[outside[:, 1], 1:] = 0.0
+        return np.asarray(result)
 
 
 def _gap(heights: Floats) -> tuple[int, int] | None:
     """Row and column of the first height that is not finite."""
     gaps = np.argwhere(~np.isfinite(heights))
     return None if not len(gaps) else (int(gaps[0, 0]), int(gaps[0, 1]))
-
-
-def _weights(t: Floats, derivative: int, step: float) -> Floats:
-    """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
-    return np.asarray(polyval(t, CUBICS[derivative]).T / step**derivative)
 
 
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
