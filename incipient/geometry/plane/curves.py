@@ -1,11 +1,11 @@
-"""Plane curves of outlines and beds: straight lines, arcs of circles and ellipses, splines, exact smooth curves.
+"""Plane curves of outlines and beds: straight lines, arcs of circles and ellipses, splines.
 
 A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, unit
 from incipient.geometry.placement import Placement
-
-ORIGIN = Placement((0.0, 0.0))
 
 
 class Curve(ABC):
@@ -113,11 +111,7 @@ class Arc(Curve):
 
 @dataclass(frozen=True, eq=False)
 class Spline(Curve):
-    """A smooth curve through `points` (n, 2), n >= 4, at equal steps of the parameter.
-
-    Between points it is a cubic whose end slopes are differences over the neighbours: the error falls with
-    the fourth power of the spacing of evenly spaced points.
-    """
+    """The cubic spline through `points` (n, 2), n >= 4, at equal steps of the parameter."""
 
     points: Floats
 
@@ -133,14 +127,9 @@ class Spline(Curve):
 
     @cached_property
     def _cubics(self) -> Any:
-        """Cubics with central differences as slopes inside, and cubic one-sided ones at the ends."""
-        from scipy.interpolate import CubicHermiteSpline  # which takes time to import
+        from scipy.interpolate import CubicSpline  # which takes time to import
 
-        p = self.points
-        slopes = np.gradient(p, axis=0)
-        slopes[0] = (-11.0 * p[0] + 18.0 * p[1] - 9.0 * p[2] + 2.0 * p[3]) / 6.0
-        slopes[-1] = (11.0 * p[-1] - 18.0 * p[-2] + 9.0 * p[-3] - 2.0 * p[-4]) / 6.0
-        return CubicHermiteSpline(np.linspace(0.0, 1.0, len(p)), p, slopes * (len(p) - 1))
+        return CubicSpline(np.linspace(0.0, 1.0, len(self.points)), self.points)
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (n, 2)."""
@@ -153,41 +142,6 @@ class Spline(Curve):
     def moved(self, placement: Placement) -> "Spline":
         """The curve at its place in the scene."""
         return Spline(placement.to_scene(self.points))
-
-
-@dataclass(frozen=True, eq=False)
-class Traced(Curve):
-    """A piece of a smooth outline, known exactly: `shape.trace` gives points and derivatives by an angle."""
-
-    shape: Any  # with a method `trace`
-    first: float  # angle at s = 0
-    sweep: float  # angle from start to end
-    placement: Placement = field(default=ORIGIN)
-
-    @property
-    def start(self) -> Point:  # type: ignore[override]
-        """The point at s = 0."""
-        return plain(self.point([0.0])[0])
-
-    @property
-    def end(self) -> Point:  # type: ignore[override]
-        """The point at s = 1."""
-        return plain(self.point([1.0])[0])
-
-    def point(self, s: ArrayLike) -> Floats:
-        """Points (n, 2)."""
-        angle = self.first + self.sweep * _column(s)[:, 0]
-        return self.placement.to_scene(self.shape.trace(angle)[0])
-
-    def derivative(self, s: ArrayLike) -> Floats:
-        """Derivatives (n, 2)."""
-        angle = self.first + self.sweep * _column(s)[:, 0]
-        return np.asarray(self.sweep * self.shape.trace(angle)[1] @ self.placement.rotation.T)
-
-    def moved(self, placement: Placement) -> "Traced":
-        """The curve at its place in the scene."""
-        centre = plain(placement.to_scene([self.placement.centre])[0])
-        return replace(self, placement=Placement(centre, self.placement.angle + placement.angle))
 
 
 def part(curve: Curve, first: float, last: float) -> Curve:

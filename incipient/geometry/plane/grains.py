@@ -21,7 +21,6 @@ from incipient.geometry.plane.curves import (
     Curve,
     Line,
     Spline,
-    Traced,
     increasing_roots,
     nearest_on_sides,
     plain,
@@ -44,10 +43,13 @@ QUARTER, EVEN = 768, 192
 BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
+CLOSE = 4097  # points of the splines that are a smooth outline's quarters
+AMONG = 401  # angles at a time among which the two farthest points of an outline are sought
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
 SHORT, WINDOW, CORNER = 0.01, 0.02, np.radians(30.0)
+SHARP = 1e-5  # radians between tangents of neighbouring curves from which on they meet in a corner
 TABLE = 4_000_000  # numbers in a table of points or pairs that is dealt with at a time
 
 
@@ -77,7 +79,7 @@ class Chain:
         """Whether a curve begins at a corner, (n,)."""
         each = np.arange(len(self.curves))
         first, last = (self.tangent(each, np.full(len(each), s)) for s in (0.0, 1.0))
-        return np.asarray(np.abs(first - np.roll(last, 1, axis=0)).max(axis=1) > 1e-9)
+        return np.asarray(np.abs(first - np.roll(last, 1, axis=0)).max(axis=1) > SHARP)
 
     @cached_property
     def _sides(self) -> Floats:
@@ -259,12 +261,14 @@ class Smooth(Grain):
     """A grain whose outline is a smooth closed curve over an angle."""
 
     @abstractmethod
-    def trace(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Points (n, 2) of the outline at parameter angles (n,), and the derivatives by the angle (n, 2)."""
+    def trace(self, angle: Floats) -> Floats:
+        """Points (n, 2) of the outline at parameter angles (n,)."""
 
     def outline(self) -> tuple[Curve, ...]:
-        """Four quarters, exact."""
-        return tuple(Traced(self, 0.5 * pi * k, 0.5 * pi) for k in range(4))
+        """Four quarters, within 1e-9 of the grain's size."""
+        return tuple(
+            Spline(self.trace(np.linspace(k, k + 1.0, CLOSE) * 0.5 * pi)) for k in range(4)
+        )
 
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
@@ -274,15 +278,15 @@ class Smooth(Grain):
             # Ten times as dense at the ends, where splines have to guess their slope
             s = np.linspace(0.0, 1.0, QUARTER + 1)
             s = s - 0.9 * np.sin(2.0 * pi * s) / (2.0 * pi)
-            return tuple(Spline(curve.point(s)) for curve in self.chain.curves)
+            return tuple(Spline(self.trace(0.5 * pi * (k + s))) for k in range(4))
         return tuple(self._even(a, b) for quarter in cuts for a, b in pairwise(quarter))
 
     def _cuts(self, first: float) -> Floats:
         """Angles (n,) from the start of a quarter: its ends, and equal turns where the curvature is large."""
         angle = np.linspace(0.0, 0.5 * pi, 2049)
-        rate = self.trace(first + angle)[1]
-        turn = np.diff(np.unwrap(np.arctan2(rate[:, 1], rate[:, 0])))
-        length = np.linalg.norm(rate[1:], axis=1) * angle[1]
+        sides = np.diff(self.trace(first + angle), axis=0)
+        turn = np.diff(np.unwrap(np.arctan2(sides[:, 1], sides[:, 0])))
+        length = np.linalg.norm(sides[1:], axis=1)
         turned = np.cumsum(np.where(turn * BLUNT * self.size > length, turn, 0.0))
         count = int(np.ceil(turned[-1] / TURN))
         inner = angle[
@@ -293,9 +297,9 @@ class Smooth(Grain):
     def _even(self, first: float, last: float) -> Spline:
         """A spline through points of the outline between two angles, evenly spaced: so are the nodes of its cells."""
         angle = np.linspace(first, last, 4097)
-        way = np.cumsum(np.linalg.norm(self.trace(0.5 * (angle[1:] + angle[:-1]))[1], axis=1))
+        way = np.cumsum(np.linalg.norm(np.diff(self.trace(angle), axis=0), axis=1))
         at = np.interp(np.linspace(0.0, way[-1], EVEN + 1), np.append(0.0, way), angle)
-        return Spline(self.trace(at)[0])
+        return Spline(self.trace(at))
 
 
 @dataclass(frozen=True)
@@ -317,16 +321,11 @@ class Superellipse(Smooth):
         """Twice the largest |x| on the outline, by Hoelder's inequality."""
         return 2.0 * farthest(self.semi_axes, self.exponent)
 
-    def trace(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Points and derivatives; the direction (a cos, b sin) is stretched to the outline."""
-        n = self.exponent
+    def trace(self, angle: Floats) -> Floats:
+        """Points (n, 2) of the outline; the direction (a cos, b sin) is stretched to it."""
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        along = quarter_turned(circle)
-        length = power_norm(np.abs(circle), n)[:, None]
-        rate = (np.sign(circle) * np.abs(circle) ** (n - 1.0) * along).sum(axis=1, keepdims=True)
-        rate = rate * length ** (1.0 - n)
-        axes = np.asarray(self.semi_axes)
-        return axes * circle / length, axes * (along / length - circle * rate / length**2)
+        length = power_norm(np.abs(circle), self.exponent)[:, None]
+        return np.asarray(self.semi_axes * circle / length)
 
 
 def power_norm(x: Floats, exponent: float) -> Floats:
@@ -359,50 +358,45 @@ class Star(Smooth):
 
     def __post_init__(self) -> None:
         angle = np.linspace(0.0, 2.0 * pi, 721)
-        r = self._radius(angle)[0]
+        r = self._radius(angle)
         if not r.min() > 0.0:
             worst = np.degrees(angle[np.argmin(r)])
             raise SceneError(
                 f"the radius of the star is {r.min():.3g} at {worst:.0f} degrees; keep it positive"
             )
 
-    def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
-        """The distances (n,) from the pole towards the angles (n,), and their derivatives."""
+    def _radius(self, angle: Floats) -> Floats:
+        """The distances (n,) from the pole towards the angles (n,)."""
         k = np.arange(1, max(len(self.cosines), len(self.sines)) + 1)
         c = np.zeros(len(k), dtype=complex)
         c[: len(self.cosines)] += self.cosines
         c[: len(self.sines)] -= 1j * np.array(self.sines)
-        waves = c * np.exp(1j * np.multiply.outer(angle, k))
-        return self.mean * (1.0 + waves.sum(axis=1).real), -self.mean * (waves @ k).imag
+        return np.asarray(self.mean * (1.0 + (np.exp(1j * np.multiply.outer(angle, k)) @ c).real))
 
     @cached_property
     def pole(self) -> Floats:
         """The point from which the radius is measured, in the body frame (2,)."""
         angle = 2.0 * pi * np.arange(RADII) / RADII
-        r = self._radius(angle)[0]
+        r = self._radius(angle)
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
         return np.asarray(-2.0 / 3.0 * (r**3) @ outward / (r**2).sum())
 
     @cached_property
     def size(self) -> float:
-        """The largest distance of two points of the outline."""
-        from scipy.optimize import minimize  # which takes time to import
+        """The largest distance of two points of the outline, of points closer and closer together, to 1e-9."""
+        ends, step = np.full(2, pi), pi
+        for _ in range(3):
+            angles = ends[:, None] + np.linspace(-step, step, AMONG)
+            first, second = self.trace(angles.ravel()).reshape(2, AMONG, 2)
+            apart = np.linalg.norm(first[:, None] - second, axis=2)
+            i, j = np.unravel_index(np.argmax(apart), apart.shape)
+            ends, step = np.array([angles[0, i], angles[1, j]]), 4.0 * step / AMONG
+        return float(apart.max())
 
-        def apart(angles: Floats) -> float:
-            return -float(np.linalg.norm(np.diff(self.trace(angles)[0], axis=0)))
-
-        angle = 2.0 * pi * np.arange(512) / 512
-        points = self.trace(angle)[0]
-        pairs = np.linalg.norm(points[:, None] - points, axis=2)
-        start = angle[list(np.unravel_index(np.argmax(pairs), pairs.shape))]
-        return float(-minimize(apart, start, method="Nelder-Mead", options={"xatol": 1e-8}).fun)
-
-    def trace(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Points and derivatives at polar angles about the pole."""
-        r, slope = self._radius(angle)
+    def trace(self, angle: Floats) -> Floats:
+        """Points (n, 2) of the outline at polar angles about the pole."""
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
-        rate = slope[:, None] * outward + r[:, None] * quarter_turned(outward)
-        return self.pole + r[:, None] * outward, rate
+        return self.pole + self._radius(angle)[:, None] * outward
 
 
 @dataclass(frozen=True)
