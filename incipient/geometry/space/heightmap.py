@@ -1,4 +1,4 @@
-"""Beds from height maps: a raster of heights, read from an image or a table, between which cubics run."""
+"""Beds from height maps: rasters read from an image or a table, between which cubics run."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,8 +33,8 @@ NO_DATA = (-9999.0, 9999.0, -32768.0, -32767.0, float(np.finfo(np.float32).min))
 class HeightMap(SmoothTerrain):
     """Heights (rows, columns) at points `cell` apart, the first row lowest in y, the first point at `origin`.
 
-    Bicubic interpolation through the heights with slopes from central differences (Keys 1981): the surface
-    and its normals are continuous; beyond the outermost points it continues level. `origin` is (x, y, z).
+    Bicubic interpolation (Keys 1981): surface and normals are continuous; beyond the outermost points it continues
+    level.
     """
 
     heights: Floats
@@ -61,10 +61,10 @@ class HeightMap(SmoothTerrain):
     ) -> "HeightMap":
         """A bed from a PNG or TIFF image, an array in a .npy file, or an ESRI ASCII grid (.asc).
 
-        Heights are `relief` times what the file holds: in images whole numbers are divided by the largest of
-        their type (black 0, white 1), and the upper edge is that of largest y, as in an ASCII grid; the first
-        row of a .npy array is that of least y. An ASCII grid brings its own cell and corner, to which `origin`
-        is added. Raises SceneError if the file is missing, cannot be read, or is no table of finite heights.
+        Heights are `relief` times what the file holds: whole numbers of images are divided by the largest of their
+        type (black 0, white 1). The first row is that of largest y, of a .npy array that of least y. `origin` is
+        added to an ASCII grid's own corner. Raises SceneError if the file cannot be read or is no table of finite
+        heights.
         """
         path = Path(path)
         heights, own_cell, corner = _read(path)
@@ -78,10 +78,10 @@ class HeightMap(SmoothTerrain):
     def from_surface(
         cls, path: str | Path, cell: tuple[float, float] | None = None, scale: float = 1.0
     ) -> "HeightMap":
-        """A bed from the upper side of a surface in an STL, PLY or OBJ file, its coordinates times `scale`.
+        """A bed from the upper side of a surface in an STL, PLY or OBJ file, times `scale`.
 
-        Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero.
-        Raises SceneError if the file is missing or cannot be read, or the surface has a hole as seen from above.
+        Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero. Raises
+        SceneError if the file cannot be read, or the surface has a hole as seen from above.
         """
         points, triangles = triangles_in(path)
         result = cls.of_triangles(scale * points[triangles], cell, Path(path))
@@ -95,7 +95,7 @@ class HeightMap(SmoothTerrain):
         path: Path,
         within: Extent | None = None,
     ) -> "HeightMap":
-        """A bed from the upper side of triangles (m, 3, 3) of a file, at their heights; as `from_surface`.
+        """A bed from the upper side of triangles (m, 3, 3) of a file; as `from_surface`.
 
         within: ((x, x), (y, y)) that matter; all by default
         """
@@ -122,12 +122,10 @@ class HeightMap(SmoothTerrain):
 
     @property
     def origin_z(self) -> float:  # type: ignore[override]
-        """The height that those of the map are counted from."""
         return self.origin[2]
 
     @property
     def feature(self) -> float:
-        """Two cells."""
         return 2.0 * min(self.cell)
 
     @property
@@ -143,7 +141,6 @@ class HeightMap(SmoothTerrain):
         return float(self.origin[2] + self.heights.max() + OVERSHOOT * rise)
 
     def crest_level(self, x: Sides, y: Sides) -> float:
-        """The highest of the heights within a rectangle, or of all."""
         inside = []
         for first, step, count, (low, high) in zip(
             self.origin[1::-1], self.cell[::-1], self.heights.shape, (y, x), strict=True
@@ -155,26 +152,21 @@ class HeightMap(SmoothTerrain):
 
     @property
     def extent(self) -> Extent:
-        """Between the outermost points."""
         rows_, columns = self.heights.shape
         (x, y, _), (dx, dy) = self.origin, self.cell
         return (x, x + dx * (columns - 1)), (y, y + dy * (rows_ - 1))
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
         return np.asarray(self.origin[2] + self._derivatives(x, 0)[:, 0, 0])
 
     def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2)."""
         table = self._derivatives(x, 1)
         return np.column_stack([table[:, 0, 1], table[:, 1, 0]])
 
     def hessian(self, x: ArrayLike) -> Floats:
-        """The second derivatives (n, 2, 2), which jump between cells."""
         return self.shape(x)[2]
 
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Height, gradient and second derivatives, of which each needs the same heights."""
         table = self._derivatives(x, 2)
         mixed = table[:, 1, 1]
         second = np.stack([table[:, 0, 2], mixed, mixed, table[:, 2, 0]], axis=1)
@@ -182,7 +174,7 @@ class HeightMap(SmoothTerrain):
         return self.origin[2] + table[:, 0, 0], first, second.reshape(-1, 2, 2)
 
     def _derivatives(self, x: ArrayLike, most: int) -> Floats:
-        """Derivatives (n, most + 1, most + 1) of the interpolation at points (n, 2), by their orders in y and x."""
+        """Derivatives (n, most + 1, most + 1) at points (n, 2), by their orders in y and x."""
         at = (rows(x) - np.asarray(self.origin[:2])) / np.asarray(self.cell)
         count = np.array(self.heights.shape[::-1])
         # Beyond the edge everything is as at the edge.
@@ -211,7 +203,7 @@ def _gap(heights: Floats) -> tuple[int, int] | None:
 
 
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
-    """The highest points (rows, columns) of triangles (m, 3, 3) above a raster of places; -inf where there is none."""
+    """The highest points (rows, columns) of triangles (m, 3, 3) above a raster; -inf: there is none."""
     heights = np.full((len(across), len(along)), -np.inf)
     low, high = corners.min(axis=1) - slack, corners.max(axis=1) + slack
     left, right = np.searchsorted(along, low[:, 0]), np.searchsorted(along, high[:, 0])
@@ -262,7 +254,7 @@ def _read_array(path: Path) -> Raster:
 
 
 def array_in(path: Path) -> np.ndarray:
-    """The numbers in a .npy file, mapped into memory; raises SceneError for other types and too many of them."""
+    """The numbers in a .npy file, mapped into memory; raises SceneError for other types and too many."""
     result = np.load(path, mmap_mode="r", allow_pickle=False)
     if not isinstance(result, np.ndarray):
         raise SceneError(f"{path} is an archive of arrays; save one array with numpy.save")
