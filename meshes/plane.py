@@ -16,7 +16,7 @@ from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 from .layers import NO_ROOM, Columns, evened, stacked_by_diagonals
 from .regions import GRID, Frame, Region
 from .session import generate, gmsh, set_background, view_field
-from .simplices import KINDS, Simplices, measures
+from .simplices import Simplices, kind_of, measures
 from .sizes import Near, SizeField, Sizes, WallLayers
 
 # Factor about their centroids for triangles of an earlier mesh, where they say how fine the next is
@@ -178,7 +178,7 @@ def _without_folds(mesh: Simplices, order: int) -> Simplices:
 
     Raises MeshError if cells fold at the grain or another boundary, where the true surface matters, or still fold.
     """
-    kind, points, cells = KINDS[2, order], mesh.points.copy(), mesh.cells
+    kind, points, cells = kind_of(2, order), mesh.points.copy(), mesh.cells
     nodes = np.reshape(gmsh.model.mesh.getElementProperties(kind)[4], (cells.shape[1], 2))
     weights = np.column_stack([1.0 - nodes.sum(axis=1), nodes])  # of the corners at a cell's nodes
     at = np.column_stack([nodes, np.zeros(len(nodes))]).ravel()

@@ -11,20 +11,13 @@ from incipient.arrays import Floats, Integers, determinants, unordered_keys
 
 from .session import gmsh
 
-# gmsh's nodes behind the corners, by dimension and order: the corners of which each is the mean.
-NODES: dict[tuple[int, int], tuple[tuple[int, ...], ...]] = {
-    (1, 1): (),
-    (1, 2): ((0, 1),),
-    (1, 3): ((0, 0, 1), (0, 1, 1)),
-    (2, 1): (),
-    (2, 2): ((0, 1), (1, 2), (2, 0)),
-    (2, 3): ((0, 0, 1), (0, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 0), (2, 0, 0), (0, 1, 2)),
-    (3, 1): (),
-    (3, 2): ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
+# Ends of the edges of lines, triangles and tetrahedra in the order of gmsh's second-order nodes, by dimension
+EDGES = {
+    1: ((0, 1),),
+    2: ((0, 1), (1, 2), (2, 0)),
+    3: ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
 }
-EDGES = {2: NODES[2, 2], 3: NODES[3, 2]}
-# gmsh's kinds of edges, triangles and tetrahedra by dimension and order
-KINDS = {(1, 1): 1, (1, 2): 8, (1, 3): 26, (2, 1): 2, (2, 2): 9, (2, 3): 21, (3, 1): 4, (3, 2): 11}
+SHAPES = ("Point", "Line", "Triangle", "Tetrahedron")
 LESS = 0.5  # factor of bends where cells fold
 LEAST_BEND = 0.2  # fraction below which edges are straight
 LEAST = 0.1  # of a straight cell's measure: the least that the curved one's map may have anywhere
@@ -176,15 +169,26 @@ def jacobian_lower_bound(nodes: Floats) -> Floats:
     return np.asarray((np.linalg.inv(bernstein) @ (determinants(rates) / straight)).min(axis=0))
 
 
+def _nodes(dimension: int, order: int) -> list[tuple[int, ...]]:
+    """Of gmsh's nodes behind the corners of a cell, the corners of which each is the mean."""
+    steps = range(1, order)
+    along = [(a,) * (order - k) + (b,) * k for a, b in EDGES[dimension] for k in steps]
+    return [*along, (0, 1, 2)] if (dimension, order) == (2, 3) else along
+
+
 def _means(cells: Integers, dimension: int, order: int) -> Integers:
     """The corners (m * nodes, order) whose means are the nodes behind the corners of cells."""
-    rows = np.array(NODES[dimension, order])
-    return np.asarray(cells[:, rows].reshape(-1, order))
+    return np.asarray(cells[:, np.array(_nodes(dimension, order))].reshape(-1, order))
+
+
+def kind_of(dimension: int, order: int) -> int:
+    """gmsh's number of a kind of cells."""
+    return int(gmsh.model.mesh.getElementType(SHAPES[dimension], order))
 
 
 def elements(dimension: int, order: int, entity: int = -1) -> Integers:
     """Tags of the nodes (m, nodes) of gmsh's cells, of all entities or of one."""
-    nodes = gmsh.model.mesh.getElementsByType(KINDS[dimension, order], entity)[1]
+    nodes = gmsh.model.mesh.getElementsByType(kind_of(dimension, order), entity)[1]
     return np.asarray(
-        nodes.astype(np.int64).reshape(-1, dimension + 1 + len(NODES[dimension, order]))
+        nodes.astype(np.int64).reshape(-1, dimension + 1 + len(_nodes(dimension, order)))
     )
