@@ -140,34 +140,20 @@ class Terrain(ABC):
         return unit(np.column_stack([-slope, np.ones(len(slope))]))
 
     def nearest(self, points: ArrayLike) -> Floats:
-        """The nearest points (n, 3) of the bed to points (n, 3) in the fluid.
-
-        On smooth beds the best of nine starts: exact where the distance is less than about a feature.
-        """
-        return self._distances_and_feet(rows(points))[1]
+        """The nearest points (n, 3) of the bed to points (n, 3) close to it; on smooth beds locally nearest."""
+        return self._closest(rows(points)).feet
 
     def distance(self, points: ArrayLike) -> Floats:
         """The signed distance (n,) of points (n, 3) from the bed, negative below it; see `nearest`."""
-        return self._distances_and_feet(rows(points))[0]
+        return self._closest(rows(points)).gaps
 
-    def _distances_and_feet(self, points: Floats) -> tuple[Floats, Floats]:
-        middle = 0.5 * (points[:, :2].min(axis=0) + points[:, :2].max(axis=0))
+    def _closest(self, points: Floats) -> ClosestPoints:
+        middle = points[:, :2].mean(axis=0)
         above = np.abs(points[:, 2] - self.height(points[:, :2])).max()
-        reach = float(np.linalg.norm(points[:, :2] - middle, axis=1).max() + above)
-        pieces = self.pieces(middle, reach)
-        if isinstance(pieces, SmoothTerrain):
-            step = 0.25 * min(pieces.feature, 4.0 * float(above))
-            offsets = step * np.array([[i, j] for i in (0, -1, 1) for j in (0, -1, 1)])
-            which = np.zeros(len(points), dtype=int)
-            sights = [pieces.closest(points, which, points[:, :2] + offset) for offset in offsets]
-        else:
-            nearest = np.argmin(pieces.distance_estimate(points), axis=0)
-            sights = [pieces.closest(points, nearest, points[:, :2])]
-        gaps, feet = np.array([s.gaps for s in sights]), np.array([s.feet for s in sights])
-        apart = np.linalg.norm(feet - points, axis=2)
-        best = np.argmin(apart, axis=0)
-        each = np.arange(len(points))
-        return np.copysign(apart[best, each], gaps[best, each]), feet[best, each]
+        away = np.linalg.norm(points[:, :2] - middle, axis=1).max()
+        pieces = self.pieces(middle, float(away + above))
+        which = np.argmin(pieces.distance_estimate(points), axis=0)
+        return pieces.closest(points, which, points[:, :2])
 
 
 @dataclass(frozen=True)
@@ -358,12 +344,8 @@ class SmoothTerrain(Terrain):
         return 0.0
 
     @abstractmethod
-    def hessian(self, x: ArrayLike) -> Floats:
-        """The second derivatives (n, 2, 2) of b at points (n, 2)."""
-
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Height (n,), gradient (n, 2) and second derivatives (n, 2, 2) at points (n, 2)."""
-        return self.height(x), self.gradient(x), self.hessian(x)
 
     def pieces(self, middle: ArrayLike, reach: float) -> SmoothTerrain:
         """The whole bed."""
@@ -462,9 +444,10 @@ class Ridges(SmoothTerrain):
     def gradient(self, x: ArrayLike) -> Floats:
         return np.outer(np.cos(self._phases(x)), self.amplitude * self._wave)
 
-    def hessian(self, x: ArrayLike) -> Floats:
-        sines = -self.amplitude * np.sin(self._phases(x))
-        return np.multiply.outer(sines, np.outer(self._wave, self._wave))
+    def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        height, wave = self.height(x), self._wave
+        bent = np.multiply.outer(self.origin_z - height, np.outer(wave, wave))
+        return height, self.gradient(x), bent
 
     def _phases(self, x: ArrayLike) -> Floats:
         return np.asarray(rows(x) @ self._wave + self.phase)

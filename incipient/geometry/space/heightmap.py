@@ -163,9 +163,6 @@ class HeightMap(SmoothTerrain):
         table = self._derivatives(x, 1)
         return np.column_stack([table[:, 0, 1], table[:, 1, 0]])
 
-    def hessian(self, x: ArrayLike) -> Floats:
-        return self.shape(x)[2]
-
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
         table = self._derivatives(x, 2)
         mixed = table[:, 1, 1]
