@@ -51,7 +51,7 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in 3-D four, on all ranks. Collective."""
+    """Corners (n, gdim, gdim) of straight pieces of walls, on all ranks. Collective."""
     pieces = np.array(PIECES)
     if domain.gdim == 2:
         pieces = np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]
@@ -59,7 +59,7 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
 
 
 def places_on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Ends of the pieces (facets, n, gdim) of the facets of walls, in 2-D in order, on all ranks. Collective."""
+    """Ends of the pieces (facets, n, gdim) of the facets of walls, on all ranks. Collective."""
     mesh, gdim = domain.mesh, domain.gdim
     t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
     on_facet = IN_TRIANGLE if gdim == 3 else np.column_stack([1 - t, t])

@@ -36,6 +36,7 @@ from .units import Scales, Units, scales_of, with_units
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
 
+UNPLACED = "unplaced"  # of validation: the position of the grain is checked later
 _DEFAULT_GAP = 0.01
 # Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
@@ -202,11 +203,15 @@ class Scene(Section):
     def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
         if not isinstance(data, dict) or data.get("units") is None:
             return data
-        return with_units(data, partial(cls.model_validate, context=info.context))
+        # Grains settle once: where the whole scene is validated, not where it is without its units.
+        unplaced = {**(info.context or {}), UNPLACED: True}
+        return with_units(data, partial(cls.model_validate, context=unplaced))
 
     @model_validator(mode="after")
-    def _free_of_contradictions(self) -> Scene:
-        problems = [*contradictions(self)] or misplaced(self)
+    def _free_of_contradictions(self, info: ValidationInfo) -> Scene:
+        problems = [*contradictions(self)]
+        if not problems and not (info.context or {}).get(UNPLACED):
+            problems = misplaced(self)
         if problems:
             raise refusal("Scene", problems, between=True)
         return self
