@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,14 @@ class DrawnMotion:
         return self.acceleration + np.cross(self.angular, arms)
 
 
+class Marked(NamedTuple):
+    """Contacts (n, 3) of a grain that was not judged, or none."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    areas: np.ndarray | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Judged:
     """A case and the verdicts of both criteria.
@@ -40,32 +48,30 @@ class Judged:
     significant: the paper's significant reaction surface, indices of contacts
     left:        force and torque (3,) that reaction and friction leave over by the paper's criteria
     sentences:   the exact criterion's, the paper's with the agreement
+
+    The fields with defaults have these for a grain that was not judged.
     """
 
     load: Load
-    contacts: Contacts
-    friction: float
+    contacts: Contacts | Marked
     forces: np.ndarray
     states: tuple[str, ...]
-    share: float
-    motion: DrawnMotion | None
-    mode: str
-    safety_factor: float
-    outcome: str
-    significant: tuple[int, ...]
-    left: tuple[np.ndarray, np.ndarray]
     sentences: tuple[str, str]
+    friction: float = 0.0
+    share: float = math.nan
+    motion: DrawnMotion | None = None
+    mode: str = ""
+    safety_factor: float = math.nan
+    outcome: str = ""
+    significant: tuple[int, ...] = ()
+    left: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def planar(self) -> bool:
         """Whether no point, normal, force or torque leaves the plane z = 0."""
-        vectors = (
-            self.contacts.points,
-            self.contacts.normals,
-            self.load.flow_force,
-            self.load.weight,
-        )
-        return not any(v[..., 2].any() for v in vectors) and not self.load.flow_couple[:2].any()
+        load, contacts = self.load, self.contacts
+        vectors = (contacts.points, contacts.normals, load.flow_force, load.weight)
+        return not any(v[..., 2].any() for v in vectors) and not load.flow_couple[:2].any()
 
     @property
     def patches(self) -> list[list[int]]:
@@ -80,16 +86,6 @@ class Judged:
         return list(corners.values())
 
     @property
-    def arms(self) -> np.ndarray:
-        """The arms from the centre of mass to the contacts, (n, 3)."""
-        return self.contacts.points - self.load.centre
-
-    @property
-    def cone_angle(self) -> float:
-        """Half the opening of the friction cones, radians."""
-        return math.atan(self.friction)
-
-    @property
     def acting(self) -> dict[str, np.ndarray]:
         """Forces on the grain other than the bed's (3,); without weight the flow's alone."""
         load = self.load
@@ -99,10 +95,8 @@ class Judged:
     @property
     def largest(self) -> float:
         """The largest of all forces, to which arrows are scaled; one without any."""
-        return (
-            max(float(np.linalg.norm(force)) for force in (*self.forces, *self.acting.values()))
-            or 1.0
-        )
+        every = [*self.forces, *self.acting.values()]
+        return float(np.linalg.norm(every, axis=1).max()) or 1.0
 
     @property
     def occasion(self) -> str:

@@ -26,7 +26,7 @@ from incipient.cost.study import Study, run_ladder
 from incipient.effects.plan import make_plan
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.parallel import environment_alone
-from incipient.pictures.charts.cost import draw
+from incipient.pictures.directory_pictures import draw
 from incipient.scene import Scene, load, loads
 
 DEMOS = Path(__file__).parents[2] / "demos/scenes"
