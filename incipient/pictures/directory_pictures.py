@@ -24,7 +24,7 @@ from ..results.kinds import (
     THRESHOLD,
     ResultKind,
 )  # fmt: skip
-from . import flow, style, surfaces, trajectory, verdict
+from . import flow, style, surfaces, trajectory, verdict, walls
 from .charts import cost, searches, survey
 from .record import StoredRun, parsed_json, read
 
@@ -111,8 +111,8 @@ def _of_run(run: StoredRun) -> dict[str, Callable[[], Figure]]:
         # A grain under way rests on nothing; where it has met the bed there is a verdict.
         if not (run.moves and run.result.get("verdict") is None):
             makers["verdict"] = verdict.of_run
-    if (run.result.get("turbulence") or {}).get("along"):
-        makers["walls"] = surfaces.walls
+    if walls.has_walls(run):
+        makers["walls"] = walls.picture
     if run.setting("domain", "kind") == "box" and not (run.in_space or run.moves):
         makers["profiles"] = flow.profiles
     makers["mesh"] = flow.mesh

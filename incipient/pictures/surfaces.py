@@ -1,8 +1,6 @@
-"""Pictures of surfaces: the traction on the grain, the free surface from above, y+ and friction along walls."""
+"""Pictures of surfaces: the traction on the grain, the free surface from above."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,12 +12,11 @@ from scipy.spatial import KDTree
 
 from ..arrays import planar_cross, quarter_turned
 from ..geometry.space.beds import Terrain
-from ..planning.wall_law import WallLaw
 from ..scene import Domain
 from .drawing import draw_grain, show_place
 from .plane import pyvista_off_screen
 from .record import StoredRun
-from .style import FLOW, GROUND, INK, PULL, PUSH, Looks, headline, panels
+from .style import FLOW, INK, PULL, PUSH, Looks, headline, panels
 
 _ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
@@ -28,7 +25,6 @@ _LARGEST = 98.0
 _UPWARD = 0.1  # least rise of a normal that points up
 _LEVELS = 24  # colours
 _LINES, _PLACES = 7, 201  # of equal height of the bed; in each direction at which that is known
-_RESOLVED_FROM = 0.1  # y+ from which on resolved walls are drawn
 
 
 def traction(run: StoredRun) -> Figure:
@@ -217,35 +213,3 @@ def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:
     heights = bed.height(places.reshape(-1, 2)).reshape(_PLACES, _PLACES)
     axes.contour(x, y, heights, _LINES, colors=INK, linewidths=0.5)
     return True
-
-
-def walls(run: StoredRun) -> Figure:
-    """y+ with the range that the model of the walls requires, above the signed friction."""
-    figure = Figure(figsize=(9.0, 5.5), layout="constrained")
-    figure.suptitle(run.headline)
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    stored = run.result["turbulence"]
-    resolved = stored.get("model") == "k-omega-sst"  # results of earlier versions have no model
-    bounds = (_RESOLVED_FROM, stored.get("thickest", 2.5)) if resolved else _bounds(stored)
-    label = "walls are resolved" if resolved else "the law of the wall holds"
-    upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
-    if (limit := stored.get("on_sand")) and limit != bounds[1]:
-        upper.axhline(limit, color=GROUND, linestyle=":", label="limit on rough walls")
-    lower.axhline(0.0, color=GROUND)
-    for colour, (name, profile) in zip((FLOW, PUSH, INK), stored["along"].items(), strict=False):
-        for axes, column in ((upper, "y_plus"), (lower, "friction")):
-            axes.plot(profile["x"], profile[column], ".", markersize=2, color=colour, label=name)
-    of_what = "first cells" if resolved else "wall"
-    upper.set(yscale="log", ylabel=f"y+ of the {of_what}", title="Along the walls")
-    lower.set(xlabel="x [scene units]", ylabel="friction 2 tau/V\u00b2")
-    upper.legend(loc="best")
-    return figure
-
-
-def _bounds(stored: dict[str, Any]) -> tuple[float, float]:
-    """Range of y+ at the walls' distance in which the law holds; (1, 1) if it never holds."""
-    viscosity, distance = stored["viscosity"], stored["distance"]
-    law, y_plus = WallLaw(stored.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
-    velocities = y_plus * viscosity / distance
-    holds = law.holds(velocities, viscosity, distance, stored.get("reach", np.inf))
-    return tuple(y_plus[holds][[0, -1]]) if holds.any() else (y_plus[0], y_plus[0])

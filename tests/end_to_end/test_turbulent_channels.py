@@ -14,7 +14,7 @@ from scipy.integrate import simpson
 import incipient
 from incipient.fluid.transient import Transient
 from incipient.pictures.record import read
-from incipient.pictures.surfaces import walls as picture
+from incipient.pictures.walls import picture
 from incipient.scene import (
     Contact,
     Disc,
