@@ -364,7 +364,7 @@ BAD_SCENES = {
     ),
     "friction": (
         CYLINDER.read_text() + "[contact]\nfriction = 0.5\n",
-        "contact.friction: friction needs a bed to rub against but there is none; add a section [bed]",
+        "contact.friction: friction needs a bed but there is none; add a section [bed]",
     ),
     "polyline": (
         _changed(GRAIN_ON_BED, 'kind = "flat"', 'kind = "polyline"\nfile = "missing.csv"'),
