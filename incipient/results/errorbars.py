@@ -276,22 +276,24 @@ class ErrorBars:
             "safety_factor": as_stored(self.safety),
         }
 
-    def lines(self, gdim: int = 2) -> list[str]:
-        """Errors and their sources as text."""
+    def lines(self, gdim: int = 2, details: bool = False) -> list[str]:
+        """Errors and their sources as text; with details how they are estimated, their parts, and those left out."""
         lines = [f"error bars          {_errors(self.total, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
-            lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
-            if (change := term.correction) is not None:
+            how = f"   {term.how}" if details else ""
+            lines.append(f"  {term.name:<18}{_errors(term, gdim)}{how}")
+            if details and (change := term.correction) is not None:
                 by = loads_words(change.force + 0.0, change.torque + 0.0, gdim, "+.2g")
                 lines.append(f"    {'corrected by':<16}{by}")
             if term.doubt:
-                lines.append(
-                    f"    {'not certain':<16}may be more than twice as large: {term.doubt}"
-                )
-            lines += [
-                f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts
-            ]
-        lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
+                why = f"may be more than twice as large: {term.doubt}"
+                lines.append(f"    {'not certain':<16}{why}")
+            if details:
+                lines += [
+                    f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts
+                ]
+        if details or not self.terms:
+            lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 
 

@@ -16,14 +16,14 @@ from ..planning.flow_setup import Setup
 from ..planning.plan import Plan
 from ..scene import Scene
 from .adaptation import Adaptation
-from .cost_of_effects import cost_lines
 from .elevations import Elevations
 from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Forces, Gap, Torques, loads_words
 from .quantity import OutputQuantity, as_stored, put, screen_lines
 from .si import si_lines, with_loads
-from .trajectory import number_words, place_words, trajectory_lines
+from .timing import cost_lines
+from .trajectory import number_words, place_words, trajectory_sentence
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
@@ -220,18 +220,17 @@ class Result:
 
 
 def _lines(result: Result, details: bool) -> list[str]:
-    gdim, stored = result.gdim, result.to_dict()
-    lines = _verdict(result)
-    lines += screen_lines(result.quantities, stored, details)
+    """Verdict, forces with their bars, terms of the bars, what was simulated and left out; with details everything."""
+    stored, bars = result.to_dict(), result.error_bars
+    lines = _verdict(result) + screen_lines(result.quantities, stored, details)
     lines += si_lines(stored["si"])
-    if result.error_bars is not None:
-        lines += result.error_bars.lines(gdim)
+    if bars is not None:
+        lines += bars.lines(result.gdim, details)
     elif result.without_error_bars:
         lines.append(f"error bars          {result.without_error_bars}")
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
-        bars = result.error_bars
         errors = () if bars is None else (bars.total.shear, bars.total.separated)
         lines += result.turbulence.lines(*errors)
     if result.steady is not None:
@@ -239,28 +238,42 @@ def _lines(result: Result, details: bool) -> list[str]:
     if result.gap is not None and np.isfinite(result.gap.width):
         lines.append(result.gap.line())
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
-    if result.trajectory is not None:
-        lines += trajectory_lines(result.trajectory)
     if result.surface is not None:
-        lines += _levels(result.surface, result.error_bars)
+        lines += _levels(result.surface, bars)
     if result.separated is not None:
-        lines.append(_separation(result.separated, result.error_bars))
+        lines.append(_separation(result.separated, bars))
+    lines += _effects(result.plan, details)
     lines += [line for omission in result.omitted for line in omission.lines()]
-    return lines + cost_lines(result.cost.get("effects", {}))
+    return lines + (cost_lines(result.cost.get("effects", {})) if details else [])
 
 
 def _verdict(result: Result) -> list[str]:
-    """The verdict of both criteria, and its certainty."""
-    if result.verdict is None:
-        return []
-    said = result.verdict["sentence"].split("; ", 1)
-    if "note" in result.verdict:
-        said.append(result.verdict["note"])
-    elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
-        said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
+    """The path of a moving grain in a sentence; the verdict of both criteria, and its certainty."""
+    path, said = result.trajectory, []
+    lines = [] if path is None else [f"motion              {trajectory_sentence(path)}"]
+    if result.verdict is not None:
+        said = result.verdict["sentence"].split("; ", 1)
+        if "note" in result.verdict:
+            said.append(result.verdict["note"])
+        elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
+            said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
+    elif path is not None and path["ended"]["without_verdict"]:
+        said = [f"none: {path['ended']['without_verdict']}"]
     if result.error_bars is not None and result.error_bars.safety is not None:
         said.append(result.error_bars.safety.sentence())
-    return [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+    return lines + [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+
+
+def _effects(plan: Plan, details: bool) -> list[str]:
+    """The simulated effects; with details also the absent ones."""
+    lines = []
+    for heading, present in (("simulated", True), *((("absent", False),) if details else ())):
+        effects = (effect for effect in plan.effects if effect.present is present)
+        lines += [
+            f"{'' if row else heading:<20}{effect.name}: {effect.reason}"
+            for row, effect in enumerate(effects)
+        ]
+    return lines
 
 
 def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:

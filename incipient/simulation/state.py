@@ -14,10 +14,9 @@ from ..planning.flow_setup import Setup
 from ..planning.layout import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
-from ..results.cost_of_effects import Corrections
 from ..results.elevations import Elevations
 from ..results.errorbars import Loads, Term
-from ..results.timing import Ledger
+from ..results.timing import Corrections, Ledger
 from .steadiness import Steadiness
 
 if TYPE_CHECKING:
