@@ -15,16 +15,16 @@ from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.verdict import MassAndInertia, judged
 from ..evaluation.contact_verdict import find_contacts, load_of
 from ..planning.flow_setup import Setup
+from ..results.errorbars import SafetyBar
 from ..results.loads import Forces, Torques
 from ..results.result import Result
-from ..results.safetybar import SafetyBar
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 
 if TYPE_CHECKING:
-    from ..results.elevations import Elevations
     from ..results.errorbars import Term
+    from ..results.loads import Elevations
     from ..results.wall_report import WallReport
 
 # Errors (6,) of force and torque by source.

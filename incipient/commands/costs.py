@@ -18,7 +18,7 @@ from ..cost.measurement import measure
 from ..cost.study import run_ladder
 from ..errors import SceneError
 from ..files import plain
-from ..output.lock import locked
+from ..output.ownership import locked
 from ..parallel import Comm, collectively
 from ..planning.flow_setup import order_of
 from ..scene import Scene

@@ -19,8 +19,7 @@ from ..scene import Scene, Time, load
 from ..scene.file import loads
 from ..simulation.recorder import Recorder
 from .directory import ResultDirectory
-from .lock import locked
-from .ownership import CHECKPOINT, SCENE
+from .ownership import CHECKPOINT, SCENE, locked
 
 if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint

@@ -29,8 +29,7 @@ from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
 from ..thresholds.gusts import CriticalGust, GustSearch, require_durations
 from ..thresholds.lasting import WeakestGusts
 from ..thresholds.outcome import Threshold
-from .lock import locked
-from .ownership import place_scene
+from .ownership import locked, place_scene
 
 Rows = Sequence[Mapping[str, Any]]
 OF_GUSTS = ("duration", "strength", "error", "held", "leaves", "impulse", "runs")

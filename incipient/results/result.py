@@ -16,10 +16,9 @@ from ..planning.flow_setup import Setup
 from ..planning.plan import Plan
 from ..scene import Scene
 from .adaptation import Adaptation
-from .elevations import Elevations
 from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
-from .loads import Coefficients, Forces, Gap, Torques, loads_words
+from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import OutputQuantity, as_stored, put, screen_lines
 from .si import si_lines, with_loads
 from .timing import cost_lines

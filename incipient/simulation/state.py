@@ -14,8 +14,8 @@ from ..planning.flow_setup import Setup
 from ..planning.layout import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
-from ..results.elevations import Elevations
 from ..results.errorbars import Loads, Term
+from ..results.loads import Elevations
 from ..results.timing import Corrections, Ledger
 from .steadiness import Steadiness
 

@@ -21,8 +21,8 @@ from incipient.accuracy.terms import (
 )
 from incipient.effects.plan import make_plan
 from incipient.planning.flow_setup import order_of
-from incipient.results.elevations import ElevationReading, Elevations
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
+from incipient.results.loads import ElevationReading, Elevations
 from incipient.scene import Scene
 from incipient.scene.file import loads
 from incipient.scene.surface import stations_of

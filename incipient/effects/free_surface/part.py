@@ -24,7 +24,7 @@ from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.surface import OUTLINE, depths, stays_below
-from ...results.elevations import ElevationReading, Elevations
+from ...results.loads import ElevationReading, Elevations
 from ...scene.surface import stations_of
 from ..run_part import RunPart, Stage
 
