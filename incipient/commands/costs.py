@@ -41,7 +41,6 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _spent_before(directory: Path) -> list[str]:
-    """The cost of the last run in the result directory, as a line."""
     try:
         cost = json.loads((directory / "result.json").read_text(encoding="utf-8"))["cost"]
         taken, ranks = seconds(cost["wall_time"]["total"]), cost["ranks"]
@@ -52,7 +51,6 @@ def _spent_before(directory: Path) -> list[str]:
 
 
 def _further_runs(scene: Scene) -> list[str]:
-    """The additional runs for error bars of a free surface without a grain, as a line."""
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return []

@@ -50,7 +50,6 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _refuse_unread(options: argparse.Namespace) -> None:
-    """Refuse options without effect."""
     for name, readers in OPTIONS_OF.items():
         if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
             needs = " or ".join(f"--{one}" for one in readers)
@@ -99,7 +98,6 @@ def _judge_series(options: argparse.Namespace) -> None:
 
 
 def _judge_batch(options: argparse.Namespace) -> None:
-    """Judge a table of complete cases."""
     path = options.batch
     if options.case is not None:
         raise SceneError(f"--batch: {path} has all of each case; leave out {options.case}")
@@ -121,7 +119,6 @@ def _keep(
     kinds: Sequence[ResultKind],
     save: Callable[[Path], object],
 ) -> None:
-    """Write results and their pictures to the directory of `--out`, if given."""
     if options.out is None:
         return
     directory = _directory(options, source)
@@ -134,7 +131,6 @@ def _keep(
 
 
 def _directory(options: argparse.Namespace, source: Path) -> Path:
-    """The directory of `--out`; by default that of the source."""
     return source.parent if options.out is BESIDE else Path(options.out)
 
 

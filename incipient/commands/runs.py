@@ -77,7 +77,6 @@ def entrainment(options: argparse.Namespace, comm: Comm) -> int:
 def _search(
     options: argparse.Namespace, comm: Comm, kind: ResultKind, find: Callable[..., Any]
 ) -> int:
-    """Compute a result of a kind; print it and its directory."""
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_{kind.name}"
     with telling(comm.rank) as voice:
@@ -90,7 +89,6 @@ def _search(
 
 
 def _tell(result: Result, directory: Path, comm: Comm, details: bool) -> None:
-    """Print the result and its directory; then draw the pictures of the scene."""
     output, cost = result.scene["output"], result.cost
     if comm.rank == 0:
         print(result.text(details))

@@ -52,7 +52,6 @@ def _name(drawn: Drawn) -> None:
 
 
 def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
-    """Draw the pictures of a sweep next to its file."""
     if options.animate or options.out is not None or options.field is not None:
         why = "is the file of a sweep, which is not animated"
         raise SceneError(f"{options.directory}: {why}; leave the option out")

@@ -69,7 +69,6 @@ class ResultDirectory(Recorder):
             self._surface = FieldSeries(stem, domain.mesh, self.comm, after, facets)
 
     def _make_ready(self) -> None:
-        """Move or remove an earlier run; on resumption drop the rows after the checkpoint."""
         if self._resumed is None:
             make_directory(self.path)
             make_room(self.path, self._overwrite)
@@ -137,7 +136,6 @@ class ResultDirectory(Recorder):
                         (self.path / CHECKPOINT).unlink(missing_ok=True)
 
     def _write(self, result: Result) -> None:
-        """Write result.json; a more complete result of the resumed run is kept."""
         if self._resumed is not None:
             remove_pictures(self.path)
             if result.status != "complete":

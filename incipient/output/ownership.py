@@ -79,7 +79,6 @@ def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None
 
 
 def _there(directory: Path, names: Collection[str]) -> list[Path]:
-    """The files of these names in a directory, renamed and incomplete ones included."""
     return [path for path in directory.iterdir() if _name(path) in names]
 
 
@@ -127,7 +126,6 @@ def _remove(paths: list[Path]) -> None:
 
 
 def _move(paths: list[Path], directory: Path, what: str) -> None:
-    """Move files, the checkpoint last, and a copy of the scene to a new numbered directory, and report it."""
     neighbour = numbered(directory.resolve())
     with reported(neighbour):
         neighbour.mkdir()

@@ -139,7 +139,6 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
 
 
 def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
-    """Refuse a complete run; `passes`: whether its grain may continue after a collision."""
     assert time is not None
     if kept.body is not None and kept.body.met and not passes:
         remedy = "set a smaller contact.gap"
@@ -159,7 +158,6 @@ def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
 
 
 def _adapted(kept: Checkpoint, then: Time | None, now: Time | None) -> Checkpoint:
-    """The checkpoint without values that a change of the scene invalidates: step length, collision with a wall."""
     assert now is not None and then is not None
     if now.step != then.step or (now.tolerance is None and then.tolerance is not None):
         kept = replace(kept, progress=replace(kept.progress, next_length=now.step))

@@ -120,7 +120,6 @@ class SeriesFile:
         return f"      {ElementTree.tostring(grid, encoding='unicode')}\n"
 
     def _item(self, parent: ElementTree.Element, dataset: Any) -> None:
-        """Add the location of a dataset; VTK's reader does not follow links of HDF5."""
         about = {
             "Dimensions": " ".join(map(str, dataset.shape)),
             "NumberType": "Int" if dataset.dtype.kind == "i" else "Float",

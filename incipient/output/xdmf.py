@@ -66,20 +66,17 @@ class QuadraticNodes:
         return self._nodes.joined(values[self._local])
 
     def _target(self, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
-        """A P2 function of a shape to interpolate into, and its space's cell-wise degrees of freedom."""
         if shape not in self._targets:
             space = compat.space(self.mesh, ("Lagrange", 2), shape)
             self._targets[shape] = Function(space), compat.cell_dofs(space)
         return self._targets[shape]
 
     def _cells(self) -> np.ndarray:
-        """(owned cells, nodes) local nodes in VTK's order."""
         dimension = self.mesh.topology.dim
         owned = self._dofs[: self.mesh.topology.index_map(dimension).size_local]
         return owned[:, compat.vtk_order(dimension, owned.shape[1])]
 
     def _facets(self, facets: np.ndarray) -> np.ndarray:
-        """(owned facets, nodes) local nodes in VTK's order."""
         topology, dimension = self.mesh.topology, self.mesh.topology.dim
         layout = self._space.dofmap.dof_layout
         sides = np.array(

@@ -83,7 +83,6 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
 
 @contextmanager
 def _failures_in(path: Path, failures: list[str]) -> Iterator[None]:
-    """Add errors of the block, which reads or draws a file, to the failures."""
     try:
         yield
     except IncipientError as error:
@@ -96,7 +95,6 @@ def _failures_in(path: Path, failures: list[str]) -> Iterator[None]:
 
 
 def _of_run(run: StoredRun) -> dict[str, Callable[[], Figure]]:
-    """Functions that draw the pictures of a run's last fields, by name."""
     makers: dict[str, Callable[[StoredRun], Figure]] = {}
     if run.moves:
         makers["trajectory"] = trajectory.picture

@@ -276,7 +276,6 @@ def _draw_motion(
     places: np.ndarray,
     size: float,
 ) -> None:
-    """The grain a little later, dashed; the acceleration of its centre; the sense in which it turns."""
     rates = motion.at(places - centre)
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
@@ -299,7 +298,6 @@ def _draw_motion(
 
 
 def _ends_of_arc(sight: Sight, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Perpendicular to an axis: upwards, or toward the eye if the axis is upright, and onwards from there."""
     axis = unit(axis)
     top = sight.directions[1] - (sight.directions[1] @ axis) * axis
     if np.linalg.norm(top) < 0.3:
@@ -316,7 +314,6 @@ def _turning(
     colour: str,
     width: float,
 ) -> None:
-    """An arc about an axis through the centre, with a head in the sense of turning."""
     top, onwards = _ends_of_arc(sight, axis)
     angles = np.linspace(-_ARC, _ARC, 40)[:, None]
     points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
@@ -326,14 +323,12 @@ def _turning(
 
 
 def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
-    """Unit vector across an arrow's direction, away from another that runs close to it; zero if none does."""
     across = quarter_turned(along)
     close = [other for other in others if along @ other > 0.8]
     return -np.sign(across @ close[0]) * across if close else np.zeros(2)
 
 
 def _across(direction: np.ndarray) -> np.ndarray:
-    """A unit vector perpendicular to a direction."""
     return unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
 
 

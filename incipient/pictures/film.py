@@ -67,7 +67,6 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
 
 
 def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Indices and times of the steps to show: those closest to evenly spaced times."""
     stored = np.array(times(stem))
     if len(stored) < 2:
         remedy = "run the scene with [time] and --set output.every=1"
@@ -80,8 +79,6 @@ def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _Film:
-    """A figure that shows one step after the other."""
-
     def __init__(self, directory: Path, field: Shown, indices: np.ndarray, moments: np.ndarray):
         self.directory, self.field, self.indices, self.moments = directory, field, indices, moments
         self.scene, self.history = read_scene(directory), None
@@ -111,7 +108,6 @@ class _Film:
         return StoredRun(self.directory, result, self.scene, step, None)
 
     def _levels(self) -> np.ndarray:
-        """Limits of the bands of colour, for the values of all frames."""
         sampled = []
         for number in range(len(self.moments)):
             values = self.field.values(self.run(number).field(self.field.stored))

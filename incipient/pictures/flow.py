@@ -74,7 +74,6 @@ def picture(run: StoredRun, shown: Shown) -> Figure:
 
 
 def _paint(plane: Plane, values: np.ndarray, axes: Axes, view: View, shown: Shown) -> Artist:
-    """Draw values at the nodes of a part of the plane; returns what the colour bar explains."""
     triangles = plane.triangulation(view)
     norm = shown.limits(values[np.unique(triangles.triangles)])
     looks: Looks = {"cmap": shown.colours, "norm": norm, "rasterized": True, "zorder": 1}

@@ -90,7 +90,6 @@ class History:
         )
 
     def _turned(self, placement: Placement) -> tuple[float, ...]:
-        """The angle with as many full turns as the first row has; in 3-D the quaternion with its sign."""
         if placement.quaternion is not None:
             first = [self.columns[name][0] for name in PLACE[3][3:]]
             sign = 1.0 if np.dot(first, placement.quaternion) >= 0.0 else -1.0

@@ -161,7 +161,6 @@ def _motion(stored: dict[str, Any]) -> DrawnMotion:
 def _forces(
     exact: dict[str, Any], load: Load, contacts: Contacts, friction: float
 ) -> tuple[np.ndarray, tuple[str, ...], float]:
-    """Contact forces, states, and the fraction of the flow's load that they balance."""
     motion, safety = exact["motion"], exact["safety"]
     if motion is not None:
         return np.array(motion["contact_forces"]), tuple(motion["contact_states"]), 1.0

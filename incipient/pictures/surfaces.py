@@ -64,7 +64,6 @@ def _around(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _show_arrows(
     run: StoredRun, axes: Axes, points: np.ndarray, tractions: np.ndarray, normals: np.ndarray
 ) -> None:
-    """Pressing tractions end on the surface, pulling ones start there: all stand outside the grain."""
     size = float(np.ptp(points, axis=0).max())
     show_place(axes, points, size, above=0.95)
     axes.set_aspect("equal")
@@ -114,7 +113,6 @@ def _show_components(
 
 
 def _show_views(figure: Figure, run: StoredRun) -> None:
-    """The size of the traction on the grain's surface in colour, seen from upstream and from downstream."""
     points, cells, values = whole_surface(run)
     norm = Normalize(0.0, last_colour(np.linalg.norm(values, axis=1)))
     pair = figure.subplots(1, 2)
@@ -144,7 +142,6 @@ def whole_surface(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _shown_surface(
     points: np.ndarray, cells: np.ndarray, values: np.ndarray, norm: Normalize, along: float
 ) -> np.ndarray:
-    """An image of the surface, seen along x and a little from above."""
     pyvista = pyvista_off_screen()
     surface = pyvista.UnstructuredGrid({pyvista.CellType.QUADRATIC_TRIANGLE: cells}, points)
     surface["size"] = np.linalg.norm(values, axis=1)
@@ -205,7 +202,6 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:
-    """Show lines of equal height of a bed that has forms; whether it has."""
     if bed is None or not np.isfinite(bed.feature):
         return False
     x, y = (np.linspace(*sides, _PLACES) for sides in ((domain.left, domain.right), domain.across))

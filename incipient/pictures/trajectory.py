@@ -90,7 +90,6 @@ def figure(
 
 
 def _laid_out(views: Sequence[View], title: str) -> tuple[Figure, list[Axes], list[Axes]]:
-    """The sheet, axes of the drawings, and of six quantities below them, or beside a drawing that is tall."""
     aspect = max((y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views)
     rows = [
         ["map"] * 6 if len(views) == 1 else ["map"] * 3 + ["near"] * 3,
@@ -112,7 +111,6 @@ def _laid_out(views: Sequence[View], title: str) -> tuple[Figure, list[Axes], li
 
 
 def _views(domain: Domain, ground: np.ndarray | None, size: float, history: History) -> list[View]:
-    """The domain and, if a grain of a size stays in a small part of it, that part."""
     pad = 0.015 * max(domain.length, domain.height)
     floor = domain.bottom if ground is None else float(ground[:, 1].min())
     whole = (domain.left - pad, domain.right + pad, floor - pad, domain.ceiling + pad)
@@ -126,7 +124,6 @@ def _views(domain: Domain, ground: np.ndarray | None, size: float, history: Hist
 
 
 def _draw_domain(axes: Axes, scene: Scene, ground: np.ndarray | None) -> None:
-    """Walls as full lines, open sides as broken ones, the bed with its ground."""
     domain = scene.domain
     left, right, low, high = domain.left, domain.right, domain.bottom, domain.ceiling
     closed = domain.kind == "box"
@@ -151,7 +148,6 @@ def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
 
 
 def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> list[Mark]:
-    """The centre's path and the grain at several moments, coloured by time; returns the legend's marks."""
     first, *between, last = _moments(grain.size, history)
     for time in between:
         colour = _COLOURS(norm(time))
@@ -179,7 +175,6 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> lis
 def _draw_contacts(
     axes: Axes, contacts: ContactForces, size: float, history: History
 ) -> list[Mark]:
-    """The forces of contact where the grain is drawn; returns the legend's marks."""
     step, drawn = float(np.diff(history.times).max(initial=0.0)), []
     for time in _moments(size, history):
         drawn += contacts.draw(axes, time, size, step if time < history.times[-1] else 0.0)
@@ -187,7 +182,6 @@ def _draw_contacts(
 
 
 def _moments(size: float, history: History) -> list[float]:
-    """First and last time and, of evenly spaced ones between, those at which the grain is clear of other places."""
     first, last = history.times[[0, -1]].tolist()
     kept = [first, last]
     for time in np.linspace(first, last, _MOMENTS)[1:-1].tolist():
@@ -199,7 +193,6 @@ def _moments(size: float, history: History) -> list[float]:
 
 
 def _draw_grain(axes: Axes, grain: Any, placement: Placement, order: float, **looks: Any) -> Artist:
-    """The outline, the centre, and a spoke along the grain's first axis."""
     if placement.gdim == 3:
         points, _ = placed_surface(grain, placement)
         outline = hull(points[:, [0, 2]])
@@ -215,7 +208,6 @@ def _draw_grain(axes: Axes, grain: Any, placement: Placement, order: float, **lo
 
 
 def _draw_quantity(axes: Axes, shown: Shown, history: History, colour: str) -> list[Artist]:
-    """A quantity against time; returns the marks of new meshes."""
     title, values, least = shown
     new: list[Artist] = [
         axes.axvline(t, color="#9a9a9a", lw=0.6, ls=":") for t in history.remeshings
@@ -238,7 +230,6 @@ def _draw_quantity(axes: Axes, shown: Shown, history: History, colour: str) -> l
 
 
 def _quantities(history: History, size: float, velocity: float) -> list[Shown]:
-    """Title, values and smallest range of axes, by a grain's size and a velocity: less is as good as constant."""
     if history.gdim == 3:
         places = [(f"{axis} [scene units]", history[axis], 1e-3 * size) for axis in "xyz"]
         least, unit = 1e-4 * velocity / size, "[rad per unit of time]"

@@ -81,7 +81,6 @@ def of_run(run: StoredRun) -> Figure:
 
 
 def _unjudged(run: StoredRun) -> Judged:
-    """The load on a grain without a verdict, and its contacts if there are any, without forces."""
     assert run.place is not None
     listed = run.result.get("contacts") or []
     points, normals = (
@@ -100,7 +99,6 @@ def _unjudged(run: StoredRun) -> Judged:
 
 
 def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
-    """A judged case, with a sketch of an unknown bed or grain; returns the legend's marks."""
     load, contacts = case.load, case.contacts
     planar = case.planar and (shape is None or shape.placement.gdim == 2)
     sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
@@ -133,7 +131,6 @@ def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
 
 
 def _flow_rows(run: StoredRun) -> list[Group]:
-    """Load coefficients and properties of the flow, where result and scene hold them."""
     closed = bool(run.value("gap", "closed"))
     values = {
         f"{key.capitalize()} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS
@@ -222,7 +219,6 @@ def with_motion(
 
 
 def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str, Any] | None:
-    """The incipient motion where the flow is a little stronger than critical."""
     acting, at = stored["load"], stored["contacts"]
     friction = float(stored["verdict"]["judges"]["criteria"]["friction"])
     force, torque = (
@@ -266,14 +262,12 @@ def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
 
 
 def _value_with_error(stored: dict[str, Any], key: str) -> str:
-    """A number of the threshold with its error, none where there is no threshold."""
     if stored[key] is None:
         return "none"
     return with_error(stored[key], stored["errors"][key]).replace("+-", "±")
 
 
 def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
-    """The safety factor against the strength of the flow, both on logarithmic scales."""
     every, critical = stored["trials"], float(stored["factor"])
     solved = sorted((trial["factor"], trial["safety_factor"] or 0.0) for trial in every)
     trials = np.array(solved).reshape(-1, 2)

@@ -191,7 +191,6 @@ def _require_readable(path: Path, file: Any) -> None:
 
 
 def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    """The datasets of a dataclass and its parts, with full names: arrays, and bytes of JSON text."""
     for field in fields(part):
         name, value = f"{within}/{field.name}", getattr(part, field.name)
         if is_dataclass(value):

@@ -70,7 +70,6 @@ def stored_values(space: Any, states: Sequence[Floats]) -> StoredValues:
 
 
 def _given(mesh: Any) -> Integers:
-    """Original numbers of the local nodes."""
     return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
 
 

@@ -279,7 +279,6 @@ class SafetyBar:
         return f"certain within the error bars: {self._outcome()}; {between}"
 
     def _outcome(self) -> str:
-        """Rest or motion, and the mode if proved."""
         if self.modes == ("rest",):
             return "it rests"
         modes = [mode for mode in self.modes if mode != "moves"]
@@ -291,7 +290,6 @@ class SafetyBar:
 
 
 def _ratio(low: float, high: float, scale: float) -> float:
-    """(high - low) / scale; zero for equal ends, infinite for one infinite end."""
     if low >= high:
         return 0.0
     return math.inf if math.isinf(high) or scale == 0.0 else (high - low) / scale

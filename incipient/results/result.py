@@ -167,7 +167,6 @@ class Result:
         return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
 
     def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
-        """The flow at points of the half that was not computed; nan outside the fluid."""
         scene = Scene(**self.scene)
         if not Setup(scene).symmetric:
             return np.full(points.shape, np.nan), np.full(len(points), np.nan)
@@ -219,7 +218,6 @@ class Result:
 
 
 def _lines(result: Result, details: bool) -> list[str]:
-    """Verdict, forces with their bars, terms of the bars, what was simulated and left out; with details everything."""
     stored, bars = result.to_dict(), result.error_bars
     lines = _verdict(result) + screen_lines(result.quantities, stored, details)
     lines += si_lines(stored["si"])
@@ -247,7 +245,6 @@ def _lines(result: Result, details: bool) -> list[str]:
 
 
 def _verdict(result: Result) -> list[str]:
-    """The path of a moving grain in a sentence; the verdict of both criteria, and its certainty."""
     path, said = result.trajectory, []
     lines = [] if path is None else [f"motion              {trajectory_sentence(path)}"]
     if result.verdict is not None:
@@ -264,7 +261,6 @@ def _verdict(result: Result) -> list[str]:
 
 
 def _effects(plan: Plan, details: bool) -> list[str]:
-    """The simulated effects; with details also the absent ones."""
     lines = []
     for heading, present in (("simulated", True), *((("absent", False),) if details else ())):
         effects = (effect for effect in plan.effects if effect.present is present)
@@ -276,7 +272,6 @@ def _effects(plan: Plan, details: bool) -> list[str]:
 
 
 def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
-    """Intervals of separation along the bed, with the errors of the longest one."""
     errors = None if bars is None else bars.total.separated
     intervals = []
     for start, end in longest_first(spans)[:MOST_SPANS]:
@@ -288,14 +283,12 @@ def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) ->
 
 
 def _without_rest(settled: Any) -> str:
-    """The remedy for a grain that moves under its weight alone."""
     if settled:
         return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
     return "with body.settle = true it first rolls and tips to a place where it rests"
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
-    """Elevations of a free surface with their errors, and the inflow below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
     lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
     total = None if bars is None else bars.total

@@ -92,7 +92,6 @@ class Ledger:
             )
 
     def _settle(self) -> None:
-        """Add the time since the last call to the innermost open stage."""
         now, peak = time.perf_counter(), peak_memory_mib()
         if self._open:
             name, effect = self._open[-1]

@@ -89,7 +89,6 @@ def _mark(axes: Axes, runs: Runs, key: str, order: int, resolved: bool) -> None:
 
 
 def _name_frontier(axes: Axes, runs: Runs) -> None:
-    """Cells and steps of the runs on the frontier, below and left of it, where no run is."""
     for run in (run for run in runs if run["on_frontier"]):
         step = "" if run["step"] is None else f", step {run['step']:.3g}"
         text, at = f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"])
@@ -98,7 +97,6 @@ def _name_frontier(axes: Axes, runs: Runs) -> None:
 
 
 def _draw_law(axes: Axes, law: CostLaw, runs: Runs) -> None:
-    """The fitted law, a digit beyond the runs on either side."""
     (low, high), limits = axes.get_xlim(), axes.get_ylim()
     errors = np.geomspace(*limits, 60)
     times = [law.time(error) for error in errors]

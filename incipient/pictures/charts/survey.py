@@ -39,7 +39,6 @@ def figure(stored: dict[str, Any], directory: Path) -> Figure:
 
 
 def _tables(directory: Path) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """The columns of grains and of spheres."""
     again = "survey it again"
     grains = table(directory / "grains.csv", again, "loads", "mode")
     return grains, table(directory / "spheres.csv", again)
@@ -52,7 +51,6 @@ def _map(
     grains: dict[str, Floats],
     spheres: dict[str, Floats],
 ) -> None:
-    """All spheres from above, the higher over the lower; free grains coloured by their threshold."""
     order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
     top = spheres["z"][order]
     shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
@@ -88,7 +86,6 @@ def _map(
 
 
 def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
-    """Thresholds of grains, without any the pivot angles of free grains; their label and limits of colour."""
     if "stress" in grains and np.isfinite(grains["stress"]).any():
         values = grains["stress"]
         finite = values[np.isfinite(values) & (values > 0.0)]
@@ -102,7 +99,6 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
 
 
 def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> None:
-    """Fraction of the free grains below a pivot angle, reduced to the median size, beside Kirchner's law."""
     free = grains["carries"] == 0.0
     sizes = grains["diameter"][free] / stored["bed"]["median_diameter"]
     reduced = np.sort(grains["pivot"][free] * sizes**0.3)
@@ -127,7 +123,6 @@ def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> No
 
 
 def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
-    """Fraction of the free grains that is mobile against the Shields number."""
     curve, others = stored["mobile"], stored["constant_drag"]
     if curve:
         level = stored["emulator"].get("level", 0.95)  # earlier records have none
@@ -156,7 +151,6 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
 
 
 def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
-    """Critical Shields number, or without loads the pivot angle, against protrusion."""
     free = grains["carries"] == 0.0
     axes.set_xlabel("protrusion over the mean surface [diameters]")
     if "shields" not in grains or not np.isfinite(grains["shields"]).any():

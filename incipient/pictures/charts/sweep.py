@@ -112,7 +112,6 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
 
 
 def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: Looks) -> None:
-    """Values with their error bars, joined in the order of x; infinite ones are left out."""
     order = np.argsort(x, kind="stable")
     rows_in_order = [mine[number] for number in order]
     y = np.array([float(row[quantity]) for row in rows_in_order])
@@ -129,7 +128,6 @@ def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: L
 
 
 def _families(cases: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
-    """The rows of each value of a column, with label and looks; of many values those that most rows have."""
     counted = Counter(None if by is None else row.get(by) for row in cases)
     values = list(counted)
     if len(values) > _MANY:  # a refined sweep has cases at values of their own
@@ -145,7 +143,6 @@ def _families(cases: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
 
 
 def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
-    """Critical Shields number against grain Reynolds number beside the curve of Soulsby and Whitehouse."""
     critical = [row for row in cases if 0.0 < row.get("shields", 0.0) < math.inf]
     if not critical:
         raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
@@ -164,7 +161,6 @@ def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
 
 
 def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
-    """Modes as marks, and the safety factor in colour with the line S = 1; without it the critical Shields number."""
     shown = [row for row in cases if across in row and up in row]
     value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
     figure, axes = _figure_of((row["source"] for row in cases), f"Mode and {_name_of(value)}")
@@ -189,7 +185,6 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
 
 
 def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value: str) -> None:
-    """The values between the cases, interpolated on triangles on the scales of the axes."""
     values = np.array([float(row.get(value, math.nan)) for row in shown])
     good = np.isfinite(values) & (values > 0.0)
     if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
@@ -209,7 +204,6 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
 
 
 def _numbers(cases: Rows, name: str) -> bool:
-    """Whether a column holds numbers alone."""
     values = [row[name] for row in cases if name in row]
     return bool(values) and all(
         isinstance(one, int | float) and not isinstance(one, bool) for one in values
@@ -217,7 +211,6 @@ def _numbers(cases: Rows, name: str) -> bool:
 
 
 def _figure_of(sources: Iterable[str], title: str, note: str = "") -> tuple[Figure, Axes]:
-    """Figure and axes with a title that names the sources of the cases, and a note below."""
     figure = Figure(figsize=(7.2, 5.0), layout="constrained")
     axes = figure.subplots()
     axes.set_title(f"{title}  ({', '.join(dict.fromkeys(sources))})")
@@ -228,18 +221,15 @@ def _figure_of(sources: Iterable[str], title: str, note: str = "") -> tuple[Figu
 
 
 def _legend(axes: Axes, by: str | None) -> None:
-    """A legend where something has a label, headed by the column that the labels are of."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(title=by and _name_of(by), fontsize=8, title_fontsize=8, framealpha=0.9)
 
 
 def _choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
-    """Choose a logarithmic scale for positive values that span much."""
     known = [value for value in values if math.isfinite(value)]
     if known and min(known) > 0.0 and max(known) > _DECADE * min(known):
         set_scale("log")
 
 
 def _name_of(column: str) -> str:
-    """A column in words; a key of scenes is not changed."""
     return column if "." in column else _NAMES.get(column, column.replace("_", " "))
