@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
 from ..arrays import spatial
 from ..contact import Contacts, Load, incipient_motion
@@ -46,7 +45,7 @@ from .sheet import (
     sheet,
     write_numbers,
 )  # fmt: skip
-from .style import FLOW, INK, MOTION
+from .style import FLOW, INK, MOTION, number_plainly
 
 _UNIT = "[scene units]"
 _COEFFICIENTS = ("drag", "lift", "moment")
@@ -281,9 +280,7 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     axes.plot(critical, 1.0, "*", color=MOTION, ms=11, mec="white", mew=0.6, zorder=5)
     axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-        axis.set_minor_formatter("{x:g}")
+        number_plainly(axis)
     axes.tick_params(which="both", labelsize=7)
     axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
     flows = f"{len(every)} flow{'s' if len(every) > 1 else ''}"

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from ...errors import OutputError
 from ...input_files import reading
 from ...judging.series import SAMPLES
-from ..style import FLOW, INK, MOTION, PUSH, Looks
+from ..style import FLOW, INK, MOTION, PUSH, Looks, number_plainly
 
 _SIZE = (6.4, 4.6)  # inches
 _BINS = 1500  # across the picture of a series: of more samples the least and the largest of each
@@ -70,6 +70,7 @@ def entrainment(stored: dict[str, Any], directory: Path) -> Figure:
     if stored["data"]:
         axes.plot(*np.array(stored["data"]).T, "x", color=MOTION, label="measured")
     axes.set(xlabel="Shields number of the mean flow [-]", ylabel="probability [-]")
+    number_plainly(axes.xaxis)
     axes.set_ylim(0.5 * min(*probability, *heights), 1.5)
     title = textwrap.fill(stored["title"] or "Motion in a fluctuating flow", 80)
     figure.suptitle(title, fontsize="medium")
