@@ -64,7 +64,10 @@ def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "re
 
 def _details(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--verbose", "-v", action="store_true", help="print details of the result as well"
+        "--verbose",
+        "-v",
+        action="store_true",
+        help="also print the plan, the estimates of errors, parts of forces and the cost of effects",
     )
 
 
