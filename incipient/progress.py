@@ -42,7 +42,7 @@ class Logged(Silent):
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
         log.debug(
-            "at %.4g of the Reynolds number: correction %d, relative size %.2e",
+            "at %.4g of the Reynolds number: Newton update %d, relative size %.2e",
             share,
             iteration + 1,
             size,
@@ -75,7 +75,7 @@ class Live(Logged):
         super().iterate(share, iteration, size)
         self._bar.update(
             self._task,
-            description=f"flow: Re x {share:.3g}, correction {iteration + 1}, {size:.1e}",
+            description=f"flow: Re x {share:.3g}, Newton update {iteration + 1}, {size:.1e}",
         )
 
     def advance(self, time: float, end: float) -> None:
