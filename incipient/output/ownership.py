@@ -141,14 +141,9 @@ def _move(paths: list[Path], directory: Path, what: str) -> None:
 def refuse_foreign(
     directory: Path, names: Iterable[str] = (), sources: Iterable[Path] = ()
 ) -> None:
-    """Refuse a directory in which an output file is a link, a foreign file, or an input file.
+    """Refuse a directory in which an output file is a link, a foreign file, or one of the input files `sources`.
 
-    Args:
-        names: output files; none: those of all commands with a scene.
-        sources: input files.
-
-    Raises:
-        OutputError: naming the file.
+    names: output files; none: those of all commands with a scene. Raises OutputError naming the file.
     """
     wanted = {*names} or {*RESULTS, SCENE}
     for path in sorted(directory.iterdir()) if directory.is_dir() else ():
@@ -162,8 +157,6 @@ def refuse_foreign(
 @contextmanager
 def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
     """Lock a directory against other runs during the block; with `make` create it. Only entering is collective.
-
-    The kernel's lock on the directory's mark ends with the process.
 
     Raises OutputError on all ranks: the directory is locked, a file is not of a run, or the mark is not writable.
     """

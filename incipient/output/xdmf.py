@@ -22,10 +22,7 @@ class QuadraticNodes:
     """The P2 nodes of a distributed mesh, or of some of its facets, numbered contiguously over all ranks.
 
     They represent P2 velocity and quadratic geometry exactly. The constructor and every method are collective; results
-    are complete on rank 0 and empty on the others.
-
-    topology: (cells or facets, nodes each) node numbers in VTK's order
-    facets:   local facet indices; those owned by another rank are ignored
+    are complete on rank 0 and empty on the others. topology: (cells or facets, nodes each) in VTK's order.
     """
 
     def __init__(self, mesh: Any, facets: np.ndarray | None = None):
@@ -95,15 +92,12 @@ class QuadraticNodes:
 class FieldSeries:
     """Writes Lagrange functions on quadratic nodes of a mesh, or of part of its boundary, step by step.
 
-    Cells are Triangle_6 in 2-D and Tetrahedron_10 in 3-D, boundary cells Edge_3 and Triangle_6. Every method is
-    collective; rank 0 writes (`SeriesFile`). Topology is written once for each mesh, coordinates after each motion.
+    Every method is collective; rank 0 writes (`SeriesFile`). Topology is written once for each mesh, coordinates
+    after each motion. Raises OutputError on all ranks if writing fails; earlier steps stay readable.
 
     Args:
         after: stored steps after this time are removed; default: all.
-        facets: (n,) local indices of the boundary facets written; those owned by another rank are ignored. None: the
-            whole mesh.
-
-    Raises OutputError on all ranks if writing fails; earlier steps stay readable.
+        facets: (n,) local indices of the boundary facets written; None: the whole mesh.
     """
 
     def __init__(

@@ -44,17 +44,11 @@ CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
 def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
     """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
 
-    A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
-    with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
-    for a box in which nothing moves the velocity profiles on both centrelines. Each other kind of results
-    (`results.kinds`): one picture.
-
     Args:
         announce: called with the path of every picture as soon as it is there.
 
     Raises:
-        OutputError: when there is no result, when one is incomplete or damaged, or a picture could not be drawn or
-            written; all others have been drawn then.
+        OutputError: without a result, or when one is damaged or a picture cannot be written; all others are drawn.
     """
     written: list[Path] = []
     failures: list[str] = []

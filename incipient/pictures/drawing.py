@@ -1,7 +1,6 @@
 """Drawing a judged grain: contact forces in their friction cones, the load, how it begins to move.
 
-Places and vectors have three components. A `Sight` projects them: in 2-D along the third, in 3-D from the side and a
-little from above, the weight down. In 3-D the surfaces of grain and bed are an image that VTK renders below the marks.
+A `Sight` projects places and vectors (3,). In 3-D VTK renders the surfaces of grain and bed below the marks.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A run in motion: a field of the flow at the steps that were stored; in 3-D on the vertical plane through the grain.
-
-Fields are shown in bands of colour, the same in all frames: bands compress many times better than shades.
-"""
+"""A run in motion: a field at the steps that were stored, in bands of colour that are the same in all frames."""
 
 from __future__ import annotations
 
@@ -37,8 +34,7 @@ _BANDS = 24
 def animate(directory: Path, target: Path | None = None, field: str = "velocity") -> Path:
     """Show a field of a run in motion; returns the file written. Not collective.
 
-    `target` ends in .gif or .mp4; by default it is DIRECTORY/FIELD.gif. Every stored step is a frame, or 200 of
-    them, evenly spaced in time. The result need not be there: a run may be watched while it goes on.
+    `target` ends in .gif or .mp4; by default it is DIRECTORY/FIELD.gif. The run need not have ended.
 
     Raises:
         OutputError: with fewer than two steps, without ffmpeg for an MP4, or when it cannot be written.
@@ -124,7 +120,6 @@ class _Film:
         return x0, x1, y0, y1
 
     def show(self, number: int) -> None:
-        """Draw a frame instead of the one before."""
         run, time, axes = self.run(number), float(self.moments[number]), self.axes
         plane, values = run.plane, self.field.values(run.in_plane(self.field.stored))
         axes.clear()

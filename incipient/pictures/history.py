@@ -49,7 +49,6 @@ class History:
 
     @property
     def gdim(self) -> int:
-        """Dimension of the space that the grain moves in."""
         return _gdim(self.columns)
 
     @cached_property
@@ -59,12 +58,10 @@ class History:
 
     @property
     def remeshings(self) -> np.ndarray:
-        """Times of the first steps on new meshes."""
         meshes = self.columns.get("meshes", np.ones(len(self.times)))
         return np.asarray(self.times[np.diff(meshes, prepend=meshes[:1]) > 0])
 
     def at(self, time: float) -> Placement:
-        """Position of the grain at a time, interpolated linearly between rows."""
         x, y, *turned = (
             float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]
         )
@@ -117,9 +114,8 @@ def _gdim(names: Container[str]) -> int:
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Contacts of the steps, in coordinates along the flow and upwards.
+    """Contacts at the ends of steps (n,), along the flow and upwards (n, 2); normals from the bed.
 
-    times: (n,) of the ends of their steps; points, normals, forces: (n, 2), normals from the bed; slips: (n,)
     friction: coefficients of contacts that stick, and that slide
     """
 
@@ -131,10 +127,7 @@ class ContactForces:
     friction: tuple[float, float]
 
     def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
-        """Draw the contacts of a grain of a size at a time, or next to it: cones, and forces to one scale.
-
-        Returns the artists: none where the next contacts are not `within` a time.
-        """
+        """Draw the contacts at the time next to this one, if it is `within` a time: cones, and forces to one scale."""
         drawn: list[Artist] = []
         apart = np.abs(self.times - time)
         if apart.min() > within + _SAME_TIME * max(abs(time), 1.0):

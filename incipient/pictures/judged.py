@@ -39,17 +39,13 @@ class Marked(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A case and the verdicts of both criteria.
+    """A case and the verdicts of both criteria; the fields with defaults have these for a grain that was not judged.
 
-    forces:      contact forces on the grain (n, 3), and `states` (n) of the contacts, keys of `style.STATES`
-    share:       fraction of the flow's load that these forces balance: 1, or the safety factor where no forces balance
-                 the load and the motion is not known; nan where there are none
-    motion:      None at rest and where it is not known
+    forces: of the contacts on the grain (n, 3); states: of the contacts (n), keys of `style.STATES`
+    share: fraction of the flow's load that these forces balance, nan where there are none
     significant: the paper's significant reaction surface, indices of contacts
-    left:        force and torque (3,) that reaction and friction leave over by the paper's criteria
-    sentences:   the exact criterion's, the paper's with the agreement
-
-    The fields with defaults have these for a grain that was not judged.
+    left: force and torque (3,) that reaction and friction leave over by the paper's criteria
+    sentences: the exact criterion's, the paper's with the agreement
     """
 
     load: Load
@@ -100,7 +96,6 @@ class Judged:
 
     @property
     def occasion(self) -> str:
-        """The load that the contact forces balance, in words."""
         if not math.isfinite(self.share):
             return "no contact forces balance the load"
         if self.share != 1.0:
@@ -110,11 +105,7 @@ class Judged:
 
 
 def judged(verdict: dict[str, Any], where: Path) -> Judged:
-    """A stored verdict, with the contact forces at the actual load, computed where they are not stored.
-
-    Raises:
-        OutputError: naming the file `where` when the verdict lacks something or cannot be understood.
-    """
+    """A stored verdict, with the contact forces at the actual load. Raises OutputError naming the file `where`."""
     try:
         return _judged(verdict)
     except KeyError as error:

@@ -53,10 +53,9 @@ def placed_surface(grain: Any, placement: Any, spacing: float = _SPACING) -> Sol
 
 
 def sketched(case: Judged) -> Solid:
-    """A surface through the contacts: a sphere if they could be a sphere's, otherwise a polyhedron.
+    """A surface through the contacts: a sphere if they could be a sphere's, otherwise a convex polyhedron.
 
-    The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass; where it
-    has no volume, as in 2-D, there are only its points, without triangles.
+    The polyhedron also goes through their mirror images in the centre of mass; in 2-D there are only its points.
     """
     radius, centre = round_radius(case), case.load.centre
     if radius is not None:

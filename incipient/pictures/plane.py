@@ -59,12 +59,10 @@ class Plane:
 
     @property
     def upwards(self) -> str:
-        """Name of the axis that is shown upwards."""
         return "xyz"[self.along[1]]
 
     @property
     def box(self) -> View:
-        """Left, right, lowest and highest coordinate of the fluid."""
         x0, x1, y0, y1, *_ = self.sheet.bounds
         return x0, x1, y0, y1
 

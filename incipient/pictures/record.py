@@ -38,7 +38,6 @@ class StoredRun:
 
     @cached_property
     def grid(self) -> Any:
-        """pyvista's grid of the quadratic cells, with the fields."""
         pyvista = pyvista_off_screen()
         plane, solid = pyvista.CellType.QUADRATIC_TRIANGLE, pyvista.CellType.QUADRATIC_TETRA
         kind = solid if self.in_space else plane
@@ -49,12 +48,10 @@ class StoredRun:
 
     @cached_property
     def plane(self) -> Plane:
-        """The plane in which the flow is shown."""
         return plane_of(self)
 
     @property
     def views(self) -> list[View]:
-        """The parts of that plane that are shown."""
         return self.plane.views(ground=bool(self.scene.get("bed")))
 
     @property
@@ -100,7 +97,6 @@ class StoredRun:
 
     @property
     def moves(self) -> bool:
-        """Whether the grain moved while the flow was computed."""
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
@@ -114,17 +110,14 @@ class StoredRun:
 
     @property
     def in_space(self) -> bool:
-        """Whether its fields are those of a 3-D scene, on tetrahedra."""
         return self.fields.cells.shape[1] == 10
 
     @property
     def middle(self) -> float:
-        """y of the middle of a 3-D domain."""
         return float(self.setting("domain", "origin")[1] + 0.5 * self.setting("domain", "width"))
 
     @property
     def halved(self) -> bool:
-        """Whether the fields are those of half a 3-D domain."""
         return bool(
             self.fields.points[:, 1].min() > self.middle - 0.25 * self.setting("domain", "width")
         )
@@ -138,13 +131,11 @@ class StoredRun:
 
     @property
     def title(self) -> str:
-        """The scene's title, or a default."""
         flow = f"{self.setting('flow', 'kind')} flow"
         return self.result.get("title") or self.scene.get("title") or flow
 
     @property
     def headline(self) -> str:
-        """The title with the Reynolds number."""
         reynolds, scale = self.setting("fluid", "reynolds"), self.setting("fluid", "scale")
         about = f"  (Re = {reynolds:g} on the scale of the {scale})" if reynolds else ""
         return f"{self.title}{about}"

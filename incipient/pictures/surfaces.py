@@ -181,10 +181,7 @@ def elevation(run: StoredRun) -> Figure:
 
 
 def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) and straight triangles (m, 3) of the free surface.
-
-    They are the sides of the mesh whose outward normals point up, less those of the grain.
-    """
+    """Points (n, 3) and straight triangles (m, 3) of the free surface: upward sides of the mesh but the grain's."""
     grid = run.grid.copy(deep=False)
     grid["place"] = run.fields.points  # points in VTK may be of single precision
     grid["grain"] = np.zeros(len(run.fields.points))

@@ -1,7 +1,4 @@
-"""The picture of a moving grain: its path through the domain, and its position, velocity and spin against time.
-
-A grain in 3-D is seen from the side, along the width: its path, its silhouette, and the bed below where it starts.
-"""
+"""The picture of a moving grain: its path, in 3-D as seen from the side, and six quantities against time."""
 
 from __future__ import annotations
 
@@ -59,10 +56,7 @@ def picture(run: StoredRun) -> Figure:
 def figure(
     scene: Scene, history: History, title: str, contacts: ContactForces | None = None
 ) -> Figure:
-    """The path in the domain, enlarged if it is short, above six quantities against time.
-
-    In the larger drawing the grain has its forces of contact, in their friction cones.
-    """
+    """The path in the domain, enlarged with contact forces if it is short, above six quantities against time."""
     grain, start, bed = scene.grain, scene.placement, scene.bed_shape
     assert grain is not None and start is not None
     ground = None if bed is None else _ground(scene.domain, bed, start)

@@ -103,14 +103,11 @@ class Term:
     """One source of error: absolute errors of force, torque (3,) and other quantities, and their method of estimation.
 
     force, torque: remaining errors after a correction; (0,) without a grain
-    place: (3,), in 3-D (6,), of position and rotation of a moving grain, in radians, in 3-D about x, y and z
+    place: (3,), in 3-D (6,), of position and rotation [rad] of a moving grain
     power: exponent of the gap in the error; parts: terms whose sum this term is
     elevation, level: (stations,) of a free surface: largest error within the run, and error at the end
-    shear: (2,) of u* at the outflow, and of its mean along the walls
-    separated: (2,) of x of separation and reattachment along the bed
-    centreline: (3,) of the extreme velocities on the centrelines of a lid-driven box
+    shear, separated, centreline: as in `Loads`
     doubt: why the errors may be more than twice as large; empty without a reason
-    correction: of force and torque for this error; None without one
     """
 
     name: str
@@ -151,7 +148,6 @@ class Term:
 
     @property
     def uncorrected(self) -> Term:
-        """The term without its correction."""
         if self.correction is None:
             return self
         pairs = (self.correction.force, self.force), (self.correction.torque, self.torque)
@@ -160,7 +156,6 @@ class Term:
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
-        """The sum of terms; NaN for force and torque without any."""
         if not parts:
             return cls(name, np.full(3, np.nan), np.full(3, np.nan), how)
         return cls(name, how=how, parts=parts, **{of: _sum_of(parts, of) for of in ERRORS})  # type: ignore[arg-type]
@@ -204,7 +199,6 @@ class Term:
         return replace(self, force=self.force + unsteady[:number], torque=torque)
 
     def with_elevations_times(self, factor: float) -> Term:
-        """The term with errors of elevations enlarged by a factor."""
         if self.elevation is None or self.level is None:
             return self
         return replace(self, elevation=factor * self.elevation, level=factor * self.level)
@@ -257,7 +251,6 @@ class SafetyBar:
         return lower + _ratio(self.every[1], self.some[1], self.some[1])
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"sentence": self.sentence()}
 
     def sentence(self) -> str:
@@ -310,7 +303,6 @@ class ErrorBars:
 
     @cached_property
     def total(self) -> Term:
-        """The sum of all terms."""
         return Term.of_parts("all", self.terms, ALL)
 
     @property
@@ -333,7 +325,6 @@ class ErrorBars:
         return Correction(*(np.sum(changes, axis=0) for changes in parts))
 
     def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
-        """Forces and torques with the total correction."""
         change = self.correction
         if change is None:
             return force, torque
@@ -345,7 +336,6 @@ class ErrorBars:
         return next((term.name for term in self.terms if term.doubt), "")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         total = as_stored(self.total)
         return {
             **{name: total[name] for name in (STORED_NAMES.get(of, of) for of in ERRORS)},

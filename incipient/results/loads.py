@@ -15,10 +15,8 @@ from .quantity import AXES, load_words
 class Forces:
     """Forces on the grain (3,), scene units with fluid density one.
 
-    flow: of the flow, without buoyancy; corrected for errors of known sign
-    surface_integral: integral of sigma n over the surface, as a cross-check of the computed force
-    buoyancy: of the hydrostatic pressure, exact
-    computed: of the flow by the residual method, uncorrected; None: `flow` is uncorrected
+    flow: without buoyancy, corrected for errors of known sign; computed: by the residual method, uncorrected
+    surface_integral: of sigma n over the surface, a cross-check; buoyancy: of the hydrostatic pressure
     """
 
     flow: Floats
@@ -42,7 +40,6 @@ class Forces:
         return self.flow + self.buoyancy + self.weight
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"total": self.total, "computed": self.plain}
 
 
@@ -65,7 +62,6 @@ class Torques:
         return replace(self, flow=self.plain + change, computed=self.plain)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"computed": self.plain}
 
 
@@ -96,15 +92,12 @@ class Gap:
 
     @property
     def resolved(self) -> bool:
-        """Whether at least two cells span the gap."""
         return self.closed or self.cells >= 2
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"resolved": self.resolved}
 
     def line(self) -> str:
-        """The gap as a line of text."""
         if self.closed:
             return f"gap                 closed where it is narrower than {self.width:.4g}"
         refine = "NOT resolved: refine with a smaller numerics.mesh_size"
@@ -145,7 +138,6 @@ class Elevations:
 
     @classmethod
     def of(cls, readings: list[ElevationReading]) -> Elevations:
-        """The elevations of one or more readings."""
         times, values = (
             np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True)
         )
@@ -155,7 +147,6 @@ class Elevations:
 
     @property
     def step(self) -> float:
-        """The mean time step; zero for a single time."""
         return float((self.times[-1] - self.times[0]) / max(len(self.times) - 1, 1))
 
     @property
@@ -178,7 +169,6 @@ class Elevations:
         return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
 
     def apart_at_the_end(self, other: Elevations) -> Floats:
-        """(stations,) differences from another run at the last time of each."""
         return np.abs(self.values[-1] - other.values[-1])
 
     def at(self, times: Floats) -> Floats:

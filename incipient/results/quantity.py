@@ -41,12 +41,10 @@ class OutputQuantity:
 
     @property
     def label(self) -> str:
-        """Words and unit."""
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
     @property
     def is_load(self) -> bool:
-        """Whether it is a force or a torque."""
         return self.unit in ("force", "torque")
 
     def value(self, stored: Mapping[str, Any]) -> Any:
@@ -72,7 +70,6 @@ class OutputQuantity:
         return None if value is None or error is None else (value - error, value + error)
 
     def columns(self, stored: Mapping[str, Any]) -> dict[str, Any]:
-        """Columns of a sweep's table; for a vector its nonzero components."""
         if not self.column or (value := self.value(stored)) in (None, ""):
             return {}
         if isinstance(value, str) or not hasattr(value, "__len__"):
@@ -87,7 +84,6 @@ class OutputQuantity:
         return columns
 
     def text(self, stored: Mapping[str, Any]) -> str:
-        """Label, value and error bar as text."""
         value, gdim = self.value(stored), gdim_of(stored)
         shown, within = words_of(value, self.unit, gdim), ""
         if isinstance(value, str) or np.ndim(value) == 0:

@@ -79,17 +79,10 @@ class Steadied:
 class Result:
     """The outcome of a run. Vectors have three components in scene units.
 
-    without_error_bars:     why requested error bars are missing
-    surface:                elevations of a free surface at the stations at the end, and a channel's inflow
-    elevations:             elevations at the stations over time, as in history.csv
-    separated:              intervals of x of reverse laminar flow along the bed, between separation and
-                            reattachment; None: not determined
-    turbulence:             report on the walls of a turbulent flow, None without turbulence
-    steady:                 the end of a run until steady flow, otherwise None
-    si:                     the flow in SI units (`results.si`), None without [units]
-    traction:               of the fluid on the grain at the end, None without a grain
-    quantities:             the quantities of runs; measured: values that effects measure, by key, None of an
-                            absent effect
+    surface, elevations: of a free surface at the stations at the end, and over time
+    separated: intervals of x of reverse laminar flow along the bed; None: not determined
+    si: the flow in SI units (`results.si`), None without [units]
+    quantities: of runs; measured: values that effects measure, by key, None of an absent effect
     """
 
     title: str

@@ -1,8 +1,8 @@
 """Cost of a run: wall time and memory by stage and by effect, Newton updates by effect.
 
-Stages nest. Time counts for the innermost stage and for its effect, unless transferred to another effect: a steady
-linear flow needs one Newton update, a time step two (the second confirms the reused LU factorisation). Further updates,
-and the continuation in Reynolds number and order, count for inertia; time steps after the first for unsteadiness.
+Stages nest; time counts for the innermost stage and its effect. A steady linear flow needs one Newton update, a time
+step two (the second confirms the reused LU factorisation): further updates and the continuation count for inertia,
+time steps after the first for unsteadiness.
 """
 
 from __future__ import annotations
@@ -102,7 +102,6 @@ class Ledger:
         self._since, self._peak = now, peak
 
     def total(self) -> float:
-        """Seconds since the start of the clock."""
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
@@ -114,7 +113,6 @@ class Ledger:
         self.began -= total
 
     def to_dict(self) -> dict[str, Any]:
-        """Wall times by stage, and the total."""
         self._settle()
         return {**self.wall_time, "total": self.total()}
 

@@ -1,7 +1,4 @@
-"""The chart of a study of cost: errors against CPU time and memory, and the frontier.
-
-Colours and marks tell orders apart; an error below the uncertainty of the reference is a hollow mark.
-"""
+"""The chart of a study of cost: errors against CPU time and memory, and the frontier."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Shields' diagram: the curve of Soulsby and Whitehouse, and the point of a flume.
-
-The curve (1997) stands beside the critical Shields numbers for comparison: it fits measurements of beds of many grains
-in turbulent flow, the computed ones are of one grain in a steady flow (docs/validation/shields.md).
-"""
+"""Shields' diagram: the curve of Soulsby and Whitehouse (1997), and the point of a flume."""
 
 from __future__ import annotations
 

@@ -52,8 +52,7 @@ def draw(
 
     Args:
         quantity: column to draw; default: the critical Shields number, otherwise the safety factor.
-        against:  column to draw it against; default: the first key that the sweep varies.
-        by:       a curve for each value of this column; default: the next key.
+        against, by: columns of the abscissa and of the curves; default: the first keys that the sweep varies.
 
     Raises:
         OutputError: nothing has been computed yet, or a picture cannot be written.
