@@ -21,7 +21,7 @@ from ..cost.measurement import measure
 from ..cost.study import run_ladder
 from ..errors import SceneError
 from ..files import plain
-from ..output.lock import locked
+from ..output.ownership import locked
 from ..parallel import Comm, collectively
 from ..planning.discretisation import order_of
 from ..planning.plan import Plan
@@ -91,7 +91,6 @@ def _work(
 
 
 def _further_runs(scene: Scene) -> list[str]:
-    """The additional runs for error bars of a free surface without a grain, as a line."""
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return []

@@ -56,7 +56,7 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
                 write_fully(file, text.encode())
         print(f"{options.scene}: a scene of one such grain; next: incipient run {options.scene}")
     if options.curve is not None:
-        from ..pictures.charts.flume import draw
+        from ..pictures.charts.shields import draw_flume
 
-        draw(answer, options.curve)
+        draw_flume(answer, options.curve)
         print(options.curve)

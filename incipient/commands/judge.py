@@ -119,7 +119,6 @@ def _keep(
     kinds: Sequence[ResultKind],
     save: Callable[[Path], object],
 ) -> None:
-    """Write results and their pictures to the directory of `--out`, if given."""
     if options.out is None:
         return
     directory = _directory(options, source)

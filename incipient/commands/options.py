@@ -57,7 +57,6 @@ def _scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "results") -> None:
-    """Add the scene and its result directory, named after the scene."""
     _scene(parser)
     usual = f"results/NAME OF THE SCENE{ending}"
     parser.add_argument("--out", type=named, help=f"directory for the {what} (default: {usual})")
@@ -65,7 +64,10 @@ def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "re
 
 def _details(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--verbose", "-v", action="store_true", help="print details of the result as well"
+        "--verbose",
+        "-v",
+        action="store_true",
+        help="also print the plan, the estimates of errors, parts of forces and the cost of effects",
     )
 
 
@@ -293,7 +295,6 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
 
 
 def _workers(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add the options of a sweep's workers, and retired ones."""
     add = parser.add_argument
     add(
         "--jobs",

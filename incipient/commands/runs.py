@@ -26,9 +26,9 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / options.scene.stem
     ranks = f"{comm.size} rank" + ("s" if comm.size > 1 else "")
-    plan = incipient.make_plan(scene).text()
+    plan = f"\n{incipient.make_plan(scene).text()}" if options.verbose else ""
     if comm.rank == 0:
-        log.info("%s on %s\n%s", scene.title or options.scene.stem, ranks, plan)
+        log.info("%s on %s%s", scene.title or options.scene.stem, ranks, plan)
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice, options.overwrite)
     _tell(result, directory, comm, options.verbose)

@@ -8,8 +8,8 @@ from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
 from ..geometry.placement import Placement
+from ..results.errorbars import SafetyBar
 from ..results.loads import Forces, Torques
-from ..results.safetybar import SafetyBar
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.solids import orientation_of

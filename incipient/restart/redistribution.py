@@ -1,7 +1,5 @@
-"""Mesh and nodal values: gathered on rank 0, and distributed over any number of ranks.
-
-Stored data are independent of the library's numbering and distribution: the mesh has its original order, and values are
-stored with the positions of their nodes.
+"""Mesh and nodal values, gathered on rank 0 and distributed over any number of ranks: the mesh in its original order,
+values with the positions of their nodes.
 """
 
 from __future__ import annotations
@@ -70,7 +68,6 @@ def stored_values(space: Any, states: Sequence[Floats]) -> StoredValues:
 
 
 def _given(mesh: Any) -> Integers:
-    """Original numbers of the local nodes."""
     return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
 
 

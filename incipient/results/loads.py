@@ -1,4 +1,4 @@
-"""Forces and torques on a grain, their coefficients, and the gap of the computation, as data."""
+"""Forces and torques on a grain, their coefficients, the gap of the computation, elevations over time, as data."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from .quantity import AXES, load_words
 class Forces:
     """Forces on the grain (3,), scene units with fluid density one.
 
-    flow: of the flow, without buoyancy; corrected for errors of known sign
-    surface_integral: integral of sigma n over the surface, as a cross-check of the computed force
-    buoyancy: of the hydrostatic pressure, exact
-    computed: of the flow by the residual method, uncorrected; None: `flow` is uncorrected
+    flow: without buoyancy, corrected for errors of known sign; computed: by the residual method, uncorrected
+    surface_integral: of sigma n over the surface, a cross-check; buoyancy: of the hydrostatic pressure
     """
 
     flow: Floats
@@ -42,7 +40,6 @@ class Forces:
         return self.flow + self.buoyancy + self.weight
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"total": self.total, "computed": self.plain}
 
 
@@ -65,7 +62,6 @@ class Torques:
         return replace(self, flow=self.plain + change, computed=self.plain)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"computed": self.plain}
 
 
@@ -96,15 +92,12 @@ class Gap:
 
     @property
     def resolved(self) -> bool:
-        """Whether at least two cells span the gap."""
         return self.closed or self.cells >= 2
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"resolved": self.resolved}
 
     def line(self) -> str:
-        """The gap as a line of text."""
         if self.closed:
             return f"gap                 closed where it is narrower than {self.width:.4g}"
         refine = "NOT resolved: refine with a smaller numerics.mesh_size"
@@ -133,3 +126,64 @@ def loads_words(force: Floats, torque: Floats, gdim: int, digits: str = ".6g") -
     """Force and torque (3,) as text."""
     turning = load_words(torque, "torque", gdim, digits)
     return f"{load_words(force, 'force', gdim, digits)}   torque {turning}"
+
+
+@dataclass(frozen=True, eq=False)
+class Elevations:
+    """Elevations at the stations over time."""
+
+    times: Floats  # (n,), ascending, from the start or the checkpoint
+    values: Floats  # (n, stations)
+    largest: float  # largest absolute elevation on the surface within these times
+
+    @classmethod
+    def of(cls, readings: list[ElevationReading]) -> Elevations:
+        times, values = (
+            np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True)
+        )
+        return cls(
+            times, values.reshape(len(readings), -1), max(reading.largest for reading in readings)
+        )
+
+    @property
+    def step(self) -> float:
+        return float((self.times[-1] - self.times[0]) / max(len(self.times) - 1, 1))
+
+    @property
+    def sharpness(self) -> float:
+        """Largest second difference in time over the largest value; about (w dt)^2 for a wave."""
+        largest = float(np.abs(self.values).max(initial=0.0))
+        bent = float(np.abs(np.diff(self.values, 2, axis=0)).max(initial=0.0))
+        return bent / largest if largest > 0.0 else 0.0
+
+    def apart(self, other: Elevations) -> Floats:
+        """(stations,) largest differences from another run at the times of the run with fewer of them.
+
+        The other run is interpolated by a cubic spline. Zero without common times.
+        """
+        few, many = sorted((self, other), key=lambda one: len(one.times))
+        slack = 1e-9 * (many.times[-1] - many.times[0])
+        common = (few.times >= many.times[0] - slack) & (few.times <= many.times[-1] + slack)
+        if not common.any():
+            return np.zeros(few.values.shape[1])
+        return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
+
+    def apart_at_the_end(self, other: Elevations) -> Floats:
+        return np.abs(self.values[-1] - other.values[-1])
+
+    def at(self, times: Floats) -> Floats:
+        """(k, stations) interpolated elevations at times (k,) of the run."""
+        if len(self.times) == 1:
+            return np.repeat(self.values, len(times), axis=0)
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.times, self.values)(times))
+
+
+@dataclass(frozen=True)
+class ElevationReading:
+    """Elevations at the stations at a time, and the largest absolute elevation on the surface."""
+
+    time: float
+    values: list[float]
+    largest: float

@@ -46,8 +46,13 @@ def test_run_writes_to_the_named_directory(command, tmp_path):
     series = {f"{name}{ending}" for name in ("fields", "surface") for ending in ("", ".xdmf")}
     assert found == {MARK, "scene.toml", "result.json", *series}
     assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
-    assert "verdict" in done.stdout and "deep/down/fields.xdmf" in done.stdout
-    assert "on 1 rank\n" in done.stderr
+    assert "deep/down/fields.xdmf" in done.stdout and "on 1 rank\n" in done.stderr
+    # One page: the verdict, the forces, what was simulated and left out, files and cost; effects in a line each.
+    heads = [line.split("  ")[0] for line in done.stdout.splitlines() if line[0] != " "]
+    order = ["verdict", "force of the flow", "coefficients", "simulated", "cost", "pictures"]
+    assert [head for head in heads if head in order] == order
+    assert len(done.stdout.splitlines()) + len(done.stderr.splitlines()) <= 40
+    assert "third dimension" not in done.stdout + done.stderr
     assert not has_control_characters(done.stderr + done.stdout)
 
 

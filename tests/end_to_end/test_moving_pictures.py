@@ -201,8 +201,8 @@ def test_headings_may_have_units_and_the_last_row_may_be_incomplete(texts):
         (None, r"cannot be read \(No such file"),
         ("", "holds no time"),
         ("time,drag\n1,2\n", "holds no x"),
-        ("time,x,y,angle\n", "holds no complete steps"),
-        ("time,x,y,angle\n1,2\n1,2,3,4\n1\n", "holds no complete steps"),
+        ("time,x,y,angle\n", "holds no place"),
+        ("time,x,y,angle\n1,2\n1,2,3,4\n1\n", "cannot be read"),
         ("time,x,y,angle\n1,2,3,left\n", "cannot be read"),
         ("time,x,y,angle\n1,2,3,\n", "holds no place"),
     ],
@@ -211,7 +211,7 @@ def test_a_damaged_history_is_named(text, complaint, texts):
     path = texts / "history.csv"
     path.unlink() if text is None else path.write_text(text)
     with pytest.raises(OutputError, match=rf"history\.csv: {complaint}.*; "):
-        trajectory.draw(texts)
+        read_history(path)
 
 
 # -- animations ----------------------------------------------------------------------------------------------

@@ -4,11 +4,11 @@ import textwrap
 
 import numpy as np
 import pytest
-from incipient.effects.plan import make_plan
 from one_dimensional import k_omega_channel
 
 import incipient
 from incipient.errors import SceneError
+from incipient.planning.plan import make_plan
 from incipient.scene import (
     Contact,
     Disc,

@@ -11,7 +11,7 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 
 from incipient.errors import OutputError
 from incipient.files import cut_after
-from incipient.pictures.contact_forces import contact_forces
+from incipient.pictures.history import contact_forces
 from incipient.scene import Scene, loads
 
 SCENE = """

@@ -25,7 +25,7 @@ from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.parallel import environment_alone
-from incipient.pictures.charts.cost import draw
+from incipient.pictures.directory_pictures import draw
 from incipient.planning.plan import make_plan
 from incipient.scene import Scene, load, loads
 

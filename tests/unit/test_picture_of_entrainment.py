@@ -1,8 +1,10 @@
 """The picture of entrainment says which errors its bars hold."""
 
+from pathlib import Path
+
 import pytest
 
-from incipient.pictures.charts.entrainment import _figure
+from incipient.pictures.charts.searches import entrainment
 
 
 @pytest.mark.parametrize(
@@ -28,5 +30,7 @@ def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
         ],
         "data": [],
     }
-    words = [text.get_text() for text in _figure(stored).axes[0].get_legend().get_texts()]
+    words = [
+        text.get_text() for text in entrainment(stored, Path()).axes[0].get_legend().get_texts()
+    ]
     assert {f"its range by {told}", f"with {told}"} <= set(words)

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import StoredStep
 from incipient.pictures.drawing import Sight
-from incipient.pictures.plane import PARTS, TETRAHEDRON, boundary_lines, grain_lines
+from incipient.pictures.plane import grain_lines
 from incipient.pictures.record import StoredRun
 from incipient.pictures.verdict import of_run
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
@@ -45,14 +44,6 @@ def quadratic(
     return np.array(points), np.array(found)
 
 
-def test_the_parts_fill_the_cell() -> None:
-    """Eight of the same volume; for a cell of straight edges."""
-    points, cells = quadratic(np.vstack([np.zeros(3), np.eye(3)]), ((0, 1, 2, 3),))
-    corners = points[cells[0][np.array(PARTS)]]
-    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6.0
-    assert np.allclose(volumes, 1.0 / 48.0)
-
-
 def test_fields_stand_where_they_are_on_curved_cells() -> None:
     """A cube whose floor rises in a hump: x at every point is x, and below the hump there is nothing."""
     points, cells = quadratic(CUBE, SIX)
@@ -77,8 +68,9 @@ def test_the_line_around_the_fluid_is_that_of_its_curved_cells() -> None:
     """The hump's line is z = 1.6 x (1 - x), which curved cells of order two have; and the cube's straight sides."""
     points, cells = quadratic(CUBE, SIX)
     points[:, 2] += 1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
-    grid = UnstructuredGrid({TETRAHEDRON: cells}, points)
-    (line,) = boundary_lines(grid, 0.5001)
+    scene = {"domain": {"origin": [0.0, 0.0002, 0.0], "width": 1.0}}
+    run = StoredRun(Path(), {}, scene, StoredStep(0.0, points, cells, {}), None)
+    (line,) = run.plane.outlines
     x, z = line.T
     assert line[0] == pytest.approx(line[-1])
     assert (x.min(), x.max(), z.max()) == pytest.approx((0.0, 1.0, 1.0), abs=1e-6)
@@ -104,7 +96,7 @@ def test_the_line_around_a_grain_is_its_own() -> None:
         StoredStep(0.0, CUBE, np.zeros((0, 10), int), {}),
         None,
     )
-    (line,) = grain_lines(run, 1.0)
+    (line,) = grain_lines(run, grain["computed_centre"], 1.0)
     turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
     x, z = turn.T @ (line - [2.0, 1.0]).T
     assert len(line) > 200

@@ -22,7 +22,7 @@ from ...mesh.elevation import RisingDisplacement
 from ...mesh.motion import MeshMotion
 from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
-from ...results.elevations import ElevationReading, Elevations
+from ...results.loads import ElevationReading, Elevations
 from ...scene import Scene
 from ...scene.surface import stations_of
 from ...setup.setup import Setup

@@ -21,9 +21,9 @@ from ...geometry.placement import Placement
 from ...geometry.proximity import Proximity
 from ...geometry.settle import SettlingOutcome, settle
 from ...scene.model import Contact
+from . import WORKS
 
 REST, FLIGHT = "rest", "flight"
-WORKS = ("flow", "gravity", "friction", "impact")
 STILL = 1e-6  # velocity, relative to the flow's, that counts as zero
 RESTED = 3  # steps without motion after which a grain rests
 RISEN = 1e-3  # smallest rise, in grain sizes
