@@ -29,16 +29,16 @@ def _gap(setup: Setup) -> Iterator[str]:
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and (scene.rests or body.moves):
         yield (
-            f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
-            f"away from the bed; give {WIDE_GAP:g} or less"
+            f"contact.gap = {gap:g} is wide: loads are computed for a grain {gap:g} of its size above the bed; "
+            f"give {WIDE_GAP:g} or less"
         )
     if body.motion != "released":
         return
     begins, kept = setup.geometry.stance.gap, gap * setup.scene.grain.size
     if begins < NEARER * kept:
         yield (
-            f"the grain begins {begins:.3g} from its bed, nearer than its gap of {kept:.3g}, which the first step "
-            "puts right: it stands on one side alone; set body.settle = true"
+            f"the grain starts {begins:.3g} from its bed, closer than its gap of {kept:.3g}, because it touches on one "
+            "side only; the first step corrects this: set body.settle = true"
         )
 
 

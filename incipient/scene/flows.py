@@ -210,7 +210,7 @@ class LogLaw(Profile):
     @property
     def words(self) -> str:
         """What is computed."""
-        return "mean profile of a turbulent flow, kept by a force instead of its turbulent stress"
+        return "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
 
     def reference_velocity(self, length: float) -> float:
         """u*."""
