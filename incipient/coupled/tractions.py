@@ -62,11 +62,11 @@ class Resultant:
 
 
 class EnclosedPressure:
-    """Pressure below a resting grain, left of the first and right of the last contact that at the
-    closing line. Collective.
+    """Pressure below a resting grain, between the boundaries `names` on two closing lines.
+    Collective.
 
-    In between it varies in equal steps, since contacts leak alike. `names`: boundaries of the left
-    and right line.
+    Left of the first and right of the last contact it is that at the closing line; in between it
+    varies in equal steps, since all contacts leak alike.
     """
 
     def __init__(self, fluid: Fluid, closing: Closing, names: tuple[str, str]):
