@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from incipient.contact import Contacts, Load, touching
-from incipient.coupled.enclosed import load_of
+from incipient.coupled.tractions import load_of
 from incipient.errors import SceneError
 from incipient.geometry import (
     Disc,
