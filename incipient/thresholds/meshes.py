@@ -94,24 +94,16 @@ def to_accuracy(
     if scene.numerics.accuracy_includes == "all":
         why = '"all" is for runs; leave it out, and see the error bars of the threshold'
         raise SceneError(f"numerics.accuracy_includes: {why}")
-    result: Concluded = _ThresholdSearch(scene, comm, Recorder(), voice, conclude).result()
+    search = _ThresholdSearch(scene, comm, Recorder(), voice)
+    search.outcome = conclude
+    result: Concluded = search.result()
     return result
 
 
 class _ThresholdSearch(DualWeighted):
+    outcome: Callable[..., Any]  # of the last mesh
     _critical: CriticalSearch
     _flow: CriticalFlow | None = None
-
-    def __init__(
-        self,
-        scene: Scene,
-        comm: Comm,
-        recorder: Recorder,
-        voice: Silent,
-        conclude: Callable[..., Any],
-    ):
-        super().__init__(scene, comm, recorder, voice)
-        self._conclude = conclude
 
     def solve(self, run: Run) -> Loads:
         self._critical = CriticalSearch(run)
@@ -132,7 +124,7 @@ class _ThresholdSearch(DualWeighted):
         return None
 
     def concluded(self, run: Run) -> Any:
-        return self._conclude(run, self._critical, self._flow, self.adaptation())
+        return self.outcome(run, self._critical, self._flow, self.adaptation())
 
 
 def on_its_own_mesh(
