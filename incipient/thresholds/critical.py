@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..accuracy.errorbars import coarse_scenes, error_terms
-from ..accuracy.run import improved_loads
+from ..accuracy.finish import improved_loads
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge

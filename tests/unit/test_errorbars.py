@@ -383,7 +383,7 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
         raise ConvergenceError("no steady flow found")
 
-    monkeypatch.setattr("incipient.accuracy.run.loads_of", fail)
+    monkeypatch.setattr("incipient.accuracy.finish.loads_of", fail)
     scene = example("numerics.mesh_size=2", "output.fields=false")
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
