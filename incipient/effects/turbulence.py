@@ -34,6 +34,7 @@ TURBULENT = (
     "incipient entrainment"
 )
 LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
+OSCILLATING = "in laminar {flow} over one grain{plane}; tau_b is the largest of a period"
 # Name in the report of the walls, words, column, key of the error, ends of the error bar.
 AT_WALLS = (
     ("least", "least y+ of the walls", "y_plus_min", "", None),
@@ -123,6 +124,8 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     """What flow a threshold, so many times the scene's, is for, and whether that can be laminar. Not collective."""
     plane = " in 2-D" if setup.scene.gdim == 2 else ""
     about = TURBULENT if setup.is_averaged else LAMINAR
+    if setup.scene.flow.oscillates:
+        about = OSCILLATING
     yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
     if found := transition(setup, factor):
         yield found.text(" at the threshold")

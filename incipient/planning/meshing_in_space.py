@@ -12,7 +12,7 @@ from ..meshes import Away, Grid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
 from ..setup.geometry import Geometry, Stance, point
 from ..setup.numbers import speed_past_grain
 from ..setup.setup import Setup
-from .cells import FEWEST, layer_ends
+from .cells import FEWEST, PROFILE_CELL, layer_ends
 from .discretisation import far_cells
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/contribute/defaults.md).
@@ -100,6 +100,10 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
             along = min(one.size for one in near if one.boundary)
             layers = wall_cells.layers(setup, order, along)
     far = far_cells(setup).largest_in_space(order)
+    if setup.scene.flow.oscillates:
+        placed, size = stance.placement, PROFILE_CELL[order] * setup.base_flow.layer
+        away = None if placed is None else Away(point(placed.centre), BED_GROWTH, far)
+        near.append(Near(size, GROWTH, boundary=setup.sides.bottom, away=away))
     return Sizes(far, tuple(near), gap_part=GAP_CELL[order], layers=layers)
 
 
@@ -140,6 +144,8 @@ def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
         return []
     reach = WAKE if setup.scene.time is None else WAKE_IN_TIME
     steps = np.arange(0.5, reach, 0.5 * WAKE_CELL)
+    if setup.scene.flow.oscillates:
+        steps = np.concatenate([-steps, steps])
     points = centre + grain.size * steps[:, None] * velocity / speed
     return [Near(WAKE_CELL * grain.size, GROWTH, points=tuple(point(one) for one in points))]
 

@@ -40,7 +40,7 @@ Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks
 
 def contradictions(scene: Scene) -> Iterator[Problem]:
     """Contradictions between sections, except for positions and extents."""
-    for group in RULES:
+    for group in (*RULES, scene.flow.needs):
         first = next((rule for rule in group if rule.broken(scene)), None)
         if first is not None:
             yield first.problem(scene)
