@@ -87,7 +87,7 @@ def test_the_example_explains_every_key():
             assert re.search(r"\S +# \w.*", line), line
     assert "(channel | box)" in example()
     assert (
-        "(shear | poiseuille | open-channel | uniform | log-law | lid | expression | still)"
+        "(shear | poiseuille | open-channel | uniform | log-law | oscillatory | lid | expression | still)"
         in example()
     )
 
