@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
-from incipient.contact.friction import FrictionCone, Law
+from incipient.contact.friction import Law
 from incipient.contact.impulses import PATIENCE, STEPS, CoulombLaw, newton
 from incipient.contact.kernels import Kernel, dot, largest, length
 from incipient.contact.problem import ContactProblem, Load, plain
@@ -268,7 +268,7 @@ def motion_of(
     """Incipient motion of a single case of mass (1,) and inertia (1, 3, 3)."""
     law = problem.law
     if law.moving[0] != law.coefficient[0]:
-        problem = replace(problem, law=FrictionCone(law.moving))
+        problem = replace(problem, law=replace(law, coefficient=law.moving))
     case = ReleaseProblem.of(problem, mass, inertia)
     accelerations, forces, complete = _motions(case, safety is None or safety.held)
     if len(accelerations) == 0:

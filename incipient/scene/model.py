@@ -16,7 +16,7 @@ from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
-from .flows import Flow
+from .flows import Flow, FlowSection
 from .fluctuations import Gusts
 from .grains import FRICTIONLESS, LEVEL
 from .mass import mass, mean_density
@@ -419,12 +419,13 @@ class Scene(Section):
 
 
 def register(section: type[Section]) -> None:
-    """Add a kind of grain or bed to scenes (docs/contribute/adding.md).
+    """Add a kind of grain, bed or flow to scenes (docs/contribute/adding.md).
 
-    Raises SceneError if its `shape` (grain) or `kind` (bed) is not a single value or is already used.
+    Raises SceneError if its `shape` (grain) or `kind` is not a single value or is already used.
     """
     name = discriminator(section)
-    field = Scene.model_fields["body" if name == "shape" else "bed"]
+    flows = issubclass(section, FlowSection)
+    field = Scene.model_fields["flow" if flows else "body" if name == "shape" else "bed"]
     known = variants(field.annotation)
     if name is None or tag(section) in map(tag, known):
         why = (
@@ -433,5 +434,6 @@ def register(section: type[Section]) -> None:
             else "shape or kind is missing"
         )
         raise SceneError(f'{section.__name__}: {why}; give a key as in shape: Literal["stadium"]')
-    field.annotation = Annotated[Union[(*known, section)], Field(discriminator=name)] | None  # type: ignore
+    kinds: Any = Annotated[Union[(*known, section)], Field(discriminator=name)]
+    field.annotation = kinds if flows else kinds | None
     Scene.model_rebuild(force=True)
