@@ -117,7 +117,7 @@ def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantiti
     changing = scene.flow.changes or (scene.has_surface and scene.flow.at_rest)
     begin = 0.0 if changing else SETTLED * scene.time.end
     if scene.flow.oscillates:
-        begin = max(0.0, scene.time.end - scene.flow.period)
+        begin = max(0.0, scene.time.end - scene.flow.cycle)
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
     ranges: dict[str, dict[str, float]] = {"force": {}, "torque": {}}

@@ -114,11 +114,10 @@ def _require(scene: Scene) -> None:
         (not scene.moves, 'a held grain (body.motion = "fixed")'),
         (
             scene.time is None or scene.numerics.accuracy is None,
-            "no numerics.accuracy where the flow oscillates",
+            "a given mesh where the flow oscillates (no numerics.accuracy)",
         ),
         (
-            scene.time is None
-            or scene.time.end >= FEWEST_PERIODS * getattr(scene.flow, "period", 0.0),
+            scene.time is None or scene.time.end >= FEWEST_PERIODS * scene.flow.cycle,
             f"{FEWEST_PERIODS} or more periods (a later time.end)",
         ),
         (not scene.flow.at_rest, "a flow (flow.kind other than still)"),
