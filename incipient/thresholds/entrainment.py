@@ -171,8 +171,6 @@ def find_entrainment(
     scene, gusts = setup.scene, setup.scene.gusts
     if gusts is None:
         raise SceneError("gusts: is missing; add [gusts] with an intensity, or a measured series")
-    if scene.time is not None:
-        raise SceneError("gusts: are fluctuations of a steady flow; leave [time] out")
     if not all(0.0 < probability < 1.0 for probability in probabilities):
         raise SceneError("probabilities: give one or more, each between 0 and 1")
     if not all(1.0 / FARTHEST <= strength <= FARTHEST for strength in strengths):

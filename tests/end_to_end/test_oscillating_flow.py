@@ -364,12 +364,21 @@ def test_with_inertia_the_flow_of_the_threshold_has_a_least_safety_factor_of_one
     assert threshold.factor < find_threshold(pocket(False), MPI.COMM_SELF).factor
 
 
-def test_thresholds_of_too_few_periods_are_refused() -> None:
+@pytest.mark.parametrize(
+    ("section", "keys", "says"),
+    [
+        ("time", {"end": 8.0}, r"3 or more periods \(a later time\.end\)"),
+        ("body", {"motion": "released"}, r'a held grain \(body\.motion = "fixed"\)'),
+        ("numerics", {"accuracy": 0.01}, r"no numerics\.accuracy where the flow oscillates"),
+        ("gusts", {"intensity": 0.3}, r"no \[gusts\] where the flow oscillates"),
+    ],
+)
+def test_thresholds_in_time_say_what_they_need(
+    section: str, keys: dict[str, Any], says: str
+) -> None:
     plain = pocket(False).model_dump(exclude_unset=True)
-    plain["time"]["end"] = 8.0
-    with pytest.raises(
-        SceneError, match=r"a threshold needs 3 or more periods \(a later time\.end\)"
-    ):
+    plain[section] = {**plain.get(section, {}), **keys}
+    with pytest.raises(SceneError, match=f"^a threshold needs {says}$"):
         find_threshold(Scene(**plain), MPI.COMM_SELF)
 
 
