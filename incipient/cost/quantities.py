@@ -112,12 +112,10 @@ def _of_path(
 
 
 def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Extreme loads, over all times for unsteady inflow or waves, over a period, or over the last quarter."""
+    """Extreme loads, over all times for unsteady inflow or waves, otherwise over the last quarter."""
     assert scene.time is not None
     changing = scene.flow.changes or (scene.has_surface and scene.flow.at_rest)
     begin = 0.0 if changing else SETTLED * scene.time.end
-    if scene.flow.oscillates:
-        begin = max(0.0, scene.time.end - scene.flow.period)
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
     ranges: dict[str, dict[str, float]] = {"force": {}, "torque": {}}

@@ -15,8 +15,6 @@ from ..meshes import Near
 LEVEL = 0.25
 FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
 FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
-# Along the bed below a base flow that bends next to it, in thicknesses of that layer.
-PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 
 
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.

@@ -18,7 +18,7 @@ from ..setup.geometry import Geometry, Stance, point
 from ..setup.numbers import time_of_change
 from ..setup.setup import Setup
 from . import meshing_in_space as in_space
-from .cells import CLOSED, FAR_CELL, FEWEST, PROFILE_CELL, corners
+from .cells import CLOSED, FAR_CELL, FEWEST, corners
 from .discretisation import far_cells, velocity_order
 from .layout import Layout
 from .plan import Plan
@@ -36,6 +36,8 @@ BED_GROWTH, BED_LARGEST = 0.05, 0.6
 # At an inflow given by formulas: which part of the discharge a cell's interpolation may miss, of a reattachment length
 # behind a step at Re 800 eight times as much; the least cell over the usual one; parts of a cell; instants.
 MISSED, FINEST, UNEVEN, INFLOW_SAMPLES = 1e-4, 1e-3, 0.382, 9
+# Along the bed below a base flow that bends next to it, in thicknesses of that layer.
+PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 GRID_GRADING = 0.05  # of the cells of an empty box: spacing at walls over that in the middle
 
 

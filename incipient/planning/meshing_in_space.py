@@ -12,7 +12,7 @@ from ..meshes import Away, Grid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
 from ..setup.geometry import Geometry, Stance, point
 from ..setup.numbers import speed_past_grain
 from ..setup.setup import Setup
-from .cells import FEWEST, PROFILE_CELL, layer_ends
+from .cells import FEWEST, layer_ends
 from .discretisation import far_cells
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/contribute/defaults.md).
@@ -25,6 +25,7 @@ EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 # Cells behind a held grain with such a layer, how far from its centre, and how far in time, over the grain's size.
 WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
 PLANE_CELL = 0.2  # likewise, along a level bed that is resolved, near a grain
+PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}  # along the bed, in thicknesses of an oscillating layer
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
 GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle

@@ -1,7 +1,10 @@
 """Cells at the walls of a mean flow: rows of a channel, layers in the viscous sublayer, and sizes along walls."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +14,11 @@ from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import point
 from ..setup.setup import Setup
-from ..turbulence.walls import Walls
 from .cells import corners, layer_ends, lee, separating
 from .discretisation import velocity_order
+
+if TYPE_CHECKING:
+    from ..turbulence.walls import Walls
 
 # Rows of a channel: the first over the distance of the wall; growth with the distance from it; the largest over the
 # depth, along the channel as well.

@@ -54,7 +54,6 @@ class FlowSection(Section):
         moves_top, by_formulas: whether the upper side slides; whether cells at the inflow resolve its velocity.
         scaled_by: the key of [units] that gives its speed.
         duct: of a flow between side walls, the height of the duct over the depth; 0: the sides do not change it.
-        oscillates: whether it flows in through both ends, where it is prescribed, and a run starts from it.
         needs: rules between the flow and other sections, of which `rules` knows nothing.
     """
 
@@ -73,13 +72,27 @@ class FlowSection(Section):
     by_formulas: ClassVar[bool] = False
     scaled_by: ClassVar[str] = "velocity"
     duct: ClassVar[float] = 0.0
-    oscillates: ClassVar[bool] = False
     needs: ClassVar[tuple[Rule, ...]] = ()
 
     @property
     def changes(self) -> bool:
         """Whether the flow changes in time."""
         return False
+
+    @property
+    def cycle(self) -> float:
+        """Period of a flow that oscillates: it is prescribed at both ends, and a run starts from it; inf: none."""
+        return math.inf
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether it has a period."""
+        return math.isfinite(self.cycle)
+
+    @property
+    def frequency(self) -> float:
+        """w = 2 pi over the period."""
+        return 2.0 * math.pi / self.cycle
 
     @property
     def words(self) -> str:
@@ -221,7 +234,7 @@ class Oscillatory(Profile):
     """Stokes' boundary layer over a bed below long waves: U [cos wt - exp(-z/d) cos(wt - z/d)] at a height z."""
 
     tops = ("auto", "stream")
-    stresses_bed = oscillates = True
+    stresses_bed = True
     needs = (
         Rule("flow.kind", lambda s: s.time is None,
              '"oscillatory" changes in time but without [time] the flow is steady', "add a section [time]"),
@@ -249,9 +262,9 @@ class Oscillatory(Profile):
         return True
 
     @property
-    def frequency(self) -> float:
-        """w = 2 pi over the period."""
-        return 2.0 * math.pi / self.period
+    def cycle(self) -> float:
+        """The period."""
+        return self.period
 
     def thickness(self, viscosity: float) -> float:
         """d = (2 nu/w)^(1/2), the Stokes thickness."""

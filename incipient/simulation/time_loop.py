@@ -86,7 +86,7 @@ class TimeLoop:
         run, fluid, flow = self._run, self._run.fluid, self._run.scene.flow
         velocity, at = fluid.velocity, run.setup.base_flow.velocity
         for function, later in ((fluid.state, 0.0), (fluid.history[0], 1.0)):
-            velocity.interpolate(lambda x, k=later: at(x, 0.0) - k * at(x, 0.25 * flow.period))
+            velocity.interpolate(lambda x, k=later: at(x, 0.0) - k * at(x, 0.25 * flow.cycle))
             function.x.array[fluid.space.velocity_map] = velocity.x.array
         fluid.discretise_time((flow.frequency, -flow.frequency, 0.0), (1.0, 0.0))
         with run.stage("flow"):

@@ -44,6 +44,7 @@ OTHERWISE = (
     "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
     "for a threshold; use a smaller numerics.mesh_size"
 )
+OF_PERIODS = "where the flow oscillates"
 IN_TIME = "not estimated: the flow oscillates"
 ROCKED = (
     "before it leaves it rocks, {way}; under the load of the flow past its first pose, with an error of about "
@@ -114,11 +115,11 @@ def _require(scene: Scene) -> None:
         (not scene.moves, 'a held grain (body.motion = "fixed")'),
         (
             scene.time is None or scene.numerics.accuracy is None,
-            "no numerics.accuracy where the flow oscillates",
+            f"no numerics.accuracy {OF_PERIODS}",
         ),
+        (scene.time is None or scene.gusts is None, f"no [gusts] {OF_PERIODS}"),
         (
-            scene.time is None
-            or scene.time.end >= FEWEST_PERIODS * getattr(scene.flow, "period", 0.0),
+            scene.time is None or scene.time.end >= FEWEST_PERIODS * scene.flow.cycle,
             f"{FEWEST_PERIODS} or more periods (a later time.end)",
         ),
         (not scene.flow.at_rest, "a flow (flow.kind other than still)"),

@@ -44,12 +44,12 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
     assert scene.placement is not None and scene.contact is not None and run.contacts is not None
     times = np.array([row["time"] for row in history.rows])
     forces, torques = _vectors(history.rows, scene.gdim)
-    change = _change(times, np.hstack([forces, scene.grain.size * torques]), scene.flow.period)
+    change = _change(times, np.hstack([forces, scene.grain.size * torques]), scene.flow.cycle)
     if change > PERIODIC:
         why = f"the loads of the last two periods differ by {change:.0%}"
         raise SceneError(f"time.end: {why}; use a later one")
     run.voice.say(f"flow x {factor:.6g}: the last two periods differ by {change:.1e}")
-    last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.period)
+    last = np.flatnonzero(times > times[-1] - (1.0 - 1e-9) * scene.flow.cycle)
     (buoyancy, weight), centre = weights(scene), spatial(scene.placement.centre)
     loads = [
         (Forces(force, force, buoyancy, weight), Torques(torque, torque, centre))
