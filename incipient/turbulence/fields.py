@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -28,8 +29,9 @@ from ..parallel import Holder
 Values = Callable[[np.ndarray], np.ndarray]
 ORDER = 2
 FAR = 1e9  # distance where there are no walls
-ROUNDING = 1e-9  # of the largest distance from a wall: what is on it
-ON_SURFACE = 0.1  # of the least distance of nodes from a wall: that of nodes on it, where omega would be infinite
+# Of the thickness of the cells at a wall: distance of the nodes on it, where omega would be infinite. Then the parabola
+# of ln omega = -2 ln d between those nodes, the middle of a cell and its outer edge has the slope of -2 ln d there.
+ON_SURFACE = math.e / 16.0
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
@@ -95,11 +97,10 @@ class TurbulenceFields(Holder):
         self.closure: Any = k_epsilon or KOmegaSST(self._distance, self._least)
         self._surfaces = () if k_epsilon else tuple(surfaces)
         self._at_surfaces = dolfinx.fem.Function(self._distance.function_space)
-        self._near = np.empty(0, dtype=np.int32)
         if self._surfaces:
-            near = is_node_of(self._at_surfaces.function_space, cells_at(domain, self._surfaces))
-            self._near = np.flatnonzero(near).astype(np.int32)
-            pairs = [2 * self._near + 1, self._near]
+            self._at = cells_at(domain, self._surfaces)
+            near = np.flatnonzero(is_node_of(self._at_surfaces.function_space, self._at))
+            pairs = [(2 * near + 1).astype(np.int32), near.astype(np.int32)]
             of_omega = dolfinx.fem.dirichletbc(self._at_surfaces, pairs, self.space.sub(1))
             self.conditions = [*self.conditions, of_omega]
         self._seen = dolfinx.fem.Function(
@@ -147,12 +148,20 @@ class TurbulenceFields(Holder):
         away = [distances(self.domain, [name], places) + more for name, more in beyond.items()]
         least = np.min(away, axis=0)
         if self._surfaces:
-            nearest = self.largest(1.0 / least[least > ROUNDING * self.largest(least)])
-            least = np.maximum(least, ON_SURFACE / nearest)
+            least = np.maximum(least, ON_SURFACE * self._thicknesses(least))
             # In the viscous sublayer omega = 6 nu/(beta y^2) (Wilcox 1988, AIAA J. 26, 1299).
             omega = 6.0 * self._molecules / (INNER[2] * least**2)
             self._at_surfaces.x.array[:] = np.log(omega)
         self._distance.x.array[:] = least
+
+    def _thicknesses(self, away: Floats) -> Floats:
+        """(nodes,) of the thinnest cell at a surface that has the node, zero away from surfaces. Collective."""
+        dofs = compat.cell_dofs(self._distance.function_space)[self._at]
+        thickness = dolfinx.fem.Function(self._distance.function_space)
+        thickness.x.array[:] = np.inf
+        np.minimum.at(thickness.x.array, dofs, away[dofs].max(axis=1, keepdims=True))
+        thickness.x.scatter_forward()
+        return np.where(np.isfinite(thickness.x.array), thickness.x.array, 0.0)
 
     # -- what the flow sees of it ------------------------------------------------------------------
 
