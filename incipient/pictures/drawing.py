@@ -27,17 +27,17 @@ from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, ST
 # Of the view: from across the flow, above the horizontal.
 _TURNED, _RAISED = np.radians([24.0, 17.0])
 _PIXELS = 1320  # of the height of a rendering
-# Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arc of the
-# torque, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
-_STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
+# Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arcs of the
+# torque and of the turn, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
+_STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _OUTSIDE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.6, 0.09
 _PIECE, _THICK, _BED = 0.2, 0.05, 1.0
 _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
+_UPRIGHT = 0.95  # cosine: an axis of turning that is upright
 _ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
 
 Marks = list[tuple[Artist, str]]
-Forces = dict[str, np.ndarray]  # (3,) by name
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +140,8 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
     corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
     looks: Looks = {"arrowprops": {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}}
     for name, direction in zip("xyz", 0.07 * (x1 - x0) * sight(np.eye(3)), strict=True):
-        axes.annotate(
-            name, corner, corner + direction, fontsize=8, ha="center", va="center", **looks
-        )
+        x, y = (corner + direction).tolist()
+        axes.annotate(name, corner.tolist(), (x, y), fontsize=8, ha="center", va="center", **looks)
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -178,26 +177,19 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     mark_contacts(axes, sight(points), sight(normals), case.significant, colours, size)
     if case.motion is not None:
         _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
-    draw_load(axes, sight, case.load.centre, size, case.acting, case.load.flow_couple, case.largest)
-    return marks_of(case)
+    _draw_load(axes, case, sight, size)
+    return _marks_of(case)
 
 
-def draw_load(
-    axes: Axes,
-    sight: Sight,
-    centre: np.ndarray,
-    size: float,
-    forces: Forces,
-    torque: np.ndarray,
-    largest: float,
-) -> None:
+def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
     """Forces from the centre, to one scale, and an arc in the sense of the torque about it."""
+    centre, torque, forces = case.load.centre, case.load.flow_couple, case.acting
     if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
         _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
-    shown = [name for name in forces if np.linalg.norm(forces[name]) > _SMALL * largest]
+    shown = [name for name in forces if np.linalg.norm(forces[name]) > _SMALL * case.largest]
     visible = {name: unit(sight(forces[name])) for name in shown}
     for name, along in visible.items():
-        colour, tip = FORCES[name], sight(centre + _STRONGEST * size / largest * forces[name])
+        colour, tip = FORCES[name], sight(centre + _STRONGEST * size / case.largest * forces[name])
         arrow(axes, sight(centre), tip, colour, 2.2 if name == "resultant" else 1.8)
         others = [other for key, other in visible.items() if key != name]
         label(axes, tip + 0.05 * size * along, along + _aside(along, others), name, colour)
@@ -288,20 +280,7 @@ def _draw_motion(
             facecolor=MOTION, edgecolor="white", lw=0.9, shrinkA=0, shrinkB=0, zorder=6.8,
         ))  # fmt: skip
     if np.linalg.norm(motion.angular) * size > 1e-6 * fastest:
-        top, _ = _ends_of_arc(sight, motion.angular)
-        arms = places - centre
-        lengths = np.linalg.norm(arms, axis=1)
-        above = lengths[arms @ top > np.cos(_ARC) * lengths]
-        radius = float((above if len(above) else lengths).max()) + 0.1 * size
-        _turning(axes, sight, centre, motion.angular, radius, MOTION, 2.4)
-
-
-def _ends_of_arc(sight: Sight, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    axis = unit(axis)
-    top = sight.directions[1] - (sight.directions[1] @ axis) * axis
-    if np.linalg.norm(top) < 0.3:
-        top = sight.directions[2] - (sight.directions[2] @ axis) * axis
-    return unit(top), np.cross(axis, unit(top))
+        _turning(axes, sight, centre, motion.angular, _OUTSIDE * size, MOTION, 2.4)
 
 
 def _turning(
@@ -313,7 +292,11 @@ def _turning(
     colour: str,
     width: float,
 ) -> None:
-    top, onwards = _ends_of_arc(sight, axis)
+    axis = unit(axis)
+    # Upwards, or toward the eye if the axis is upright.
+    eye = sight.directions[1 if abs(axis @ sight.directions[1]) < _UPRIGHT else 2]
+    top = unit(eye - (eye @ axis) * axis)
+    onwards = np.cross(axis, top)
     angles = np.linspace(-_ARC, _ARC, 40)[:, None]
     points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
     looks: Looks = {"color": colour, "lw": width, "fill": False, "zorder": 7}
@@ -337,7 +320,7 @@ def _circle(normal: np.ndarray) -> np.ndarray:
     return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
 
 
-def marks_of(case: Judged) -> Marks:
+def _marks_of(case: Judged) -> Marks:
     """Legend of the marks of a case."""
     states = [STATES[state] for state in dict.fromkeys(case.states)]
     marks: Marks = [

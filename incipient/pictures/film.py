@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 from matplotlib.ticker import MaxNLocator
@@ -56,7 +57,7 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
             part.touch()
             writer = FFMpegWriter(rate) if ending == ".mp4" else PillowWriter(rate)
             FuncAnimation(
-                film.figure, film.show, frames=len(moments), init_func=lambda: None,
+                film.figure, film.show, frames=len(moments), init_func=list,
                 cache_frame_data=False,
             ).save(part, writer, dpi=_DOTS[ending])  # fmt: skip
     return path
@@ -119,7 +120,7 @@ class _Film:
             y1 = max(float(run.fields.points[:, -1 if run.in_space else 1].max()) for run in runs)
         return x0, x1, y0, y1
 
-    def show(self, number: int) -> None:
+    def show(self, number: int) -> list[Artist]:
         run, time, axes = self.run(number), float(self.moments[number]), self.axes
         plane, values = run.plane, self.field.values(run.in_plane(self.field.stored))
         axes.clear()
@@ -143,6 +144,7 @@ class _Film:
             self.contacts.draw(axes, time, self.size)
         axes.set(xlim=self.view[:2], ylim=self.view[2:])
         style.show_as_written(self.figure)
+        return []
 
     def _arrows(self, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray) -> None:
         """Velocities (2, rows, columns); as long as the root of the speed, so that slow flow is seen."""

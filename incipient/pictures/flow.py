@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
@@ -73,11 +73,11 @@ def picture(run: StoredRun, shown: Shown) -> Figure:
     return figure
 
 
-def _paint(plane: Plane, values: np.ndarray, axes: Axes, view: View, shown: Shown) -> Artist:
+def _paint(plane: Plane, values: np.ndarray, axes: Axes, view: View, shown: Shown) -> Any:
     triangles = plane.triangulation(view)
     norm = shown.limits(values[np.unique(triangles.triangles)])
     looks: Looks = {"cmap": shown.colours, "norm": norm, "rasterized": True, "zorder": 1}
-    painted: list[Artist] = [axes.tripcolor(triangles, values, shading="gouraud", **looks)]
+    painted: list[Any] = [axes.tripcolor(triangles, values, shading="gouraud", **looks)]
     if shown is PRESSURE:
         levels = np.linspace(norm.vmin or 0.0, norm.vmax or 0.0, _ISOBARS + 1)[1:-1]
         looks = {"linewidths": 0.35, "linestyles": "solid", "alpha": 0.6}

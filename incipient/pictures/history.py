@@ -62,14 +62,13 @@ class History:
         return np.asarray(self.times[np.diff(meshes, prepend=meshes[:1]) > 0])
 
     def at(self, time: float) -> Placement:
-        x, y, *turned = (
+        place = [
             float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]
-        )
+        ]
         if self.gdim == 2:
-            return Placement((x, y), *turned)
-        z, *quaternion = turned
-        turn = np.divide(quaternion, np.linalg.norm(quaternion))
-        return Placement((x, y, z), quaternion=tuple(map(float, turn)))
+            return Placement((place[0], place[1]), place[2])
+        w, x, y, z = np.divide(place[3:], np.linalg.norm(place[3:])).tolist()
+        return Placement(tuple(place[:3]), quaternion=(w, x, y, z))
 
     def started(self, placement: Placement) -> History:
         """This path with the place at time zero before it, where the first step is later."""
@@ -155,11 +154,12 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
     columns = table(path, "run the scene again")
     if not len(columns["time"]):
         return None
-    pairs = (
+    points, normals, forces = (
         np.column_stack(
             [columns[f"{name}{axis}"] for axis in ("x", "z" if "z" in columns else "y")]
         )
         for name in ("", "normal_", "force_")
     )
     kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
-    return ContactForces(columns["time"], *pairs, columns["slip"], (contact.friction, kinetic))
+    friction = contact.friction, kinetic
+    return ContactForces(columns["time"], points, normals, forces, columns["slip"], friction)

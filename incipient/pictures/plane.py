@@ -120,7 +120,8 @@ class Plane:
         lines = [Path(np.vstack([line, line[:1]]), closed=True) for line in self.outlines]
         looks: dict[str, Any] = {"facecolor": fluid, "edgecolor": INK, "lw": 0.8}
         looks["zorder"] = 0.5 if fluid != "none" else 3
-        boundary = axes.add_artist(PathPatch(Path.make_compound_path(*lines), **looks))
+        boundary = PathPatch(Path.make_compound_path(*lines), **looks)
+        axes.add_artist(boundary)
         for artist in painted:
             artist.set_clip_path(boundary)
         for outline in self.grains if grain else ():

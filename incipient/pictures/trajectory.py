@@ -100,7 +100,7 @@ def _laid_out(views: Sequence[View], title: str) -> tuple[Figure, list[Axes], li
     sheet = Figure(figsize=size, layout="constrained")
     style.headline(sheet, textwrap.shorten(title, 200))
     heights = None if ratios else (size[1] - 4.0, 1.3, 1.3)
-    axes = sheet.subplot_mosaic(rows, width_ratios=ratios, height_ratios=heights)
+    axes: dict[str, Axes] = sheet.subplot_mosaic(rows, width_ratios=ratios, height_ratios=heights)
     return sheet, [axes[k] for k in ("map", "near") if k in axes], [axes[k] for k in "012345"]
 
 

@@ -120,13 +120,13 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
 
 def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
     """Places (n, 3) along a grain's outline, in 3-D on its surface, with triangles; sketched without a shape."""
-    if shape is not None and not planar:
-        return placed_surface(shape.grain, shape.placement)
-    solid = sketched(case) if shape is None else None
-    if solid is not None and not planar:
-        return solid
-    outline = hull(solid[0][:, :2]) if solid else grain_outline(shape.grain, shape.placement)
-    return spatial(outline), np.empty((0, 3), dtype=int)
+    flat = np.empty((0, 3), dtype=int)
+    if shape is None:
+        points, triangles = sketched(case)
+        return (spatial(hull(points[:, :2])), flat) if planar else (points, triangles)
+    if planar:
+        return spatial(grain_outline(shape.grain, shape.placement)), flat
+    return placed_surface(shape.grain, shape.placement)
 
 
 def _flow_rows(run: StoredRun) -> list[Group]:

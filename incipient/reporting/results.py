@@ -15,10 +15,11 @@ from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_sentence, with_motion
 from ..planning.effects import percent
+from ..results import errorbars
 from ..results.errorbars import ALL
 from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
-from ..results.quantity import OutputQuantity, at, gdim_of
+from ..results.quantity import STORED_NAMES, OutputQuantity, at, gdim_of
 from ..results.si import si_loads, si_rows
 from ..results.trajectory import trajectory_sentence
 from .page import Bounded, components, erring, turning
@@ -37,15 +38,7 @@ CAPTIONS = {
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
 }
-# Column headings of the error budget, by the keys of errors in result.json.
-ERRORS = {
-    "force": "of the force",
-    "torque": "of the torque",
-    "elevation": "of elevations, at most",
-    "level": "of elevations at the end",
-    "shear_velocity": "of u*, at most",
-    "centreline": "of velocities on centrelines",
-}
+ERRORS = {STORED_NAMES.get(name, name): heading for name, heading in errorbars.ERRORS.items()}
 # Remedies for errors by the name of the term.
 REMEDIES = {
     "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",

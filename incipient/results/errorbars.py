@@ -24,11 +24,17 @@ if TYPE_CHECKING:
 NO_GRAIN: Floats = np.zeros(0)
 ALL = "the sum: an error bar is not a standard deviation"
 MOST_SPANS = 4  # of reverse flow in the text
-# Quantities of a term's errors.
-ERRORS = (
-    *("force", "torque", "place", "elevation", "level"),
-    *("shear", "separated", "centreline"),
-)
+# Quantities of a term's errors, with their headings on pages.
+ERRORS = {
+    "force": "of the force",
+    "torque": "of the torque",
+    "place": "of the end of the path, at most",
+    "elevation": "of elevations, at most",
+    "level": "of elevations at the end",
+    "shear": "of u*, at most",
+    "separated": "of x of separation, at most",
+    "centreline": "of velocities on centrelines",
+}
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -11,11 +11,27 @@ from ..arrays import Floats
 from .quantity import AXES, load_words
 
 
+class _OfFlow:
+    """Force or torque of the flow (3,), corrected for errors of known sign; None in `computed`: it is uncorrected."""
+
+    flow: Floats
+    computed: Floats | None
+
+    @property
+    def plain(self) -> Floats:
+        """As computed (3,)."""
+        return self.flow if self.computed is None else self.computed
+
+    def corrected(self, change: Floats) -> Self:
+        """With a change (3,) added to what was computed."""
+        return replace(self, flow=self.plain + change, computed=self.plain)  # type: ignore[type-var]
+
+
 @dataclass(frozen=True)
-class Forces:
+class Forces(_OfFlow):
     """Forces on the grain (3,), scene units with fluid density one.
 
-    flow: without buoyancy, corrected for errors of known sign; computed: by the residual method, uncorrected
+    flow: without buoyancy; computed: by the residual method
     surface_integral: of sigma n over the surface, a cross-check; buoyancy: of the hydrostatic pressure
     """
 
@@ -24,15 +40,6 @@ class Forces:
     buoyancy: Floats
     weight: Floats
     computed: Floats | None = None
-
-    @property
-    def plain(self) -> Floats:
-        """The force of the flow as computed (3,)."""
-        return self.flow if self.computed is None else self.computed
-
-    def corrected(self, change: Floats) -> Forces:
-        """The forces with a change (3,) added to the computed force of the flow."""
-        return replace(self, flow=self.plain + change, computed=self.plain)
 
     @property
     def total(self) -> Floats:
@@ -44,22 +51,13 @@ class Forces:
 
 
 @dataclass(frozen=True)
-class Torques:
+class Torques(_OfFlow):
     """Torques on the grain (3,) about a point (3,), named as the forces; in 2-D along the third axis."""
 
     flow: Floats
     surface_integral: Floats
     about: Floats
     computed: Floats | None = None
-
-    @property
-    def plain(self) -> Floats:
-        """The torque of the flow as computed (3,)."""
-        return self.flow if self.computed is None else self.computed
-
-    def corrected(self, change: Floats) -> Torques:
-        """The torques with a change (3,) added to the computed torque of the flow."""
-        return replace(self, flow=self.plain + change, computed=self.plain)
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self) | {"computed": self.plain}

@@ -88,6 +88,13 @@ def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
     assert heads[1:4] == ["of the force", "of the torque", "of elevations at the end"]
     assert rows[0][1] == (0.3, 0.4) and math.isnan(rows[0][2]) and rows[0][3:5] == [0.2, "50 %"]
     assert rows[1][2] == "" and [row[0] for row in rows] == ["gap", "domain", "all"]
+    # The page has a column for whatever a term has errors of: the end of a path, the x of separation.
+    moving = {"name": "time step", "how": "x", "force": None, "torque": None, "parts": []}
+    moving |= {"place": [0.25, 0.5, 0.125], "separated": [2.0, 1.0]}
+    bars = {"terms": [moving], "place": moving["place"], "separated": moving["separated"]}
+    heads, (row,) = _budget(True, bars)
+    assert heads[1:3] == ["of the end of the path, at most", "of x of separation, at most"]
+    assert row[1:4] == [0.5, 2.0, "100 %"]
 
 
 def test_short_lists_of_settings_stand_on_a_line() -> None:
