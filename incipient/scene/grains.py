@@ -16,7 +16,7 @@ from .section import NotNegative, Rule, Section, allowed, formula
 Density = Annotated[
     NotNegative | None,
     Field(
-        description="Density relative to the fluid [-]; without it or a mass no weight and no verdict",
+        description="Density relative to the fluid [-]; without it or a mass there is no weight and no verdict",
         examples=[2.65],
     ),
 ]

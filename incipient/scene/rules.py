@@ -226,9 +226,9 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     # Flow and domain.
     (
         Rule("flow.kind", lambda s: s.flow.kind == "lid" and not _boxed(s),
-             "a lid closes a box but the domain is a channel", 'set domain.kind = "box"'),
+             '"lid" needs a box but the domain is a channel', 'set domain.kind = "box"'),
         Rule("flow.kind", lambda s: s.flow.kind in _THROUGH and _boxed(s),
-             '"{s.flow.kind}" flows through but a box is closed',
+             '"{s.flow.kind}" needs open ends but a box is closed',
              'set domain.kind = "channel", or use "lid" or "still"'),
         Rule("domain.top", lambda s: _boxed(s) and s.domain.top == "stream" and s.flow.kind != "expression",
              "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"'),
@@ -439,7 +439,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),
         Rule("flow.kind", lambda s: _stream(s) and _surface(s).outflow == "wall" and s.flow.kind != "still",
-             '"{s.flow.kind}" flows through but surface.outflow is "wall"', 'use "still"'),
+             '"{s.flow.kind}" needs an open outflow but surface.outflow is "wall"', 'use "still"'),
     ),
     (
         Rule("surface.ends", lambda s: _stream(s) and _surface(s).ends != "wall",

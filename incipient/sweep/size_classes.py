@@ -41,7 +41,7 @@ def size_classes(
     """
     if len(bounds) < 2 or not all(low < high for low, high in pairwise(bounds)):
         raise SceneError(
-            f"--size-classes: {_shown(bounds)} do not grow; give two bounds or more, as in 1,2,4"
+            f"--size-classes: {_shown(bounds)} do not increase; give two bounds or more, as in 1,2,4"
         )
     table_rows = (
         _of_csv(path)
