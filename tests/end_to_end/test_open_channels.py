@@ -251,7 +251,7 @@ def test_the_plan_tells_of_the_ends():
         (
             "height = 1.0",
             'height = 1.0\nwidth = 1.0\nsides = "stream"',
-            'domain.sides: is "stream": the surface',
+            'domain.sides: is "stream", which is not possible',
         ),
         (
             'elevation = "0"',
