@@ -379,7 +379,7 @@ class Search(ABC):
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
             return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
         if expected - now > self.comm.bcast(free_bytes() / 2**20, root=0):
-            return f"stopped: {needs}, more than there is"
+            return f"stopped: {needs}, more than is available"
         return ""
 
     def report(self, trial: Trial) -> None:

@@ -71,7 +71,7 @@ class Steadied:
             return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
         return (
             f"NOT steady          at t = {self.time:.6g}: it changes by {self.change:.1e} per unit of time, "
-            f"{self.asked:.1e} is asked for: use a later time.end"
+            f"above the requested {self.asked:.1e}: use a later time.end"
         )
 
 
@@ -278,7 +278,7 @@ def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) ->
 def _without_rest(settled: Any) -> str:
     if settled:
         return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
-    return "with body.settle = true it first rolls and tips to a place where it rests"
+    return "with body.settle = true it first rolls and tips to a position of rest"
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:

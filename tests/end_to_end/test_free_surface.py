@@ -194,7 +194,7 @@ def test_a_wave_that_would_break_stops_by_name(tmp_path):
         "reynolds = 100.0", "reynolds = 1000.0"
     )
     with pytest.raises(
-        ConvergenceError, match=r"is too steep: .*; t = .* is saved: incipient resume"
+        ConvergenceError, match=r"is too steep, .*; the state at t = .* is saved: incipient resume"
     ):
         incipient.run(loads(high.replace("end = 0.4", "end = 8.0")), tmp_path)
     assert (tmp_path / "checkpoint.h5").exists()

@@ -241,7 +241,7 @@ def test_the_plan_tells_of_the_ends():
         (
             'elevation = "0"',
             'outflow = "wall"',
-            'flow.kind: "open-channel" flows through but surface.outflow is',
+            'flow.kind: "open-channel" needs an open outflow but surface.outflow is',
         ),
         (
             'elevation = "0"',

@@ -137,7 +137,7 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
     assert len(after) >= 8 and before.items() <= after.items()
     for said in (
         "Shields number",
-        "first to go",
+        "first to move",
         "more runs would halve",
         "error of the flow not estimated",
     ):

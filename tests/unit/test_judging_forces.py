@@ -177,7 +177,7 @@ def both(change: Callable[[Path], Any]) -> Callable[[Path, Path], Any]:
         (lambda f, m: f.write_text("0.1" + 9 * " nan" + "\n"), "is not finite at time 0.1"),
         (lambda f, m: f.write_text("hello\n"), "cannot be read"),
         (lambda f, m: f.write_text("1 2 3\n"), "has 3 numbers a line; force.dat has 10"),
-        (lambda f, m: f.unlink(), "moment.dat has no file of forces beside it"),
+        (lambda f, m: f.unlink(), "moment.dat has no file of forces next to it"),
         (lambda f, m: f.write_text(CENTRE), "force.dat has no samples yet"),
         (both(lambda path: changed(path, "\n0.2\t", "\n0.1\t")), "time 0.1 twice or out of order"),
         (lambda f, m: m.write_text(m.read_text() + "# CofR : (0 0 0)\n"), "about 2 points (CofR)"),

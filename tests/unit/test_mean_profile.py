@@ -156,7 +156,7 @@ def test_cells_at_the_bed_follow_the_profile():
         ),
         (
             {"flow": LogLaw(), "domain": Domain(length=12, height=6, kind="box")},
-            'flow.kind: "log-law" flows through but a box is closed',
+            'flow.kind: "log-law" needs open ends but a box is closed',
         ),
         ({"flow": LogLaw(datum=0.7), "bed": HalfDiscs(radius=0.5, spacing=1.2)}, "flow.datum: "),
     ],

@@ -344,12 +344,12 @@ MOVE = "move the grain, make it smaller or enlarge the domain"
 BETWEEN = [
     (
         {"flow": Lid()},
-        'flow.kind: a lid closes a box but the domain is a channel; set domain.kind = "box"',
+        'flow.kind: "lid" needs a box but the domain is a channel; set domain.kind = "box"',
     ),
     *[
         (
             {"domain": Domain(kind="box", length=12, height=6), "flow": flow},
-            f'flow.kind: "{flow.kind}" flows through but a box is closed; '
+            f'flow.kind: "{flow.kind}" needs open ends but a box is closed; '
             'set domain.kind = "channel", or use "lid" or "still"',
         )
         for flow in (Shear(), Poiseuille(), Uniform(), OpenChannel())

@@ -71,8 +71,8 @@ def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("bounds", "size", "said"),
     [
-        ([2.0, 1.0], None, "2, 1 do not ascend"),
-        ([1.0], None, "do not ascend"),
+        ([2.0, 1.0], None, "2, 1 do not increase"),
+        ([1.0], None, "do not increase"),
         ([1.0, 2.0], "weight", "has no column weight"),
         ([10.0, 20.0], None, "has no threshold of a diameter from 10 to 20"),
     ],
