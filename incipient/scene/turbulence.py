@@ -112,9 +112,7 @@ class Turbulence(Section):
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """Error message for rows of the profile beyond a wall on top, or all outside the depth of a channel; otherwise
-        "".
-        """
+        """Error message for rows of the profile beyond a wall on top, or all outside the depth of a channel, or ""."""
         if walls < 2 and self.profile and self.profile[0][0] > depth:
             why = f"has no row within the depth of {depth:.4g}"
             return f"turbulence.profile: {why}; give heights in lengths of the scene"
