@@ -258,9 +258,7 @@ def interpolation_points(function_space: Any) -> np.ndarray:
 
 
 def tabulate(function_space: Any, reference: np.ndarray) -> np.ndarray:
-    """Shape functions (n, nodes) of a scalar space, or of one component, at reference points, in the order of
-    `cell_dofs`.
-    """
+    """Shape functions (n, nodes) of a scalar space, or of a component, at reference points; nodes as in `cell_dofs`."""
     return function_space.element.basix_element.tabulate(0, reference)[0, :, :, 0]
 
 

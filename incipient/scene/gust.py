@@ -20,7 +20,7 @@ class Gust(FromFile):
 
     rules = (
         Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
-             "their times do not ascend", "give two or more, sorted by time"),
+             "their times do not increase", "give two or more, sorted by time"),
         Rule("points", lambda s: s.shape != "points" and s.points,
              'are not read with shape = "{s.shape}"', 'set shape = "points"'),
         Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",

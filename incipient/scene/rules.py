@@ -1,5 +1,4 @@
-"""Rules between sections: one table of key, condition, reason and remedy, in which `{s...}` is an attribute of the
-scene.
+"""Rules between sections: key, condition, reason and remedy; `{s...}` in a text is an attribute of the scene.
 
 The first broken rule of each group is reported.
 """
