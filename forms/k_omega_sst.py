@@ -45,9 +45,9 @@ UFL = SimpleNamespace(exp=ufl.exp, tanh=ufl.tanh, log=ufl.ln, sqrt=ufl.sqrt, lar
 class Closure:
     """The model with its constants.
 
-    distance: from the next wall (UFL), above zero
+    distance: of a place from the next wall (UFL), above zero
     least:    k at which no more of it is destroyed: far below any that matters
-    added:    what K = ln(k + added) holds besides k, without fronts where k vanishes
+    added:    what K holds beside k, K = ln(k + added), so that it has no fronts where k vanishes; terms are those of k
     """
 
     distance: Any
@@ -55,9 +55,11 @@ class Closure:
     added: Any = None
 
     def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
+        """nu_t = k/max(omega, S F_2/a_1)."""
         return self.energy(logarithms[0]) * self._time(logarithms, stream)
 
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
+        """Diffusivities of k and of omega, molecules and eddies together."""
         eddies, inner = (
             self.eddy_viscosity(logarithms, stream),
             self.inner_share(logarithms, stream.viscosity),
@@ -66,7 +68,7 @@ class Closure:
         return stream.viscosity + sigma_k * eddies, stream.viscosity + sigma_omega * eddies
 
     def sources(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
-        """Production less destruction of k and omega, over k and omega."""
+        """What makes k and omega less what destroys them, over k and omega."""
         omega, square = ufl.exp(logarithms[1]), _square(stream.velocity)
         inner = self.inner_share(logarithms, stream.viscosity)
         made = ufl.min_value(
@@ -87,7 +89,7 @@ class Closure:
         )
 
     def inner_share(self, logarithms: Any, viscosity: Any) -> Any:
-        """F_1: one next to walls, zero away from them."""
+        """F_1: one next to walls, where the inner model holds, zero away from them."""
         k, w = logarithms
         d = self.distance
         cross = ufl.max_value(d**2 * ufl.inner(ufl.grad(k), ufl.grad(w)), LEAST_CROSS)
@@ -109,11 +111,12 @@ class Closure:
         return root * ufl.exp(-w) / (BETA_STAR * self.distance)
 
     def energy(self, logarithm: Any) -> Any:
+        """k by its unknown."""
         k = ufl.exp(logarithm)
         return k if self.added is None else ufl.max_value(k - self.added, 0)
 
     def _share(self, logarithm: Any, least: float) -> Any:
-        """The fraction of k in its unknown, not below a least one."""
+        """The share of k in what its unknown holds, not below a least one."""
         return (
             1 if self.added is None else ufl.max_value(1 - self.added * ufl.exp(-logarithm), least)
         )
@@ -124,7 +127,7 @@ class Closure:
 
 
 def from_wall(logarithms: Any, test: Any, normal: Any, stream: Stream, closure: Closure) -> Any:
-    """-D_k (n/d) grad d . n b: flux of K through facets next to a wall, k going as d^n."""
+    """-D_k (n/d) grad d . n b: flux of K through facets next to a wall, k going as the n-th power of the distance."""
     diffusivity = closure.diffusivities(logarithms, stream)[0]
     if closure.added is not None:
         diffusivity *= 1 - closure.added * ufl.exp(-logarithms[0])
@@ -138,7 +141,7 @@ def from_wall(logarithms: Any, test: Any, normal: Any, stream: Stream, closure: 
 
 
 def at_smooth_wall(viscosity: float, distance: Any, functions: Any) -> Any:
-    """ln(6 nu/(beta_1 d^2)), which is ln omega next to a smooth wall, by numpy's or UFL's functions."""
+    """ln(6 nu/(beta_1 d^2)), which is ln omega next to a smooth wall, by the functions of numpy or of UFL."""
     return functions.log(6 * viscosity / INNER[2] / distance**2)
 
 
@@ -147,7 +150,7 @@ class RoughWall:
     """Walls of an equivalent sand roughness, in UFL.
 
     normal: out of the fluid; penalty: of weak values, one over a length of the cell
-    calm:   shear stress where the flow separates; little: k that is added
+    calm:   shear stress that is always there, where the flow separates; little: k that is added
     """
 
     roughness: Any
@@ -158,10 +161,9 @@ class RoughWall:
 
 
 def on_rough_wall(logarithms: Any, tests: Any, wall: RoughWall, stream: Stream) -> Any:
-    """Both equations' terms on rough walls: weakly `at_rough_wall` (Nitsche 1971).
+    """Both equations' terms on rough walls: weakly what `at_rough_wall` says (Nitsche 1971).
 
-    u* is that of the shear stress on the wall, from the slope of the velocity and the eddy viscosity that goes with
-    u*.
+    u* is that of the shear stress on the wall, by the slope of the velocity and the eddy viscosity that goes with u*.
     """
     slope = ufl.dot(ufl.grad(stream.velocity), wall.normal)
     along = slope - ufl.dot(slope, wall.normal) * wall.normal
@@ -181,12 +183,12 @@ def on_rough_wall(logarithms: Any, tests: Any, wall: RoughWall, stream: Stream) 
 
 
 def little_k(sand: float) -> float:
-    """k over u*^2 that is added at rough walls where u* k_s/nu is typical."""
+    """k over u*^2 that is added at rough walls where u* k_s/nu is typical: less where they are smooth."""
     return LITTLE_K * min(1.0, sand / SMOOTHEST_SAND) ** 2
 
 
 def shear_velocity_at(slope: Any, roughness: Any, viscosity: Any, functions: Any = UFL) -> Any:
-    """u* on a rough wall with a slope of the velocity: u*^2 = (nu + k/omega) dU/dy."""
+    """u* on a rough wall where the velocity has a slope: u*^2 = (nu + k/omega) dU/dy, k and omega by u*."""
     found = functions.sqrt(viscosity * slope)
     for _ in range(ROOTS):
         # The eddy viscosity grows about as u*, which leaves a quadratic equation.
@@ -200,11 +202,12 @@ def shear_velocity_at(slope: Any, roughness: Any, viscosity: Any, functions: Any
 def at_rough_wall(sand: Any, functions: Any = UFL) -> tuple[Any, Any]:
     """k over u*^2, and omega over nu/k_s^2, at a wall of the equivalent sand roughness k_s.
 
-    They shift the logarithmic layer as Nikuradse measured: Aupoix (2015), J. Fluids Eng. 137, 021202.
+    By them the logarithmic layer is shifted as Nikuradse measured: Aupoix (2015), J. Fluids Eng. 137, 021202, the
+    pair for his law.
 
     Args:
         sand: roughness Reynolds number u* k_s/nu.
-        functions: `exp`, `tanh`, `log`, `sqrt`, `larger`, of UFL or of numpy.
+        functions: `exp`, `tanh`, `log`, `sqrt`, `larger` for what it is: UFL, or numbers and arrays.
     """
     s, tanh = functions.larger(sand, SMOOTHEST_SAND), functions.tanh
     rise = functions.log(s / 30) / math.log(8.0) + 0.5 * (1 - tanh(s / 100))

@@ -1,7 +1,8 @@
 """Transport of turbulence in logarithms, as weak forms, and the k-epsilon model in K = ln k and E = ln epsilon.
 
-A closure says what diffuses, makes and destroys both quantities (`Closure`; `k_omega_sst.Closure`). Logarithms keep
-them positive on any mesh, and are smooth where epsilon falls as 1/y. Each equation is over k or epsilon itself:
+A model is a closure: it says what diffuses, makes and destroys both quantities (`Closure`; `k_omega_sst.Closure`).
+With k = exp(K) and epsilon = exp(E) both are positive on any mesh and at any step, and the logarithmic layer, where
+epsilon falls as 1/y, is smooth in E. Each equation is that of k or epsilon over k or epsilon itself:
 
     dK/dt + v . grad K = div(D_k grad K) + D_k |grad K|^2 + P/k - epsilon/k,
     dE/dt + v . grad E = div(D_e grad E) + D_e |grad E|^2 + C_1 P/k - C_2 epsilon/k
@@ -67,7 +68,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class Closure:
-    """The constants of the k-epsilon model, and the largest P/epsilon; numbers or UFL constants."""
+    """The constants of the k-epsilon model, and the most that P/epsilon may be; numbers or UFL constants."""
 
     c_mu: Any = 0.09
     c_1: Any = 1.44
@@ -77,9 +78,11 @@ class Closure:
     most_produced: Any = MOST_PRODUCED
 
     def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
+        """nu_t = C_mu k^2/epsilon."""
         return eddy_viscosity(logarithms, self)
 
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
+        """Diffusivities of k and of epsilon, molecules and eddies together."""
         eddies = eddy_viscosity(logarithms, self)
         return (
             stream.viscosity + eddies / self.sigma_k,
@@ -87,7 +90,7 @@ class Closure:
         )
 
     def sources(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
-        """Production less destruction of k and epsilon, over k and epsilon."""
+        """What makes k and epsilon less what destroys them, over k and epsilon."""
         made, lost = (
             rate_of_production(logarithms, stream.velocity, self),
             rate_of_dissipation(logarithms),
@@ -115,8 +118,11 @@ def rate_of_production(logarithms: Any, velocity: Any, closure: Closure) -> Any:
 def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Any) -> Any:
     """Weak residual of both equations; `rate` (2,) is the time derivative, None in a steady flow.
 
-    On a moved mesh it is that at its nodes; what is uniform stays so, whatever the mesh does. Nothing of both
-    quantities diffuses through boundaries; see `at_wall` for epsilon.
+    On a mesh that is moved it is that at its nodes. Nothing is conserved by the form itself, each equation being that
+    of a quantity over that quantity: what is uniform stays so, whatever the mesh does. The closure has the methods of
+    `Closure`.
+
+    Boundaries let nothing of both quantities diffuse through; see `at_wall` for what epsilon does at a wall.
     """
     carrier = stream.velocity if stream.carrier is None else stream.carrier
     diffusivities, sources = (
@@ -152,8 +158,9 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
 def _square(slope: Any, across: Any) -> Any:
     """|grad K|^2, bounded where K changes by more than `STEEPEST` from node to node, see `Stream`.
 
-    Diffusion lowers a peak at one node in proportion to its height, D |grad K|^2 raises it with the square: a peak of
-    ln k above about two would grow for ever. Valleys need the whole: without, omega of a single node stays too small.
+    div(D grad K) lowers a peak at one node in proportion to its height, D |grad K|^2 raises it in proportion to the
+    square of that: a peak of ln k higher than about two would grow for ever, which k itself never does. Valleys need
+    the whole of it: without, omega of a single node stays too small.
     """
     square = ufl.inner(slope, slope)
     return square if across is None else square / (1 + (across(slope) / STEEPEST**2) ** 4) ** 0.25
@@ -162,8 +169,8 @@ def _square(slope: Any, across: Any) -> Any:
 def at_wall(logarithms: Any, test: Any, distance: Any, viscosity: Any, closure: Closure) -> Any:
     """-D_e/y b: the flux of E where a wall is a distance y beyond the boundary, epsilon falling as 1/y there.
 
-    A Neumann condition, as that of k: Kuzmin, Mierka & Turek (2007), Int. J. Computing Science and Mathematics 1,
-    193.
+    Its condition is of Neumann's type, as that of k, which does not change there: Kuzmin, Mierka & Turek (2007),
+    Int. J. Computing Science and Mathematics 1, 193.
     """
     return (
         -(viscosity + eddy_viscosity(logarithms, closure) / closure.sigma_epsilon) / distance * test
@@ -171,5 +178,5 @@ def at_wall(logarithms: Any, test: Any, distance: Any, viscosity: Any, closure: 
 
 
 def shear_velocity(logarithms: Any, closure: Closure) -> Any:
-    """C_mu^(1/4) sqrt(k): u* of a logarithmic layer with this k."""
+    """C_mu^(1/4) sqrt(k): u* of a logarithmic layer that has this k."""
     return closure.c_mu**0.25 * ufl.exp(logarithms[0] / 2)
