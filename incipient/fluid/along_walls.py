@@ -1,4 +1,4 @@
-"""Wall quantities of a mean flow (distance, shear stress) at the nodes of the velocity."""
+"""Wall quantities of a mean flow (position, shear stress) at velocity nodes."""
 
 from __future__ import annotations
 
@@ -9,27 +9,25 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
 from .. import compat
-from ..compat import petsc
 from ..mesh.domain import Domain
 from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
-STEEP, CORNER = 0.7, 0.95  # of normals: from which streamwise fraction on, below which length
-ROUNDING = 1e-6  # of the length of a wall: how far apart places are that are one
+STEEP, CORNER = 0.7, 0.95  # streamwise component of steep normals, length of normals in corners
+ROUNDING = 1e-6  # relative to the length of a wall: distance of coincident positions
 
 
 @dataclass(frozen=True)
 class AlongWall:
-    """The flow next to a wall at nodes (n,), by ascending x, on all ranks.
+    """Flow along a wall at nodes (n,), by ascending x, on all ranks.
 
-    places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
-    lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that k stands for; facets (m, 2) of a resolved wall by the numbers of their ends, in 3-D their edges
+    normals (n, gdim) point out of the fluid and are shorter than one in corners; lengths (n,) of
+    wall per node; velocities (n, gdim) relative to the wall; shear_velocities (n,); facets (m, 2)
+    of a resolved wall: nodes of facets, in 3-D of edges.
     """
 
     places: np.ndarray
@@ -41,28 +39,27 @@ class AlongWall:
 
     @property
     def speeds(self) -> np.ndarray:
-        """(n,) of the flow along the wall."""
+        """Tangential speeds (n,)."""
         normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
     def at_outflow(self) -> float:
-        """u* in the mean over the places farthest downstream."""
+        """Mean u* at the positions farthest downstream."""
         last = at_end(self.places[:, 0])
         return float(np.average(self.shear_velocities[last], weights=self.lengths[last]))
 
     @property
     def _level(self) -> np.ndarray:
-        """Which places (n,) are no corners, and rather level than steep."""
+        """Mask (n,) of nodes off corners and steep faces."""
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
 
     def coarse_share(self, largest: float) -> float:
-        """The fraction of the change of the stress along a wall in cells in which it changes too much, in 3-D in edges.
+        """Fraction of the wall stress variation in under-resolved facets (in 3-D edges).
 
-        Too much is more than `largest` times the larger stress at both ends of the cell, or the mean stress if that is
-        larger still. `velocities` are stresses. Where they are singular, at corners and at the ends of the wall, two
-        facets to both sides do not count, since stresses are means over two.
+        The stress (`velocities`) there changes by more than `largest` times the larger of its end
+        values and the mean. Two facets on either side of corners and ends of the wall are excluded.
         """
         singular = np.linalg.norm(self.normals, axis=1) < CORNER
         if self.places.shape[1] == 3:
@@ -79,10 +76,10 @@ class AlongWall:
         return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
+        """Intervals of x with reverse flow along nearly level parts of the wall.
 
-        Corners do not count. Behind a face that falls an interval begins at the face, where the flow has left the
-        wall, although next to the face eddies of the corner may turn otherwise.
+        Behind a falling face the interval begins at the face, where the flow separates, despite
+        corner eddies.
         """
         level = self._level & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
@@ -97,7 +94,7 @@ class AlongWall:
 def _from_faces(
     spans: Iterable[tuple[float, float]], faces: np.ndarray
 ) -> list[tuple[float, float]]:
-    """Ascending intervals, each longer than its distance from a face behind which it is beginning there."""
+    """Extend ascending intervals back to a face that is closer than their length."""
     found: list[tuple[float, float]] = []
     for start, end in spans:
         face = float(faces[faces <= start].max(initial=-np.inf))
@@ -108,14 +105,14 @@ def _from_faces(
 
 
 def at_end(x: np.ndarray) -> np.ndarray:
-    """Which of places (n,) are the farthest, but for rounding, wherever the domain lies."""
+    """Mask of the largest coordinates (n,), to round-off."""
     return np.asarray(x >= x.max() - ROUNDING * np.ptp(x))
 
 
 def coarse_along(
     walls: Mapping[str, AlongWall], rough: Collection[str], largest: float
 ) -> float | None:
-    """The largest `coarse_share` of walls but the rough ones; None without one."""
+    """Largest `coarse_share` of smooth walls, or None."""
     shares = [
         one.coarse_share(largest)
         for name, one in walls.items()
@@ -125,9 +122,9 @@ def coarse_along(
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
-    """Read the flow along a named boundary, in 3-D at corners of cells; `shear_velocity` is UFL. Collective."""
+    """Flow along a named boundary, in 3-D at cell vertices; `shear_velocity` is UFL. Collective."""
     domain, gdim, flow = fluid.domain, fluid.space.gdim, fluid.velocity
-    # In 3-D the functions of corners in elements of order two integrate to zero: no area would go with them.
+    # Second-order vertex functions integrate to zero over triangles, which would leave vertices without area.
     space = (
         fluid.space.velocity if gdim == 2 else compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
     )
@@ -155,12 +152,11 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
 
 
 def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> AlongWall:
-    """Read the shear stress along a named wall, to which the fluid sticks. Collective.
+    """Shear stress along a named no-slip wall, as tangential `velocities`. Collective.
 
-    `velocities` stand for the direction, along the wall, in which the fluid pulls. In 2-D stresses are the
-    consistent tractions of the nodes, away from bodies means over two facets, since triangles lean to one side and the
-    other; the ends of the wall are left out. In 3-D they are those of the velocity's slope at corners of cells; on
-    rough walls they are consistent tractions there, too, and the ends are left out.
+    In 2-D from consistent nodal tractions, off bodies averaged over two facets, without the ends of
+    the wall. In 3-D from the velocity gradient at vertices; on rough walls from consistent
+    tractions, without the ends.
     """
     if fluid.domain.gdim == 3:
         return _along_wall_in_space(fluid, boundary, rough)
@@ -178,7 +174,7 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
     places, length, normal, pull = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
     lengths = length[:, 0]
     ends = cKDTree(places).query(places_on_facets(domain, [boundary])[:, [0, -1]])[1]
-    facets = np.unique(np.sort(ends, axis=1), axis=0)  # some are known to several ranks
+    facets = np.unique(np.sort(ends, axis=1), axis=0)  # several ranks may share a facet
     if boundary != "body":
         pull, lengths = _mean_of_facets(pull)[1:-1], _mean_of_facets(length)[1:-1, 0]
         normal = _mean_of_facets(normal)[1:-1]
@@ -193,7 +189,6 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
 
 
 def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
-    """The shear stress along a named 3-D wall, at corners of cells. Collective."""
     domain = fluid.domain
     space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
     nodes = _owned_nodes(space, domain, boundary)
@@ -207,7 +202,7 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
 
     def forms() -> list[Any]:
         found = [compat.form(ufl.inner(value, w) * domain.measure(boundary)) for value in known]
-        # Within the cells at rough walls the viscosity of eddies changes, and the slope with it.
+        # The eddy viscosity, and with it the velocity gradient, varies within cells at rough walls.
         return [*found[:2], compat.form(-fluid.residual_form(w, ufl.as_ufl(0)))] if rough else found
 
     areas, normals, pulls = fluid.kept(f"pull along {boundary}", forms)
@@ -233,13 +228,12 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
 
 
 def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:
-    """Nodes on a named boundary that this rank owns."""
     nodes = boundary_blocks(space, domain.facets_of(boundary))
     return nodes[nodes < space.dofmap.index_map.size_local]
 
 
 def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
-    """Forms of the length, or area, that goes with each node of a boundary, in the first component, and its normal."""
+    """Forms of the length, or area, per boundary node (first component), and of its normal."""
     w, n = ufl.TestFunction(space), ufl.FacetNormal(fluid.domain.mesh)
     one = ufl.as_vector([1.0] + [0.0] * (len(w) - 1))
     measure = fluid.domain.measure(boundary)
@@ -251,27 +245,23 @@ def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
 
 
 def _on_all_ranks(domain: Domain, columns: list[np.ndarray]) -> np.ndarray:
-    """The rows of all ranks, the first columns being places, in the order of these. Collective."""
+    """Gather the rows of all ranks, sorted by position (first columns)."""
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
     return np.asarray(whole[np.lexsort(whole[:, : domain.gdim].T[::-1])])
 
 
 def _mean_of_facets(values: np.ndarray) -> np.ndarray:
-    """Sums (n, m) over the nodes of two facets about each node, ends as they are."""
+    """Sums (n, m) over the nodes of two facets about each node; ends are unchanged."""
     if len(values) < 7:
         return values
     padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
     found = 0.5 * padded[:-4] + padded[1:-3] + padded[2:-2] + padded[3:-1] + 0.5 * padded[4:]
     found[:2], found[-2:] = values[:2], values[-2:]
-    # Sums at the ends, where there is no second facet, would hold the corner of the domain.
+    # Sums next to the ends would include the corner of the domain.
     found[1], found[-2] = found[2], found[-3]
     return found
 
 
 def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:
-    """(n, gdim) entries of a vector tested with velocities, at owned nodes. Collective."""
-    vector = petsc.assemble_vector(form)
-    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    values = vector.array_r.reshape(-1, gdim)[nodes].copy()
-    vector.destroy()
-    return np.asarray(values)
+    """Entries (n, gdim) of an assembled vector at owned nodes."""
+    return compat.owned_entries(form).reshape(-1, gdim)[nodes]
