@@ -39,7 +39,7 @@ LEAST_RATE = 1e-30  # of S^2, so that its root has a derivative
 class KOmegaSST:
     """The model with its constants.
 
-    distance: from the next wall (UFL), above zero
+    distance: of a place from the next wall (UFL), above zero
     least:    k at which no more of it is destroyed: far below any that matters
     second, eddies: see `turbulence.KEpsilon`
     """
@@ -55,6 +55,7 @@ class KOmegaSST:
         return ufl.exp(logarithms[0]) * self._time(logarithms, stream)
 
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
+        """Diffusivities of k and of omega, molecules and eddies together."""
         eddies, inner = (
             self.eddy_viscosity(logarithms, stream),
             self.inner_share(logarithms, stream.viscosity),
@@ -63,7 +64,7 @@ class KOmegaSST:
         return stream.viscosity + sigma_k * eddies, stream.viscosity + sigma_omega * eddies
 
     def sources(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
-        """Production less destruction of k and omega, over k and omega."""
+        """What makes k and omega less what destroys them, over k and omega."""
         omega, square = ufl.exp(logarithms[1]), _square(stream.velocity)
         inner = self.inner_share(logarithms, stream.viscosity)
         made = ufl.min_value(
@@ -82,7 +83,7 @@ class KOmegaSST:
         )
 
     def inner_share(self, logarithms: Any, viscosity: Any) -> Any:
-        """F_1: one next to walls, zero away from them."""
+        """F_1: one next to walls, where the inner model holds, zero away from them."""
         k, w = logarithms
         d = self.distance
         cross = ufl.max_value(d**2 * ufl.inner(ufl.grad(k), ufl.grad(w)), LEAST_CROSS)

@@ -117,8 +117,11 @@ def unlimited(logarithms: Any, closure: Any) -> Any:
 def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Any) -> Any:
     """Weak residual of both equations; `rate` (2,) is the time derivative, None in a steady flow.
 
-    On a moved mesh it is that at its nodes; what is uniform stays so, whatever the mesh does. Nothing of both
-    quantities diffuses through boundaries; see `at_wall` for epsilon.
+    On a mesh that is moved it is that at its nodes. Nothing is conserved by the form itself, each equation being that
+    of a quantity over that quantity: what is uniform stays so, whatever the mesh does. The closure has the methods of
+    `Closure`.
+
+    Boundaries let nothing of both quantities diffuse through; see `at_wall` for what epsilon does at a wall.
     """
     carrier = stream.velocity if stream.carrier is None else stream.carrier
     diffusivities, sources = (
@@ -152,8 +155,9 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
 def _square(slope: Any, across: Any) -> Any:
     """|grad K|^2, bounded where K changes by more than `STEEPEST` from node to node, see `Stream`.
 
-    Diffusion lowers a peak at one node in proportion to its height, D |grad K|^2 raises it with the square: a peak of
-    ln k above about two would grow for ever. Valleys need the whole: without, omega of a single node stays too small.
+    div(D grad K) lowers a peak at one node in proportion to its height, D |grad K|^2 raises it in proportion to the
+    square of that: a peak of ln k higher than about two would grow for ever, which k itself never does. Valleys need
+    the whole of it: without, omega of a single node stays too small.
     """
     square = ufl.inner(slope, slope)
     return square if across is None else square / (1 + (across(slope) / STEEPEST**2) ** 4) ** 0.25

@@ -29,6 +29,7 @@ from incipient.geometry.space.surfaces import (
 
 # Of the grain's size. Newton's method squares errors, so that a last step this short leaves 1e-16.
 LAST_STEP = 1e-8
+STILL = 1e-15  # a step so short is none: a corner stays
 SAME = 1e-9  # lengths that are one
 SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain, and along a feature of the bed
 Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points, places of the bed
@@ -367,18 +368,23 @@ def descended(
     points, sight = points.copy(), pieces.closest(points, which, near)
     pending = np.arange(len(points))
     for _ in range(30):
-        here, before = sight.only(pending), points[pending]
-        step = step_of(before, here, pending)
+        step = step_of(points[pending], sight.only(pending), pending)
+        moves = np.abs(step).max(axis=1) > STILL * size
+        pending, step = pending[moves], step[moves]
+        here, before, left = sight.only(pending), points[pending], np.arange(len(pending))
         for _ in range(5):
-            trial = onto(before + step)
-            seen = pieces.closest(trial, which[pending], here.feet[:, :2])
-            better = seen.gaps <= here.gaps + 1e-14 * size
-            if better.all():
+            if len(left) == 0:
                 break
-            step = np.where(better[:, None], step, 0.25 * step)
-        points[pending[better]] = trial[better]
-        sight = sight.replaced(pending[better], seen, better)
-        pending = pending[better & (np.abs(step).max(axis=1) > LAST_STEP * size)]
+            trial, rows = onto(before[left] + step[left]), pending[left]
+            seen = pieces.closest(trial, which[rows], here.feet[left, :2])
+            better = seen.gaps <= here.gaps[left] + 1e-14 * size
+            points[rows[better]] = trial[better]
+            sight = sight.replaced(rows[better], seen, better)
+            left = left[~better]
+            step[left] *= 0.25
+        going = np.abs(step).max(axis=1) > LAST_STEP * size
+        going[left] = False
+        pending = pending[going]
         if len(pending) == 0:
             break
     return points, sight
