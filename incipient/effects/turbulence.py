@@ -106,8 +106,8 @@ class TurbulenceEffect(Effect):
         scene = setup.scene
         if scene.is_averaged:
             model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.turbulence.model]
-            told = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
-            return Decision(self.name, True, told, True)
+            reason = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
+            return Decision(self.name, True, reason, True)
         off = scene.effects.turbulence is False
         reason = "effects.turbulence = false" if off else "only with effects.turbulence = true"
         if scene.flow.kind == "log-law":
@@ -116,8 +116,8 @@ class TurbulenceEffect(Effect):
                 reason += (
                     f"; flow Re {numbers.flow_reynolds:.3g}, but channels are laminar to {least:g}"
                 )
-        elif found := transition(setup, numbers):
-            reason += f"; {found.text()}; {REMEDY}"
+        elif transitional := transition(setup, numbers):
+            reason += f"; {transitional.text()}; {REMEDY}"
         return Decision(self.name, False, reason, off)
 
     def warnings(self, setup: Setup) -> Iterator[str]:
@@ -145,8 +145,8 @@ class TurbulenceEffect(Effect):
             how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
             remedy = "loads are those of the mean flow, gusts exceed them"
             yield Omission(self.name, None, how, True, remedy)
-        elif numbers is not None and (found := transition(Setup(scene), numbers)):
-            how = f"{found.number} {found.value:.4g} is above {found.least:g}"
+        elif numbers is not None and (transitional := transition(Setup(scene), numbers)):
+            how = f"{transitional.number} {transitional.value:.4g} is above {transitional.least:g}"
             yield Omission(
                 self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
             )
@@ -178,8 +178,8 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     plane = " in 2-D" if setup.geometry.gdim == 2 else ""
     about = TURBULENT if setup.is_averaged else LAMINAR
     yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
-    if found := transition(setup, setup.numbers, factor):
-        yield found.text(" at the threshold")
+    if transitional := transition(setup, setup.numbers, factor):
+        yield transitional.text(" at the threshold")
 
 
 def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
