@@ -92,8 +92,8 @@ class TurbulenceEffect(Effect):
             how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
             remedy = "loads are those of the mean flow, gusts exceed them"
             yield Omission(self.name, None, how, True, remedy)
-        elif found := transition(Setup(scene)):
-            how = f"{found.number} {found.value:.4g} is above {found.least:g}"
+        elif transitional := transition(Setup(scene)):
+            how = f"{transitional.number} {transitional.value:.4g} is above {transitional.least:g}"
             yield Omission(
                 self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
             )
@@ -127,8 +127,8 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     if setup.scene.flow.oscillates:
         about = OSCILLATING
     yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
-    if found := transition(setup, factor):
-        yield found.text(" at the threshold")
+    if transitional := transition(setup, factor):
+        yield transitional.text(" at the threshold")
 
 
 def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:

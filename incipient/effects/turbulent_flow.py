@@ -110,20 +110,20 @@ class TurbulentFlow(RunPart):
             if from_inflow:
                 self.enter(fluid)
             with run.stage("flow"), self._timed():
-                found = self.continued = continued(
+                outcome = self.continued = continued(
                     fluid,
                     self.fields,
                     tolerance,
                     loads,
                     lambda number, change: run.voice.iterate(1.0, number, change),
                 )
-            if found.converged:
+            if outcome.converged:
                 break
-        run.count(turbulence=len(found.changes))
-        if not found.converged:
+        run.count(turbulence=len(outcome.changes))
+        if not outcome.converged:
             # A run in time that begins with this flow has no other place for that.
             run.voice.say(
-                f"the steady flow has not converged: its loads change by {100.0 * found.spread:.2g}%"
+                f"the steady flow has not converged: its loads change by {100.0 * outcome.spread:.2g}%"
             )
 
     def _loads(self, run: Solving) -> Callable[[], Floats]:
@@ -135,18 +135,18 @@ class TurbulentFlow(RunPart):
         if run.fluid is not self._fluid:  # the steady flow that one in time begins with
             probe = TractionProbe(self._fluid, probe.boundary, probe.about)
 
-        def found() -> Floats:
+        def on_grain() -> Floats:
             resultant = probe.resultant()
             return np.concatenate([resultant.force, resultant.torque / grain.size])
 
-        return found
+        return on_grain
 
     def mean_load(self) -> tuple[Floats, Floats] | None:
         """Force and torque (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
-        grain, found = self._of_run.scene.grain, self.continued
-        if found is None or found.converged or found.loads is None or grain is None:
+        grain, outcome = self._of_run.scene.grain, self.continued
+        if outcome is None or outcome.converged or outcome.loads is None or grain is None:
             return None
-        return found.loads[:3], grain.size * found.loads[3:]
+        return outcome.loads[:3], grain.size * outcome.loads[3:]
 
     def enter(self, fluid: Fluid) -> None:
         """Set velocity and turbulence everywhere to the inflow's at the distance from the next wall."""
@@ -286,11 +286,11 @@ class TurbulentFlow(RunPart):
             "eddy_viscosity": self.fields.viscosity(self._viscosity) - self._viscosity,
         }
         scalar = compat.space(self.fields.domain.mesh, ("Lagrange", ORDER))
-        found = {}
+        functions = {}
         for name, expression in expressions.items():
-            found[name] = dolfinx.fem.Function(scalar, name=name)
-            compat.interpolate(found[name], expression)
-        return found
+            functions[name] = dolfinx.fem.Function(scalar, name=name)
+            compat.interpolate(functions[name], expression)
+        return functions
 
     def _timed(self) -> AbstractContextManager[Any]:
         """Takes the time of both quantities."""

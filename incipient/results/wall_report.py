@@ -124,26 +124,26 @@ class WallReport:
     def _coarse(self) -> str:
         if (fraction := self.coarse_along or 0.0) <= MOST_COARSE:
             return ""
-        told = (
+        text = (
             f"{100 * fraction:.2g}% of the change of the shear stress along the walls lies in cells in which it "
             f"changes by more than {100 * LARGEST_CHANGE:g}%"
         )
         if not self.judged_along:
-            return f"{told}; "
+            return f"{text}; "
         remedy = f"set numerics.mesh_size = {0.5 * self.mesh_size:.2g}"
-        return f"NOT RESOLVED: {told}, at most {100 * MOST_COARSE:g}% may; {remedy}; "
+        return f"NOT RESOLVED: {text}, at most {100 * MOST_COARSE:g}% may; {remedy}; "
 
     def columns(self) -> dict[str, float]:
         """Columns of the history; in 2-D with x of `separated`, NaN without."""
-        found = {
+        columns = {
             "shear_velocity": self.at_outflow,
             "y_plus_min": self.least,
             "y_plus_max": self.largest,
         }
         if self.along:
             separation, reattachment = self.separated if self.backward else (math.nan, math.nan)
-            found |= {"separation": float(separation), "reattachment": float(reattachment)}
-        return found
+            columns |= {"separation": float(separation), "reattachment": float(reattachment)}
+        return columns
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
@@ -160,28 +160,28 @@ class WallReport:
 
     def lines(self, errors: Floats | None = None, ends: Floats | None = None) -> list[str]:
         """The line for a reader, with errors (2,) of both shear velocities and of `separated` where they are known."""
-        told = (
+        text = (
             f"{self._unsteady}{self._coarse}y+ of the walls {self.least:.3g} to {self.largest:.3g}"
         )
         if self.roughness:
             u = self.shear_velocity
-            told += f", u* k_s/nu about {u * self.roughness / self.viscosity:.3g}"
-        told += f"; {self._friction(errors)}"
+            text += f", u* k_s/nu about {u * self.roughness / self.viscosity:.3g}"
+        text += f"; {self._friction(errors)}"
         if self.backward:
-            told += f"; reverse flow next to the bed from x = {self._spans(ends)}"
-            told += OF_MODEL.get(self.model, "")
-        return [f"{'turbulence':<20}{told}"]
+            text += f"; reverse flow next to the bed from x = {self._spans(ends)}"
+            text += OF_MODEL.get(self.model, "")
+        return [f"{'turbulence':<20}{text}"]
 
     def _spans(self, ends: Floats | None) -> str:
         """The intervals of x of reverse flow next to the bed."""
-        told, others = longest(self.backward)
+        spans, others = longest(self.backward)
         within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
         main = tuple(self.separated)
-        spans = ", ".join(
-            f"{place_words(one[0])} to {place_words(one[1])}{within * (tuple(one) == main)}"
-            for one in told
+        words = ", ".join(
+            f"{place_words(span[0])} to {place_words(span[1])}{within * (tuple(span) == main)}"
+            for span in spans
         )
-        return spans + (f", and in {others} shorter places" if others else "")
+        return words + (f", and in {others} shorter places" if others else "")
 
     def _friction(self, errors: Floats | None) -> str:
         """What the walls exert, in words: at the outflow, over a bed that is not level on average as well."""
@@ -190,10 +190,10 @@ class WallReport:
             error = errors[0] / self.at_outflow
             of_friction = (2.0 + error) * error * self.friction
             within = [f", within {size:.1e}," for size in (errors[0], of_friction)]
-        told = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"
+        text = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"
         if self.plane or errors is None:
-            return told
-        return f"{told}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, on average along the walls"
+            return text
+        return f"{text}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, on average along the walls"
 
 
 def longest(spans: Sequence[Sequence[float]]) -> tuple[list[Sequence[float]], int]:

@@ -167,8 +167,8 @@ class TurbulenceFields(Holder):
 
     def viscosity(self, of_molecules: Any) -> Any:
         """The molecular and eddy viscosity, for `FlowModel.viscosity`, limited by the strain last looked at."""
-        stream = forms.Stream(self._seen, of_molecules, None)
-        return of_molecules + self.closure.eddy_viscosity(ufl.split(self.state), stream)
+        flow = forms.FlowFields(self._seen, of_molecules, None)
+        return of_molecules + self.closure.eddy_viscosity(ufl.split(self.state), flow)
 
     def shear_velocity(self) -> Any:
         """u* of a logarithmic layer of this k, for `FlowModel.shear_velocity`."""
@@ -223,7 +223,7 @@ class TurbulenceFields(Holder):
         """Compile the equations of the turbulence that a velocity carries and makes.
 
         Arguments are UFL; `added` (2,) is what else makes both quantities, `carrier` the velocity less the mesh's, see
-        `forms.turbulence.Stream`.
+        `forms.turbulence.FlowFields`.
         """
         mesh, unknowns, tests = (
             self.domain.mesh,
@@ -233,7 +233,7 @@ class TurbulenceFields(Holder):
         measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
         size = cell_size(mesh) / self.order
-        stream = forms.Stream(
+        flow = forms.FlowFields(
             velocity,
             of_molecules,
             measure,
@@ -248,7 +248,7 @@ class TurbulenceFields(Holder):
             balanced=self._in_layers and self.domain.gdim == 2,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
-        self.form = self._equations(rate, tests, stream)
+        self.form = self._equations(rate, tests, flow)
         self.of_molecules = of_molecules
         self.solver: Direct | None = None  # made at the first step in time
         self.renew_factors()
@@ -267,7 +267,7 @@ class TurbulenceFields(Holder):
 
     @property
     def _reach(self) -> Any:
-        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along streamlines.
+        """Size of a cell along a direction, for `forms.turbulence.FlowFields`; None: upwinding is along streamlines.
 
         Stretched cells grow away from walls faster than the logarithms allow if upwinded along streamlines alone.
         """
@@ -277,7 +277,7 @@ class TurbulenceFields(Holder):
 
     @property
     def _across(self) -> Any:
-        """Square of the change from node to node by a slope, for `forms.turbulence.Stream`, in 3-D wakes.
+        """Square of the change from node to node by a slope, for `forms.turbulence.FlowFields`, in 3-D wakes.
 
         Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
         """
@@ -291,13 +291,13 @@ class TurbulenceFields(Holder):
 
         return square
 
-    def _equations(self, rate: Any, tests: Any, stream: forms.Stream) -> Any:
+    def _equations(self, rate: Any, tests: Any, flow: forms.FlowFields) -> Any:
         """The residual of both equations in UFL, with the fluxes at walls."""
         logarithms = ufl.split(self.state)
-        form = forms.residual(logarithms, rate, tests, stream, self.closure)
+        form = forms.residual(logarithms, rate, tests, flow, self.closure)
         for name, away in self._walls.items():
-            flux = forms.at_walls(logarithms, tests, away, stream, self.closure)
-            form += flux * self.domain.measure(name)(metadata=stream.measure.metadata())
+            flux = forms.at_walls(logarithms, tests, away, flow, self.closure)
+            form += flux * self.domain.measure(name)(metadata=flow.measure.metadata())
         return form
 
     def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:

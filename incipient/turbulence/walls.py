@@ -166,8 +166,8 @@ def walls_of(
                 f"{100 * LARGEST:.0f}%; use a smaller one, or bedforms next to the grain and upstream_roughness"
             )
     mean = base_flow.reference
-    sand = asked.upstream_roughness or asked.roughness
-    channel = of_discharge(mean * depth / viscosity, sand / depth)
+    roughness = asked.upstream_roughness or asked.roughness
+    channel = of_discharge(mean * depth / viscosity, roughness / depth)
     shear_velocities = np.array([mean / channel.mean])
     profile: Developed | Measured = Developed(channel, depth, number, mean / channel.mean)
     if asked.inflow != "developed":

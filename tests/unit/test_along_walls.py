@@ -176,7 +176,7 @@ def test_upwinding_lasts_no_longer_than_its_source(balance, part):
     measure = ufl.dx(metadata={"quadrature_degree": 2})
 
     def of_k(size, balanced):
-        stream = forms.Stream(
+        stream = forms.FlowFields(
             velocity, 1e-12, measure, size, logarithms, reach=lambda along: size, balanced=balanced
         )
         form = forms.residual(logarithms, None, ufl.TestFunctions(space), stream, closure)
