@@ -1,13 +1,10 @@
 """Does a rigid grain resting on a rigid bed in a viscous flow begin to move, how, and with what margin?
 
-A scene goes in, a verdict comes out::
-
     import incipient
     result = incipient.run(incipient.load("demos/scenes/grain_on_bed.toml"), "results/grain")
     print(result.text())
 
-Scenes are also built from the classes of `incipient.scene`. Importing this package is cheap: the finite
-element library is loaded when something is computed.
+Importing this package is cheap: the finite element library is loaded on first use.
 """
 
 from __future__ import annotations
@@ -79,10 +76,7 @@ def __getattr__(name: str) -> Any:
 
 
 def report(path: Path | str, target: Path | str | None = None) -> Path:
-    """Write one HTML page of a result directory or the file of a sweep; returns its path. Not collective.
-
-    The self-contained page has verdict and certainty, pictures (missing ones are drawn), loads, errors with remedies,
-    plan, cost, scene, versions and citation.
+    """Write one self-contained HTML page of results; returns its path. Not collective.
 
     Args:
         path: a result directory, or the file of a sweep.

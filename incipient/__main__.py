@@ -1,4 +1,4 @@
-"""The command `incipient` as a process, which reports interrupts and a shortage of memory in one line."""
+"""The command `incipient` as a process."""
 
 import os
 import signal
@@ -30,7 +30,7 @@ def main() -> int:
 
 
 def _end(number: int, frame: object) -> None:
-    """End this process during imports and clean-up; imports would convert an exception, and clean-ups print it."""
+    """End at once: imports would convert an exception, and clean-ups would print it."""
     os._exit(128 + number)
 
 

@@ -1,4 +1,4 @@
-"""Types of arrays, and common operations on arrays of vectors. Not collective."""
+"""Types of arrays and operations on arrays of vectors. Not collective."""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -21,21 +21,21 @@ MOST_HEIGHTS = 250_000  # of a raster
 
 @contextmanager
 def unwarned() -> Iterator[None]:
-    """Suppress warnings of Python and numpy while reading input that is checked explicitly."""
+    """Suppress warnings while reading input that is checked explicitly."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield
 
 
 def decimal(text: str) -> float:
-    """The number in a text. Raises ValueError for other text, including Python's 1_2."""
+    """Parse a number. Raises ValueError, also for Python's 1_2."""
     if "_" in text or not text.isascii():
         raise ValueError(f'"{text[:40]}" is no plain number')
     return float(text)
 
 
 def number(cell: Any) -> float:
-    """The number in a cell of a table, NaN for an empty cell. Raises ValueError for times, booleans and bytes."""
+    """Number in a cell of a table, NaN if empty. Raises ValueError for times, booleans and bytes."""
     if cell is None or cell == "":
         return float("nan")
     if isinstance(cell, str):
@@ -56,7 +56,7 @@ def unit(vectors: Floats) -> Floats:
 
 
 def spatial(vectors: ArrayLike) -> Floats:
-    """Vectors (..., 2) or (..., 3) as (..., 3), with a third component of zero in 2-D."""
+    """Vectors (..., 2) or (..., 3) as (..., 3)."""
     vectors = np.asarray(vectors, dtype=np.float64)
     return np.concatenate(
         [vectors, np.zeros((*vectors.shape[:-1], 3 - vectors.shape[-1]))], axis=-1
@@ -64,12 +64,12 @@ def spatial(vectors: ArrayLike) -> Floats:
 
 
 def planar_cross(a: Floats, b: Floats) -> Floats:
-    """The third component (...) of the cross product of vectors (..., 2)."""
+    """Third component (...) of the cross product of vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def determinants(a: Floats) -> Floats:
-    """Determinants (...) of matrices (d, d, ...), d = 2 or 3: far faster than by factorisation."""
+    """Determinants (...) of matrices (d, d, ...), d = 2 or 3; far faster than by factorisation."""
     if len(a) == 2:
         return np.asarray(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
     (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = a
@@ -87,7 +87,7 @@ def unordered_keys(rows: Integers, base: int) -> Integers:
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """The cross product (..., 3) along the last axis, several times as fast as numpy's for a few vectors."""
+    """Cross product (..., 3), several times as fast as numpy's for a few vectors."""
     ahead, behind = [1, 2, 0], [2, 0, 1]
     return np.asarray(a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead])
 
@@ -107,11 +107,11 @@ def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) 
 
 
 def percentile(values: ArrayLike, share: float) -> Floats:
-    """Percentile (...) of values (n, ...), also infinite ones: the least that `share` per cent do not exceed."""
+    """Percentile (...) of values (n, ...), which may be infinite: the least that `share` per cent do not exceed."""
     numbers = np.asarray(values, dtype=float)
     return np.asarray(np.quantile(numbers, share / 100.0, axis=0, method="inverted_cdf"))
 
 
 def known_percentiles(shares: Sequence[int], count: int) -> list[int]:
-    """The percentiles resolved by a sample of `count` values: with more than one value on their smaller side."""
+    """Percentiles with more than one of `count` values on their smaller side."""
     return [share for share in shares if count * min(share, 100 - share) > 100]

@@ -1,4 +1,4 @@
-"""The command `incipient`."""
+"""The command line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 Command = Callable[[argparse.Namespace, Comm], int]
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a closed pipe
-_MORE = "ask for less at once, or give the program more"
+_MORE = "reduce the problem, or allow more memory"
 # Message of the loader of libraries without memory.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}
@@ -56,10 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports an invalid command line in one line, on one rank."""
-
     def error(self, message: str) -> NoReturn:
-        """Raise SceneError instead of printing the usage and exiting."""
         raise SceneError(f"{message}; see {self.prog} --help")
 
     def print_help(self, file: Any = None) -> None:
@@ -91,7 +88,6 @@ def _refuse(given: argparse.Namespace, comm: Comm) -> int:
 
 
 def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
-    """The commands by name: function, purpose, function that adds the options."""
     rows = (
         (
             "flume",
@@ -174,10 +170,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
 
 
 def _later(module: str, name: str) -> Command:
-    """A function of a module of `commands`, imported on call."""
-
     def command(given: argparse.Namespace, comm: Comm) -> int:
-        """Run the command; returns the exit code."""
         return int(getattr(import_module(f".commands.{module}", __package__), name)(given, comm))
 
     return command
@@ -223,7 +216,6 @@ def _guarded(arguments: Sequence[str] | None) -> int:
 
 
 def _unwritten(error: Exception) -> int:
-    """Report an unwritable standard output; returns the exit code."""
     why = getattr(error, "strerror", error)
     say(f"incipient: the standard output cannot be written ({why}); results in files are whole")
     return OutputError.exit_code
@@ -231,12 +223,6 @@ def _unwritten(error: Exception) -> int:
 
 @contextmanager
 def _system_errors_reported() -> Iterator[None]:
-    """Convert errors of files and a shortage of memory to one line. Not collective.
-
-    Raises:
-        OutputError: naming the file or the resource.
-        SceneError: the user's options of PETSc have failed.
-    """
     try:
         yield
     except BrokenPipeError:
@@ -264,7 +250,6 @@ def _system_errors_reported() -> Iterator[None]:
 
 
 def _listen(level: str) -> None:
-    """Show this program's messages from a level on, and warnings of libraries."""
     shown = logging.StreamHandler(sys.stderr)
     # The root logger's level is changed by the compilation of forms, which logs at level info.
     shown.addFilter(
@@ -275,7 +260,7 @@ def _listen(level: str) -> None:
 
 
 def _leave(comm: Comm, code: int) -> int:
-    """Exit; with several ranks end all, which may wait for this one."""
+    """Exit; end all ranks, which may wait for this one."""
     sys.stdout.flush()
     sys.stderr.flush()
     if comm.size > 1:

@@ -1,7 +1,4 @@
-"""Differences between the supported versions of dolfinx (0.5.2 to 0.11), one function each.
-
-Decisions depend on the features of the library, not on its version number.
-"""
+"""Differences between the supported versions of dolfinx (0.5.2 to 0.11), chosen by features, not by version number."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ import logging
 import platform
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -47,7 +44,7 @@ ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfin
 
 
 def element(mesh: Any, degree: int, shape: tuple[int, ...] = (), family: str = "Lagrange") -> Any:
-    """Lagrange (or other) element on the mesh's cells; shape of the values, () for scalars."""
+    """Element of a family on the mesh's cells, for values of a shape, () for scalars."""
     cell = (
         mesh.topology.cell_name()
         if hasattr(mesh.topology, "cell_name")
@@ -61,14 +58,14 @@ def element(mesh: Any, degree: int, shape: tuple[int, ...] = (), family: str = "
 
 
 def mixed_element(parts: list[Any]) -> Any:
-    """Mixed element of the given ones."""
+    """Mixed element."""
     if hasattr(ufl, "MixedElement"):
         return ufl.MixedElement(parts)
     return basix.ufl.mixed_element(parts)
 
 
 def function_space(mesh: Any, any_element: Any) -> Any:
-    """Function space of an `element`, a `mixed_element` or a coordinate element."""
+    """Function space of an element, also of a coordinate element."""
     make = getattr(dolfinx.fem, "functionspace", None) or dolfinx.fem.FunctionSpace
     return _compiled(
         make, repr(any_element), mesh.comm, lambda keys: make(mesh, any_element, **keys)
@@ -82,10 +79,10 @@ def space(mesh: Any, degree: tuple[str, int], shape: tuple[int, ...] = ()) -> An
 
 
 def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
-    """Compile a UFL form. Collective; cached on disk by dolfinx.
+    """Compile a UFL form. Collective; cached on disk.
 
     Raises:
-        MissingError: the C compiler, or what it needs, is not installed.
+        MissingError: no working C compiler.
     """
     keyword = "form_compiler_options"
     if keyword not in inspect.signature(dolfinx.fem.form).parameters:
@@ -99,11 +96,7 @@ def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
 
 
 def interpolate(function: Any, expression: Any) -> None:
-    """Interpolate a UFL expression into a function. Collective.
-
-    Raises:
-        MissingError: the C compiler, or what it needs, is not installed.
-    """
+    """Interpolate a UFL expression into a function. Collective; raises as `form`."""
     from ffcx.naming import compute_signature
 
     space, make = function.function_space, dolfinx.fem.Expression
@@ -116,7 +109,7 @@ def interpolate(function: Any, expression: Any) -> None:
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Suppress logs and warnings of the form compiler and the C compiler's driver. Not collective."""
+    """Suppress logs and warnings of the form and C compilers. Not collective."""
     loggers = [logging.getLogger(name) for name in COMPILING]
     level = logging.getLogger().level  # changed by builds
     for logger in loggers:
@@ -132,7 +125,6 @@ def quiet_compiler() -> Iterator[None]:
 
 
 def _is_not_of_a_build(record: logging.LogRecord) -> bool:
-    """Whether a record is not from the compilers, or at least a warning."""
     return record.levelno >= logging.WARNING or not any(
         name in record.pathname for name in BUILDERS
     )
@@ -147,7 +139,6 @@ def create_vector(compiled: Any, space: Any) -> Any:
 def _compiled(
     compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[dict[str, Any]], Any]
 ) -> Any:
-    """The result of `make` with the option for the cache folder of a signature. Collective."""
     settings = getattr(dolfinx.jit, "get_options", None) or dolfinx.jit.get_parameters
     keyword = "jit_options" if hasattr(dolfinx.jit, "get_options") else "jit_params"
     with required(), quiet_compiler():
@@ -169,13 +160,13 @@ def _compiled(
 
 
 def gmsh_order(gdim: int, nodes: int) -> np.ndarray:
-    """The library's order (nodes,) of gmsh's nodes of a triangle or tetrahedron."""
+    """Order (nodes,) of gmsh's nodes of a triangle or tetrahedron in dolfinx."""
     cell = {2: dolfinx.mesh.CellType.triangle, 3: dolfinx.mesh.CellType.tetrahedron}[gdim]
     return np.asarray(dolfinx.cpp.io.perm_gmsh(cell, nodes), dtype=np.int64)
 
 
 def partitioner() -> Any:
-    """Cell partitioner whose ghosts share a facet (the default of 0.5.2, not of later versions)."""
+    """Cell partitioner whose ghosts share a facet (the default of 0.5.2 only)."""
     mode = dolfinx.mesh.GhostMode.shared_facet
     for arguments in ((mode,), (mode, 2)):
         try:
@@ -188,7 +179,7 @@ def partitioner() -> Any:
 def create_mesh(comm: MPI.Comm, cells: np.ndarray, nodes: np.ndarray, degree: int) -> Any:
     """Mesh of simplices of a degree, ghosted across shared facets. Collective.
 
-    Cells (cells, nodes per cell) in the library's order and nodes (n, gdim); of each every rank gives a part.
+    Each rank gives a part of the cells (n, nodes per cell), in dolfinx's order, and of the nodes (n, gdim).
     """
     gdim = nodes.shape[1]
     cell = {2: "triangle", 3: "tetrahedron"}[gdim]
@@ -203,19 +194,19 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, nodes: np.ndarray, degree: in
 
 
 def exterior_facets(mesh: Any) -> np.ndarray:
-    """Local indices of the owned facets on the domain's boundary. Collective."""
+    """Local indices of the owned boundary facets. Collective."""
     dimension = mesh.topology.dim
     mesh.topology.create_connectivity(dimension - 1, dimension)
     return dolfinx.mesh.exterior_facet_indices(mesh.topology)
 
 
 def cell_dofs(function_space: Any) -> np.ndarray:
-    """(cells, nodes per cell) block degrees of freedom of all local cells, ghosts included."""
+    """Block degrees of freedom (cells, nodes per cell) of all local cells, ghosts included."""
     return _table(function_space.dofmap.list, function_space.mesh)
 
 
 def geometry_dofs(mesh: Any) -> np.ndarray:
-    """(cells, nodes per cell) rows of `mesh.geometry.x` of all local cells, ghosts included."""
+    """Rows (cells, nodes per cell) of `mesh.geometry.x` of all local cells, ghosts included."""
     dofmaps = getattr(mesh.geometry, "dofmaps", None)
     return _table(dofmaps[0] if dofmaps is not None else mesh.geometry.dofmap, mesh)
 
@@ -228,7 +219,7 @@ def _table(links: Any, mesh: Any) -> np.ndarray:
 
 
 def coordinate_element(mesh: Any) -> Any:
-    """UFL element of the mesh's own geometry (its nodes are equispaced, unlike high-order Lagrange spaces)."""
+    """UFL element of the mesh's geometry, whose nodes are equispaced, unlike high-order Lagrange spaces."""
     return mesh.ufl_domain().ufl_coordinate_element()
 
 
@@ -239,7 +230,7 @@ def geometry_degree(mesh: Any) -> int:
 
 
 def reference_nodes(mesh: Any) -> np.ndarray:
-    """(nodes per cell, dimension) places on the reference cell of a cell's nodes, corners first."""
+    """Nodes (nodes per cell, dimension) on the reference cell, corners first."""
     kind = basix.CellType.triangle if mesh.topology.dim == 2 else basix.CellType.tetrahedron
     variant = basix.LagrangeVariant.equispaced
     return np.asarray(
@@ -248,30 +239,28 @@ def reference_nodes(mesh: Any) -> np.ndarray:
 
 
 def scalar_part(vector_element: Any) -> Any:
-    """The element of one component of a vector element."""
+    """Element of one component of a vector element."""
     parts = vector_element.sub_elements
     return (parts() if callable(parts) else parts)[0]
 
 
 def interpolation_points(function_space: Any) -> np.ndarray:
-    """Reference points at which a function is evaluated when it is interpolated into the space."""
+    """Reference points of interpolation into the space."""
     points = function_space.element.interpolation_points
     return points() if callable(points) else points
 
 
 def tabulate(function_space: Any, reference: np.ndarray) -> np.ndarray:
-    """(n, nodes) shape functions of a scalar space, or of one component of a vector space, at reference points.
-
-    Their order is that of `cell_dofs`: in Lagrange spaces turned edges and faces only permute the nodes, which
-    the library has done in the table.
+    """Shape functions (n, nodes) of a scalar space, or of one component, at reference points, in the order of
+    `cell_dofs`.
     """
     return function_space.element.basix_element.tabulate(0, reference)[0, :, :, 0]
 
 
 def nodes_on(spaces: Any, facets: np.ndarray) -> Any:
-    """Local nodes (blocks) of a space on the given facets; of two spaces their pairs. Collective.
+    """Local nodes (blocks) of a space on facets; of two spaces their pairs. Collective.
 
-    Ranks agree on shared nodes. The cells at the facets must be known before: only 0.5.2 looks for them itself.
+    Ranks agree on shared nodes. The cells at the facets must be known: only 0.5.2 determines them itself.
     """
     topology = (spaces[0] if isinstance(spaces, tuple) else spaces).mesh.topology
     dimension = topology.dim - 1
@@ -280,7 +269,7 @@ def nodes_on(spaces: Any, facets: np.ndarray) -> Any:
 
 
 def interpolation_matrix(coarse: Any, fine: Any) -> Any:
-    """PETSc matrix that interpolates functions of a space into another on the same mesh. Collective."""
+    """PETSc matrix of interpolation between two spaces on one mesh. Collective."""
     make = getattr(petsc, "interpolation_matrix", None)
     if make is not None:
         matrix = make(coarse, fine)
@@ -291,16 +280,46 @@ def interpolation_matrix(coarse: Any, fine: Any) -> Any:
     return matrix
 
 
-def set_zero(vector: Any, conditions: list[Any]) -> None:
-    """Put zeros into a PETSc vector where Dirichlet conditions hold. Not collective.
+def matrix_of(compiled: Any, conditions: Sequence[Any] = (), matrix: Any = None) -> Any:
+    """Assemble the PETSc matrix of a bilinear form, a new one or `matrix`. Collective."""
+    if matrix is None:
+        matrix = petsc.create_matrix(compiled)
+    matrix.zeroEntries()
+    petsc.assemble_matrix(matrix, compiled, list(conditions))
+    matrix.assemble()
+    return matrix
 
-    The factor goes by position: its name is `scale` in 0.5.2 and `alpha` later.
+
+def vector_of(compiled: Any, vector: Any = None) -> Any:
+    """Assemble the PETSc vector of a linear form, a new one or `vector`. Collective."""
+    if vector is None:
+        vector = petsc.assemble_vector(compiled)
+    else:
+        with vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(vector, compiled)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return vector
+
+
+def owned_entries(compiled: Any) -> np.ndarray:
+    """Owned entries of the vector of a linear form. Collective."""
+    vector = vector_of(compiled)
+    entries = vector.array_r.copy()
+    vector.destroy()
+    return np.asarray(entries)
+
+
+def set_zero(vector: Any, conditions: list[Any]) -> None:
+    """Zero a PETSc vector at Dirichlet conditions. Not collective.
+
+    The factor is positional: its name is `scale` in 0.5.2 and `alpha` later.
     """
     petsc.set_bc(vector, conditions, None, 0.0)
 
 
 def impose(values: np.ndarray, conditions: list[Any]) -> None:
-    """Put the values of Dirichlet conditions into local values (unknowns,), ghosts included."""
+    """Put Dirichlet values into local values (unknowns,), ghosts included."""
     if hasattr(dolfinx.fem, "set_bc"):
         dolfinx.fem.set_bc(values, conditions)
         return
@@ -320,7 +339,7 @@ def vec_view(function: Any) -> Any:
 
 
 def cell_size(mesh: Any, cells: np.ndarray) -> np.ndarray:
-    """Size of each given local cell: the largest distance between two of its vertices."""
+    """Largest distance between two vertices of each local cell."""
     if hasattr(mesh, "h"):
         return mesh.h(mesh.topology.dim, cells)
     return dolfinx.cpp.mesh.h(
@@ -329,7 +348,7 @@ def cell_size(mesh: Any, cells: np.ndarray) -> np.ndarray:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries a result depends on."""
+    """Versions of the libraries on which a result depends."""
     petsc = ".".join(map(str, PETSc.Sys.getVersion()))
     return {
         "incipient": importlib.metadata.version("incipient"),

@@ -2,13 +2,13 @@
 
 
 class IncipientError(Exception):
-    """Base of all errors that are reported as one line, without a traceback."""
+    """Base of the errors that are reported in one line, without a traceback."""
 
     exit_code = 1
 
 
 class SceneError(IncipientError):
-    """The scene, or another input file, is invalid or contradictory."""
+    """An invalid or contradictory scene or other input file."""
 
     exit_code = 2
 
@@ -20,23 +20,23 @@ class MeshError(IncipientError):
 
 
 class ConvergenceError(IncipientError):
-    """An iteration did not converge, or a factorisation failed; earlier results are kept."""
+    """An iteration or a factorisation failed; earlier results are kept."""
 
     exit_code = 4
 
 
 class UnsolvedError(ConvergenceError):
-    """The linear system of a state was not solved; another state, or a shorter time step, may succeed."""
+    """A linear system was not solved; another state, or a shorter time step, may succeed."""
 
 
 class OutputError(IncipientError):
-    """A result could not be written (disk full, no permission) or read back."""
+    """A result could not be written or read back."""
 
     exit_code = 5
 
 
 class MissingError(IncipientError):
-    """A module, a library or the compiler that the flow needs is not installed."""
+    """A required module, library or compiler is not installed."""
 
     exit_code = 6
 
@@ -48,6 +48,6 @@ class Interrupted(IncipientError):
 
 
 def shortened(said: object, most: int = 80) -> str:
-    """A quotation for a message, such as a library's error, in one line of at most `most` characters."""
+    """Quotation, such as a library's error, in one line of at most `most` characters."""
     text = " ".join(str(said).split())
     return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -1,7 +1,4 @@
-"""Atomic writing of files, and errors with cause and remedy.
-
-Not collective: under MPI the caller writes on one rank, inside `incipient.parallel.collectively`.
-"""
+"""Atomic writing of files, on one rank inside `incipient.parallel.collectively`; errors with cause and remedy."""
 
 from __future__ import annotations
 
@@ -41,17 +38,13 @@ _REMEDIES = {
     errno.ENOENT: "make the directory first",
     errno.EEXIST: "a file stands where a directory is needed; choose another directory",
     errno.ENOTDIR: "a file stands where a directory is needed; choose another directory",
-    errno.EISDIR: "a directory stands where the file is needed; choose another directory",
+    errno.EISDIR: "a directory has the name of the file; choose another directory",
 }
 
 
 @contextmanager
 def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[None]:
-    """Turn an operating system's error (and errors of the types `also`) into one line with cause and remedy.
-
-    Raises:
-        OutputError: with `path`, cause and remedy.
-    """
+    """Convert OSError (and errors of the types `also`) to OutputError with path, cause and remedy."""
     caught: tuple[type[Exception], ...] = (OSError, *also)
     try:
         yield
@@ -69,19 +62,19 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
 
 
 def cause_of(error: Exception) -> str:
-    """The cause of an error of HDF5, without the library's internals."""
+    """Cause of an HDF5 error, without the library's internals."""
     code = getattr(error, "errno", None)
     return os.strerror(code) if code else "it is damaged or incomplete"
 
 
 def numbered(path: Path) -> Path:
-    """The first free name of path.1, path.2 ..."""
+    """First free name of path.1, path.2 ..."""
     names = (path.with_name(f"{path.name}.{number}") for number in itertools.count(1))
     return next(name for name in names if not name.exists())
 
 
 def part_of(path: Path) -> Path:
-    """The temporary path of a file during writing."""
+    """Temporary path of a file during writing."""
     return path.with_name(path.name + PART)
 
 
@@ -104,7 +97,7 @@ def own(path: Path) -> None:
 
 @contextmanager
 def opened_mark(directory: Path) -> Iterator[io.FileIO]:
-    """The `MARK` of a directory, created if missing, for appending. Raises OSError or OutputError."""
+    """The `MARK` of a directory, created if missing, for appending. Raises OSError, OutputError."""
     path = directory / MARK
     _refuse_link(path)
     # Pipes in a foreign directory are refused.
@@ -130,7 +123,7 @@ def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
 
 @contextmanager
 def opened_hdf5(path: Path, remedy: str, error: type[OutputError] = OutputError) -> Iterator[Any]:
-    """An HDF5 file for reading. Raises `error` with the remedy, also for errors of reading in the block."""
+    """HDF5 file for reading. Raises `error` with the remedy, also for errors of reading in the block."""
     import h5py
 
     try:
@@ -151,26 +144,26 @@ def require_own(path: Path, folder: bool = False) -> None:
 
 def _refuse_link(path: Path) -> None:
     if path.is_symlink():
-        raise OutputError(f"{path}: is a link, and nothing is written through links; {AWAY}")
+        raise OutputError(f"{path}: is a link, through which incipient does not write; {AWAY}")
 
 
 def require_ending(path: Path, ending: str) -> None:
-    """Raise OutputError for another suffix: the path might be that of an input file."""
+    """Raise OutputError for another suffix: the path may be that of an input file."""
     if path.suffix.lower() != ending:
-        raise OutputError(f"{path}: is no name for this file; let it end in {ending}")
+        raise OutputError(f"{path}: is not a valid name for this file; let it end in {ending}")
 
 
 def write_text_atomically(path: Path, text: str) -> None:
-    """Write a text file (UTF-8) atomically; after a failure the old file is unchanged.
+    """Write a UTF-8 file atomically; after a failure the old file is unchanged.
 
     Raises:
-        OutputError: writing failed, or the file is not this program's (see `require_own`).
+        OutputError: writing failed, or the file is not this program's.
     """
     write_bytes_atomically(path, text.encode(errors="backslashreplace"))
 
 
 def write_bytes_atomically(path: Path, data: bytes | memoryview) -> None:
-    """Write bytes as `write_text_atomically` writes text."""
+    """Write bytes; as `write_text_atomically`."""
     with replaced(path, part_of(path)) as part, part.open("xb") as file:
         file.write(data)
         file.flush()
@@ -183,7 +176,7 @@ def write_hdf5(
     attributes: Mapping[str, Any],
     links: Mapping[str, str] | None = None,
 ) -> None:
-    """Write an HDF5 file of arrays with checksums atomically, from an image in memory.
+    """Write arrays with checksums to an HDF5 file atomically, from an image in memory.
 
     links: other files in the directory with datasets of these names
     """
@@ -203,11 +196,7 @@ def write_hdf5(
 
 @contextmanager
 def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Path]:
-    """A temporary file that replaces `path` after success.
-
-    Raises:
-        OutputError: as `require_own` and `reported`.
-    """
+    """Temporary file that replaces `path` after success. Raises OutputError."""
     require_own(path)
     with reported(path, also):
         part.unlink(missing_ok=True)  # left by a killed process, or a link
@@ -221,10 +210,7 @@ def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> 
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write data atomically as strict JSON, in the order of the keys.
-
-    Dataclasses, mappings, sequences, numpy arrays and scalars, enumerations and paths are converted.
-    Infinite numbers and NaN are written as null.
+    """Write data atomically as strict JSON; infinite numbers and NaN become null.
 
     Raises:
         OutputError: writing failed.
@@ -260,7 +246,7 @@ def _plain_container(data: Any) -> Any:
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
-    """Rows as CSV text with these columns; missing values are empty, other keys are ignored."""
+    """CSV text with these columns; missing values are empty, other keys are ignored."""
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="", extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
@@ -269,7 +255,7 @@ def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
 
 
 def make_directory(path: Path, wanted: Path | None = None) -> None:
-    """Create a directory and its parents if missing. Raises OutputError with the directory or `wanted`."""
+    """Create a directory with its parents. Raises OutputError about it, or about `wanted`."""
     with reported(wanted or path):
         path.mkdir(parents=True, exist_ok=True)
 
@@ -277,8 +263,8 @@ def make_directory(path: Path, wanted: Path | None = None) -> None:
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
     """Append a row to a CSV file, with a header in a new file.
 
-    The row is unbuffered: it survives the end of the program, but a crash of the machine only after `sync`. On a full
-    disk an incomplete row is removed.
+    The row survives the end of the program; a crash of the machine only after `sync`. On a full disk an incomplete row
+    is removed.
 
     Raises:
         OutputError: writing failed, or the file has other columns.
@@ -291,7 +277,7 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
         file.seek(0)
         if end and file.readline() != header:
             raise OutputError(
-                f"{path}: has other columns than the row to append; move it out of the way"
+                f"{path}: has different columns from the row to append; move the file away"
             )
         try:
             write_fully(file, line if end else header + line)
@@ -310,7 +296,7 @@ def sync(path: Path) -> None:
 
 
 def cut_after(path: Path, time: float, least: int = 0) -> None:
-    """Cut an existing CSV file back to its header and the rows whose first number is at most `time`.
+    """Cut an existing CSV file after the last row whose first number is at most `time`.
 
     Raises:
         OutputError: fewer than `least` rows are left, rows do not begin with numbers, or writing failed.

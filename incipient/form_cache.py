@@ -1,8 +1,6 @@
-"""Cache of compiled forms on disk, one folder each, renamed when complete.
+"""Cache of compiled forms on disk, each compiled in a private folder that is renamed when complete.
 
-The form compiler marks a form as begun, and waits ten seconds and fails at every later mark of a killed process.
-Therefore a form is compiled in a private folder, which is renamed at the end. Remains of a killed process are removed
-by the next compilation of the form; a kernel lock prevents simultaneous compilation.
+After a killed process the form compiler would wait ten seconds for the mark that it left, and fail.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
 
 def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T:
-    """The result of `build` for a folder of compiled code, compiled if missing or damaged. Collective over `comm`.
+    """Result of `build` for a cached folder, compiled if missing or damaged. Collective over `comm`.
 
     Args:
         root: parent of all folders, created if missing.
@@ -63,7 +61,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
 
 
 def _begun(root: Path, name: str) -> Path:
-    """A new folder for compilation, or the form's folder if another process has completed it."""
+    """New folder for compilation, or that completed by another process."""
     if _is_whole(root / name):
         return root / name
     try:
@@ -110,7 +108,7 @@ def _to_disk(path: Path) -> None:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether the files of a form are intact: a truncated library crashes the process."""
+    """Whether the files are intact: a truncated library crashes the process."""
     with suppress(OSError):
         return (folder / WHOLE).read_bytes() == _checksum(folder)
     return False
@@ -123,7 +121,7 @@ def _checksum(folder: Path) -> bytes:
 
 @contextmanager
 def _locked(path: Path, is_first: bool) -> Iterator[None]:
-    """Hold a lock on the first rank; without locks of the file system work may be done twice."""
+    """Lock on the first rank; without locks of the file system work may be done twice."""
     if not is_first:
         yield
         return
@@ -143,7 +141,7 @@ def _locked(path: Path, is_first: bool) -> Iterator[None]:
 
 @contextmanager
 def _space_reported(root: Path) -> Iterator[None]:
-    """Report a full disk for failures in the block, which the C compiler reports only on the terminal."""
+    """Report a full disk, which the C compiler reports only on the terminal."""
     try:
         yield
     except Exception as error:

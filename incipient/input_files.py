@@ -26,9 +26,7 @@ def reading(
     error: type[IncipientError] = SceneError,
     name: str = "",
 ) -> Iterator[None]:
-    """Convert errors of reading a file in the block to one line with the file's name.
-
-    Pipes and devices are refused, since reading may not end.
+    """Convert errors of reading in the block to one line. Pipes and devices are refused: reading may not end.
 
     Args:
         largest: size [MiB].
@@ -58,7 +56,7 @@ def reading(
 
 
 def cause_of(error: Exception) -> str:
-    """The cause of an error of reading, in a few words."""
+    """Cause of an error of reading, in a few words."""
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     if isinstance(error, MemoryError):
@@ -68,14 +66,14 @@ def cause_of(error: Exception) -> str:
 
 
 def read_text(path: Path, remedy: str, name: str = "", largest: float = LARGEST_TEXT) -> str:
-    """The text of a UTF-8 file with uniform line ends. Raises as `reading`."""
+    """Text of a UTF-8 file with uniform line ends. Raises as `reading`."""
     with reading(path, remedy, largest, name=name):
         text = path.read_bytes().decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a CSV file, of equal length. Raises as `reading`."""
+    """Header and rows, of equal length, of a CSV file. Raises as `reading`."""
     text = read_text(path, remedy, largest=LARGEST_TABLE)
     with reading(path, remedy):
         names, *rows = [row for row in csv.reader(io.StringIO(text, newline="")) if row] or [[]]
@@ -85,6 +83,6 @@ def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
         raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
     wrong = next((k for k, row in enumerate(rows, 2) if len(row) != len(names)), None)
     if wrong is not None:
-        why = f"row {wrong} has not as many cells as the first"
-        raise SceneError(f"{path}: {why}; add or remove some")
+        why = f"row {wrong} has a different number of cells from the first"
+        raise SceneError(f"{path}: {why}; add or remove cells")
     return names, rows

@@ -1,4 +1,4 @@
-"""Requirements of flow computations: packages, libraries, memory, limits; messages on missing ones."""
+"""Requirements of flow computations: packages, libraries, memory and limits of the shell."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LEAST = {"-n": (resource.RLIMIT_NOFILE, 1, 64), "-s": (resource.RLIMIT_STACK, 10
 
 
 def memory_of_libraries() -> float:
-    """Memory [MiB] of a run before its flow, by version of dolfinx, without importing it. Not collective."""
+    """Memory [MiB] of a run before its flow, by version of dolfinx, without importing it."""
     for name in DISTRIBUTIONS:
         try:
             version = metadata.version(name)
@@ -54,10 +54,7 @@ def memory_of_libraries() -> float:
 
 
 def free_bytes() -> float:
-    """Memory available to this process, on its machine or in its container. Not collective.
-
-    The page cache counts as free if it is known from /proc.
-    """
+    """Memory available to this process, on its machine or in its container; the page cache counts as free."""
     free = [float("inf")]
     with suppress(OSError, StopIteration):
         lines = Path("/proc/meminfo").read_text().splitlines()
@@ -76,18 +73,15 @@ def free_bytes() -> float:
 
 @cache
 def require_limits() -> None:
-    """Check for limits of the shell with which libraries abort, crash or hang. Not collective.
+    """Raise OutputError for limits of the shell with which libraries abort, crash or hang.
 
     Under a limit of memory OpenBLAS maps its buffer now, before other libraries take the address space.
-
-    Raises:
-        OutputError: naming the limit.
     """
     for option, (kind, unit, least) in LEAST.items():
         limit = resource.getrlimit(kind)[0]
         if limit != resource.RLIM_INFINITY and limit < least * unit:
             raise OutputError(
-                f"ulimit {option} is {limit // unit}, too little for the libraries; set it to {least} or more"
+                f"ulimit {option} is {limit // unit}, too small for the libraries; set it to {least} or more"
             )
     limits = (resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA))
     if all(limit == resource.RLIM_INFINITY for limit in limits):
@@ -105,11 +99,7 @@ def require_limits() -> None:
 
 
 def require_directories() -> None:
-    """Check the working and temporary directories, without which Open MPI fails with a long message.
-
-    Raises:
-        OutputError: naming the directory.
-    """
+    """Raise OutputError for unusable working or temporary directories, with which Open MPI fails obscurely."""
     try:
         Path.cwd()
     except OSError as error:
@@ -130,24 +120,21 @@ def require_directories() -> None:
 
 
 def return_freed_memory() -> None:
-    """Return freed memory from glibc to the system. Not collective.
-
-    glibc retains gigabytes in small blocks after approximate LU factorisations.
-    """
+    """Return memory to the system; glibc retains gigabytes in small blocks after approximate LU factorisations."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
 
 
 def missing(error: BaseException) -> str | None:
-    """The missing part named by an error and its remedy, in one line; None without one."""
+    """Missing part named by an error, with its remedy, in one line; None without one."""
     if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] in MODULES:
         return f"{(error.name or '').partition('.')[0]} is not installed: {MODULES_REMEDY}"
     return missing_in_words(str(error))
 
 
 def missing_in_words(words: str) -> str | None:
-    """The missing part named in a message and its remedy, in one line; None without one."""
+    """Missing part named in a message, with its remedy, in one line; None without one."""
     library = re.search(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file", words)
     if library:
         return f"the library {library[1]} is not installed: {SYSTEM_REMEDY}"
@@ -164,11 +151,7 @@ def missing_in_words(words: str) -> str | None:
 
 @contextmanager
 def required() -> Iterator[None]:
-    """Convert errors because of a missing module, library or compiler in the block. Not collective.
-
-    Raises:
-        MissingError: instead of such an error; other errors pass.
-    """
+    """Convert errors because of a missing module, library or compiler in the block to MissingError."""
     try:
         yield
     except Exception as error:
@@ -180,7 +163,7 @@ def required() -> Iterator[None]:
 
 @contextmanager
 def arguments_of_text() -> Iterator[None]:
-    """Allow file names outside UTF-8 on the command line, which dolfinx and PETSc read. Not collective."""
+    """Allow file names outside UTF-8 on the command line, which dolfinx and PETSc read."""
     before = sys.argv
     sys.argv = [os.fsencode(argument).decode(errors="replace") for argument in before]
     try:
@@ -191,7 +174,7 @@ def arguments_of_text() -> Iterator[None]:
 
 @contextmanager
 def versions_without_setuptools() -> Iterator[None]:
-    """Provide versions to ufl and ffcx of 2022 without setuptools, whose import takes 80 ms. Not collective."""
+    """Provide versions to ufl and ffcx of 2022 without setuptools, whose import takes 80 ms."""
     from importlib.metadata import distribution
 
     stand_in: Any = ModuleType("pkg_resources")

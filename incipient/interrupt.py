@@ -36,8 +36,8 @@ NOTICE = b"stopping after this step; once more to stop at once\n"
 def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
     """Serialise calls from several threads: gmsh, MPI and PETSc have one state per process.
 
-    The order of threads may differ between ranks, which would deadlock: on several ranks a call outside the main thread
-    raises IncipientError, unless its `comm` has only this rank.
+    The order of threads may differ between ranks: on several ranks a call outside the main thread raises
+    IncipientError.
     """
     parameters = signature(compute)
 
@@ -48,7 +48,7 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
             if (world() if comm is None else comm).size > 1:
                 remedy = "call it in the main thread, or with comm=MPI.COMM_SELF"
                 raise IncipientError(
-                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot meet; {remedy}"
+                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot synchronise; {remedy}"
                 )
         with _COMPUTING:
             return compute(*arguments, **options)
@@ -57,10 +57,9 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
 
 
 class Interruption:
-    """A context manager that stops a run after the step on the first SIGINT or SIGTERM, at once on a later one.
+    """Context manager that stops a run after the step on the first SIGINT or SIGTERM, at once on a later one.
 
     Until `armed`, and outside the main thread, signals are handled as before, except that SIGTERM also interrupts.
-    Previous handlers are restored at the end. Only `asked` is collective.
     """
 
     def __init__(self, comm: Comm):
@@ -78,7 +77,7 @@ class Interruption:
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
     def asked(self) -> bool:
-        """Whether a rank has received a signal to stop; equal on all ranks. Collective."""
+        """Whether any rank has received a signal to stop. Collective."""
         return any(self._comm.allgather(self._since is not None))
 
     def _note(self, number: int, frame: object) -> None:
@@ -93,12 +92,11 @@ class Interruption:
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """Preserve handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE while the block starts libraries in C. Not collective.
+    """Preserve signal handlers while the block starts libraries in C. Not collective.
 
-    PETSc reports a closed pipe or terminal as a crash. gmsh resets interrupts to the system's default, which ends the
-    process silently: on import in Python, from version 4.15 on for all signals in C. Changes from Python are disabled;
-    after those in C handlers are restored. Signals are deferred, since an exception during the start of a library
-    becomes another error.
+    PETSc reports a closed pipe or terminal as a crash. gmsh resets interrupts to the system's default: on import in
+    Python, from version 4.15 on for all signals in C. Changes from Python are disabled, those in C undone. Signals are
+    deferred: an exception during the start of a library becomes another error.
     """
     if threading.current_thread() is not threading.main_thread():
         with _handlers_left_alone():
@@ -146,10 +144,8 @@ def _handlers_left_alone() -> Iterator[None]:
 def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
     """Name the directory of the result without error bars in an interrupt of the block. Not collective.
 
-    Without a directory, and on several ranks, which may wait for this one, interrupts are unchanged.
-
     Raises:
-        Interrupted: instead of a KeyboardInterrupt.
+        Interrupted: instead of KeyboardInterrupt, with a directory and on one rank: others may wait for this one.
     """
     try:
         yield
@@ -190,10 +186,7 @@ def comes_of_interrupt(error: BaseException | None) -> bool:
 
 
 def output_is_lost(error: Exception) -> bool:
-    """Whether an error is that of an unwritable standard output, which is then replaced by the null device.
-
-    Such an error has no file name; errors of files are reported where they are written.
-    """
+    """Whether the standard output is not writable; it is then replaced by the null device."""
     if not isinstance(error, OSError) or error.filename is not None or error.errno not in UNWRITTEN:
         return False
     _let_go(1)

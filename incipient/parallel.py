@@ -40,7 +40,7 @@ ONE_RANK = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED
 
 
 class Holder:
-    """A context manager that frees objects of PETSc on all ranks. Every method is collective."""
+    """Context manager that frees objects of PETSc on all ranks. Every method is collective."""
 
     def __init__(self, comm: Comm):
         self._comm, self._held = comm, list[Any]()
@@ -54,32 +54,28 @@ class Holder:
             self.destroy()
 
     def holding(self, made: Any) -> Any:
-        """Register an object for freeing; returns it."""
         self._held.append(made)
         return made
 
     def destroy(self) -> None:
-        """Free the objects in reverse order."""
         while self._held:
             self._held.pop().destroy()
 
 
 class Alone:
-    """A communicator of one rank, for commands without flow computations if mpi4py is missing."""
+    """Communicator of one rank, for commands without flow computations if mpi4py is missing."""
 
     rank, size = 0, 1
 
     def allgather(self, value: Any) -> list[Any]:
-        """The values of all ranks."""
         return [value]
 
     def bcast(self, value: Any) -> Any:
-        """The value of rank 0."""
         return value
 
 
 def world() -> Comm:
-    """The communicator of all ranks.
+    """Communicator of all ranks.
 
     Raises:
         MissingError: mpi4py or its MPI library is not installed.
@@ -94,12 +90,12 @@ def world() -> Comm:
 
 @contextmanager
 def collectively(comm: Comm | Alone) -> Iterator[None]:
-    """Run the block on every rank; an error on any rank is raised on all of them. Collective.
+    """Run the block on every rank; an error on any rank is raised on all. Collective.
 
-    For work of one rank, such as meshing or writing a file: the block must not fail within a collective call.
+    For work of one rank, such as meshing or writing: the block must not fail within a collective call.
 
     Raises:
-        IncipientError: of the type and with the message raised on the lowest failing rank.
+        IncipientError: of the lowest failing rank.
     """
     error: Exception | None = None
     try:
@@ -116,7 +112,7 @@ def collectively(comm: Comm | Alone) -> Iterator[None]:
 
 
 class Meeting:
-    """A meeting of all ranks at their end, which determines the failed ones. The constructor is collective."""
+    """Meeting of all ranks at their end, which determines the failed ones. The constructor is collective."""
 
     def __init__(self, comm: Comm | Alone):
         self._comm = None if comm.size == 1 else cast("Comm", comm).Dup()
@@ -135,12 +131,9 @@ class Meeting:
 
 
 def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
-    """The value of a function that only the first rank calls, on every rank. Collective.
+    """Value of a function that only the first rank calls, on every rank. Collective; raises as `collectively`.
 
-    Mainly for files that other machines may lack. The value must be picklable.
-
-    Raises:
-        IncipientError: on all ranks, from the function.
+    For files that other machines may lack. The value must be picklable.
     """
     value: Any = None
     with collectively(comm):
@@ -150,7 +143,7 @@ def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
 
 
 def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:
-    """The concatenated rows (n, ...) of all ranks on rank 0; none on the others. Collective."""
+    """Concatenated rows (n, ...) of all ranks on rank 0; none elsewhere. Collective."""
     parts = comm.gather(np.ascontiguousarray(rows))
     return rows[:0] if parts is None else np.concatenate(parts)
 
@@ -158,7 +151,7 @@ def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:
 class NumberedRows:
     """Distributed rows with global `numbers` (n,), which ranks may share. Constructor and methods are collective.
 
-    Rank 0 gathers each row once, in the order of the numbers; the other ranks get none.
+    Rank 0 gathers each row once, in the order of the numbers; other ranks get none.
     """
 
     def __init__(self, comm: Comm, numbers: NDArray[Any]):
@@ -170,7 +163,7 @@ class NumberedRows:
         return joined(self._comm, rows)[self._order]
 
     def places_of(self, numbers: NDArray[Any]) -> NDArray[Any]:
-        """Rows of the given numbers, of any shape. Not collective."""
+        """Rows of numbers of any shape. Not collective."""
         return np.searchsorted(self._numbers, numbers)
 
 
@@ -184,7 +177,7 @@ def _described(error: Exception | None) -> tuple[type[IncipientError], str] | No
 def end_with_parent(parent: int | None = None) -> None:
     """Let the kernel kill this process at the end of the thread that started it; Linux only.
 
-    If the given `parent` has already ended, the process ends at once.
+    If `parent` has already ended, the process ends at once.
     """
     if _PRCTL is not None:
         _PRCTL(END_WITH_PARENT, signal.SIGKILL)
@@ -193,7 +186,7 @@ def end_with_parent(parent: int | None = None) -> None:
 
 
 def environment_alone() -> dict[str, str]:
-    """The environment of a process outside the parallel run of this one."""
+    """Environment of a process outside the parallel run of this one."""
     return {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL_RUN)}
 
 
@@ -210,10 +203,7 @@ def leave_parallel_run() -> None:
 def start_alone_quickly() -> None:
     """Prevent Open MPI from starting a daemon and searching networks without mpirun, which takes 0.3 s.
 
-    The settings are not inherited: a child process may be an mpirun.
-
-    Raises:
-        OutputError: as `require_directories` and `require_limits`.
+    Children, which may be mpirun, do not inherit the settings. Raises OutputError.
     """
     if any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
         return

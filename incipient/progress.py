@@ -25,7 +25,7 @@ class Silent:
         """Report a Newton update at a fraction of the Reynolds number."""
 
     def advance(self, time: float, end: float) -> None:
-        """Report the time reached."""
+        """Report the time."""
 
     def count(self, what: str, done: int, total: int) -> None:
         """Report the number of completed items."""
@@ -35,66 +35,56 @@ class Logged(Silent):
     """Progress in the log."""
 
     def begin(self, stage: str) -> None:
-        """Log the stage at level debug."""
         log.debug("stage: %s", stage)
 
     def say(self, message: str) -> None:
-        """Log at level info."""
         log.info(message)
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
-        """Log at level debug."""
         log.debug(
-            "at %.4g of the Reynolds number: correction %d, relative size %.2e",
+            "at %.4g of the Reynolds number: Newton update %d, relative size %.2e",
             share,
             iteration + 1,
             size,
         )
 
     def advance(self, time: float, end: float) -> None:
-        """Log at level debug."""
         log.debug("time %.6g of %.6g", time, end)
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Log the beginning of many items at level info."""
         if not done and total >= MANY:
             log.info("%s: %d", what, total)
 
 
 class Live(Logged):
-    """A live line on a terminal: stage, iteration, remaining time."""
+    """Live line on a terminal."""
 
     def __init__(self, bar: Any):
         self._bar = bar
         self._task = bar.add_task("starting", total=None)
 
     def begin(self, stage: str) -> None:
-        """Show the stage."""
         super().begin(stage)
         self._bar.reset(self._task, total=None, description=stage)
 
     def say(self, message: str) -> None:
-        """Print above the line."""
         if log.isEnabledFor(logging.INFO):
             self._bar.console.print(message, markup=False, highlight=False)
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
-        """Show the progress of Newton's method."""
         super().iterate(share, iteration, size)
         self._bar.update(
             self._task,
-            description=f"flow: Re x {share:.3g}, correction {iteration + 1}, {size:.1e}",
+            description=f"flow: Re x {share:.3g}, Newton update {iteration + 1}, {size:.1e}",
         )
 
     def advance(self, time: float, end: float) -> None:
-        """Show the fraction of time; the bar estimates the remaining time."""
         super().advance(time, end)
         self._bar.update(
             self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}"
         )
 
     def count(self, what: str, done: int, total: int) -> None:
-        """Show the completed fraction."""
         self._bar.update(
             self._task, completed=done, total=total, description=f"{what}: {done} of {total}"
         )
@@ -102,7 +92,7 @@ class Live(Logged):
 
 @contextmanager
 def telling(rank: int) -> Iterator[Silent]:
-    """The reporter of progress for this rank and this terminal. Not collective."""
+    """Reporter of progress for this rank and terminal. Not collective."""
     if rank != 0:
         yield Silent()
         return

@@ -1,4 +1,4 @@
-"""Solution of symmetric positive definite systems by conjugate gradients."""
+"""Symmetric positive definite systems by conjugate gradients."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ def solve_symmetric(
 ) -> None:
     """Solve A u = b into a function; A and b are freed. Collective.
 
-    A may be the mass matrix of a boundary: Jacobi replaces the zero diagonal of empty rows by one, and CG leaves their
-    unknowns unchanged. `multigrid`, for Laplacians: precondition with hypre if PETSc has it.
+    A may be the mass matrix of a boundary: Jacobi and CG leave the unknowns of its empty rows unchanged. `multigrid`,
+    for Laplacians: precondition with hypre if PETSc has it.
 
     Raises:
         ConvergenceError: CG did not converge.

@@ -1,1 +1,1 @@
-"""Error estimates and error bars of a result."""
+"""Error bars of a result, and meshes refined to a requested accuracy."""

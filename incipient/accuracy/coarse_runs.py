@@ -1,4 +1,4 @@
-"""Coarse runs: their scenes, with coarser cells, longer steps or farther sides, and their loads, each computed once."""
+"""Coarse runs for error bars, with coarser cells, longer steps or a larger domain; each is computed once."""
 
 from __future__ import annotations
 
@@ -38,17 +38,16 @@ class Spent(IncipientError):
 
 
 class KeptRuns:
-    """Loads of coarse runs, each computed once and cached by the JSON of its scene. Calling is collective.
+    """Loads of coarse runs, cached by the JSON of the scene. Calls are collective.
 
-    known: cached loads; new ones are added
-    spent: returns why no further run may begin, or ""; with a reason calling raises Spent
+    known: cached loads
+    spent: reason why no further run may begin, or ""; with a reason calls raise Spent
     """
 
     def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):
         self._known, self._spent, self._run = known, spent, solve
 
     def __call__(self, scene: Scene) -> Loads:
-        """The loads of a scene, cached or from a run. Collective."""
         key = scene.model_dump_json()
         if key not in self._known:
             if reason := self._spent():
@@ -58,12 +57,12 @@ class KeptRuns:
             except (ConvergenceError, MeshError) as error:
                 # Its remedy refers to the coarse scene, not to the user's.
                 why = REMEDY.split(str(error))[0]
-                raise type(error)(f"{why}, in a run to compare with") from error
+                raise type(error)(f"{why}, in a run for comparison") from error
         return self._known[key]
 
 
 def on_coarser_mesh(scene: Scene) -> Scene:
-    """The scene on a coarser mesh, without error bars. Not collective."""
+    """The scene on a coarser mesh, without error bars."""
     size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
     return changed(scene, numerics={"mesh_size": size, "error_bars": False})
 
@@ -72,8 +71,8 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     """The unsteady scene with longer steps, and with these in elements of the next-higher order, on separate meshes.
 
     A coarser mesh replaces the higher order with wall layers (k and epsilon keep their order), at the highest order,
-    and for an unresolved boundary layer of a grain. Without grain and wall layers, on the coarsest mesh, the highest
-    order is compared with the next lower one. Adaptive steps have a larger tolerance.
+    and for an unresolved boundary layer of a grain. Without grain and wall layers the coarsest mesh and highest order
+    are compared with the next-lower order. Adaptive steps have a larger tolerance.
     """
     assert scene.time is not None
     ratio = ratio_of_steps(scene)
@@ -88,9 +87,9 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
 
 
 def on_another_mesh(scene: Scene) -> bool:
-    """Whether an unsteady flow is compared on a coarser mesh, not in another order. Not collective.
+    """Whether an unsteady flow is compared on a coarser mesh, not in another order.
 
-    A higher order on the same cells does not resolve a boundary layer that is thinner than the cells.
+    A higher order on the same cells does not resolve a boundary layer thinner than the cells.
     """
     if scene.is_averaged or scene.body is None:
         return scene.is_averaged
@@ -98,7 +97,7 @@ def on_another_mesh(scene: Scene) -> bool:
 
 
 def ratio_of_steps(scene: Scene) -> float:
-    """Factor on the steps of a comparison; below one if longer steps miss a gust or the end. Not collective."""
+    """Factor on the steps of a comparison; below 1 if longer steps miss a gust or the end."""
     assert scene.time is not None
     time = scene.time
     longest = min(time.end, _longest_in_gust(scene)) / time.step
@@ -111,18 +110,17 @@ def ratio_of_steps(scene: Scene) -> float:
 
 
 def _longest_in_gust(scene: Scene) -> float:
-    """The longest step allowed by the scene's gust; infinite without one."""
     gust = getattr(scene.flow, "gust", None)
     return math.inf if gust is None or gust.shape == "points" else gust.duration / FEWEST_IN_GUST
 
 
 def order_in_time(scene: Scene) -> int:
-    """Order of the time steps. Not collective."""
+    """Order of the time steps."""
     return 2 if scene.time is not None and scene.time.scheme == "bdf2" else 1
 
 
 def farther(scene: Scene, factor: float = FARTHER) -> Scene:
-    """The scene with inflow, outflow and sides of the base flow farther away, at the same viscosity.
+    """The scene with inflow, outflow and sides farther away, at the same viscosity.
 
     Below a free surface only the end without prescribed data is moved.
     """
@@ -163,7 +161,7 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
 
 
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
-    """The scene of a coarse run for a term of the model."""
+    """The scene of a coarse run for a modelling error."""
     accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
     fine = scene.gdim == 2 and isinstance(accuracy, float) and accuracy < FINE_BELOW
     order = FINE_ORDER if fine else MODEL_ORDER
@@ -189,14 +187,14 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
 
 
 def is_coarse(scene: Scene) -> bool:
-    """Whether a scene of steady flow is its own first coarse run, which is then omitted. Not collective."""
+    """Whether a steady scene is its own first coarse run, which is then omitted."""
     return coarse(scene) == changed(
         scene, numerics={"error_bars": False, "order": order_of(scene).number}
     )
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
-    """The scene with changed keys by section, validated. Raises SceneError."""
+    """The scene with changed keys by section. Raises SceneError."""
     plain = scene.model_dump()
     following = {"body", "fluid", "flow", "gravity"} | (
         {"domain"} if scene.fluid.scale == "flow" else set()

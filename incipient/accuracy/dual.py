@@ -1,12 +1,8 @@
-"""Discretisation errors of steady force and torque: the dual-weighted residual, goal by goal.
+"""Discretisation errors of steady force and torque by dual-weighted residuals (Becker and Rannacher 2001).
 
-The computed flow is interpolated into elements of the next-higher order on the same mesh. One Newton update there, with
-a new LU factorisation, gives force and torque of that order; the difference is the estimated error. It equals minus the
-residual of the computed flow weighted with the dual solution, the sensitivity of the goal to forces in the fluid
-(Becker and Rannacher 2001). The weighted residual, localised by the hat functions of the mesh (Richter and Wick 2015),
-gives the contributions of cells.
-
-Not included: the geometry of curved boundaries, common to both orders, and modelling errors.
+One Newton update from the computed flow, in elements of the next-higher order on the same mesh, gives the estimate; it
+equals minus the dual-weighted residual, whose localisation by hat functions (Richter and Wick 2015) gives the
+contributions of cells. The geometry of curved boundaries and modelling errors are not included.
 """
 
 from __future__ import annotations
@@ -38,13 +34,11 @@ LEAST_TORQUE = (
 
 
 class GoalErrors:
-    """Estimated errors of the force and torque on a boundary. Every method is collective.
-
-    Holds PETSc objects: use it as a context manager.
+    """Estimated errors of the force and torque on a boundary. Context manager; every method is collective.
 
     Args:
-        fluid: the solved steady flow; left as it is.
-        boundary: name of the boundary of force and torque.
+        fluid: the solved steady flow, unchanged.
+        boundary: of force and torque.
         about: reference point (gdim,) of torques.
     """
 
@@ -74,16 +68,15 @@ class GoalErrors:
 
     @property
     def force(self) -> Floats:
-        """(3,) computed force less that of the finer elements."""
+        """Computed force less that of the finer elements, (3,)."""
         return self.computed.force - self.improved.force
 
     @property
     def torque(self) -> Floats:
-        """(3,) computed torque less that of the finer elements."""
+        """Computed torque less that of the finer elements, (3,)."""
         return self.computed.torque - self.improved.torque
 
     def loads(self, unit: float) -> Loads:
-        """Force and torque less their estimated errors, times `unit`."""
         return Loads(unit * self.improved.force, unit * self.improved.torque)
 
     @property
@@ -92,10 +85,10 @@ class GoalErrors:
         return self.fluid.model.upwind and self.finer.model.exact
 
     def correct_again(self) -> float:
-        """Make a second Newton update; returns its fraction of the total change, the larger of force and torque.
+        """Make a second Newton update, included in `force` and `torque`; returns its fraction of the total change.
 
-        The residual is without upwinding, the Jacobian with it: an update leaves some of the effect of upwinding, which
-        the next one shows. `force` and `torque` then include both updates. Small changes of torque are ignored.
+        The residual is without upwinding, the Jacobian with it: some effect of upwinding remains after one update.
+        Small changes of torque are ignored.
         """
         before = self.improved
         self.finer.correct()
@@ -111,7 +104,6 @@ class GoalErrors:
 
     @property
     def _reach(self) -> float:
-        """The largest distance of the boundary from the reference point of torques. Collective."""
         space = self.finer.space
         blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
         arms = self.finer.constraints.points[blocks, : space.gdim] - self._about
@@ -123,7 +115,7 @@ class GoalErrors:
 
         goal: (k,), k = 3 in 2-D and 6 in 3-D, weights of force and torque
 
-        The contributions of owned vertices add up to the error, except for the remainder of the Newton update.
+        Those of owned vertices add up to the error, except for the remainder of the Newton update.
         """
         finer, corrected = self.finer, self.finer.state.x.array.copy()
         hats, weight, residual = finer.kept("shares", self._weighted_residual)
@@ -139,7 +131,6 @@ class GoalErrors:
         return np.asarray(shares.x.array)
 
     def _weighted_residual(self) -> tuple[Any, Any, Any]:
-        """Linear elements, a weight in the higher-order ones, and the residual weighted with it, by hat function."""
         hats = compat.space(self.fluid.domain.mesh, ("Lagrange", 1))
         weight = dolfinx.fem.Function(self.finer.space.mixed)
         hat, (w, q) = ufl.TestFunction(hats), ufl.split(weight)
@@ -147,7 +138,6 @@ class GoalErrors:
         return hats, weight, compat.form(residual)
 
     def _weigh(self, goal: Floats, weight: Any) -> None:
-        """Set the weight to the goal's dual solution, less its interpolant in the flow's elements."""
         finer = self.finer
         goal = goal * shares_of_the_whole(finer.domain)
         motion = rigid_motion(finer, self._boundary, self._about, goal)

@@ -1,7 +1,6 @@
 """Error bars on force, torque, safety factor and verdict, elevations, and u* at walls.
 
-Terms are added in absolute value: an error bar is not a standard deviation. Terms are functions in `terms`, except for
-those from the run alone.
+Terms (see `terms`) are added in absolute value: an error bar is not a standard deviation.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ def error_bars(
     solve: Solve,
     improve: Solve | None = None,
 ) -> ErrorBars:
-    """The error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
+    """Error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
     return with_safety(error_terms(run, force, torque, solve, improve=improve), run, force, torque)
 
 
@@ -70,7 +69,7 @@ def error_terms(
     Args:
         solve: computes the loads of a coarse scene.
         speed: of the steady flow over the scene's.
-        improve: computes loads on coarser cells less their estimated errors; None: no correction of the discretisation.
+        improve: computes loads on coarser cells less their estimated errors; None: discretisation is not corrected.
     """
     scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
     computed, left_out = loads_of_run(run, force, torque), not_there(scene)
@@ -97,9 +96,9 @@ def error_terms(
 def with_safety(
     bars: ErrorBars, run: Run, force: Forces | None, torque: Torques | None
 ) -> ErrorBars:
-    """The bars with that of the safety factor of the corrected loads, given a verdict and a term. Collective.
+    """The bars with the range of the safety factor under corrected loads. Collective.
 
-    Nothing is certain in turbulent flow: implementations of the same model differ in their loads.
+    Nothing is conclusive in turbulent flow: implementations of the same model differ in their loads.
     """
     if run.contacts is None or force is None or torque is None or not bars.terms:
         return bars
@@ -120,7 +119,7 @@ def with_safety(
 
 
 def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Loads:
-    """The loads and other quantities of a run. Collective."""
+    """Loads and other quantities of a run. Collective."""
     from ..mesh.sampling import centrelines
 
     scene, place = run.scene, None
@@ -134,8 +133,6 @@ def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Load
 
 
 def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate]:
-    """Estimates that need the run itself, by name."""
-
     def discretisation(computed: Loads, solve: Solve) -> Term:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed, improve)
 
@@ -158,7 +155,6 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
 
 
 def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
-    """The discretisation term from the dual-weighted residual, corrected if the error is large enough."""
     from .dual import GoalErrors  # plans need the coarse runs without finite elements
 
     assert run.layout.placement is not None
@@ -177,14 +173,14 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
 
 
 def unit_of(run: Run, speed: float) -> float:
-    """Ratio of loads at a speed to those of the fluid, whose speed is close except in Stokes flow. Not collective."""
+    """Loads at a speed over those of the computed flow, whose speed is close except in Stokes flow."""
     return speed * run.fluid.reynolds / run.plan.reynolds
 
 
 def _by_surplus(run: Run, speed: float) -> Term:
     """The discretisation term from the change of the loads from second-order elements.
 
-    Components that do not vanish because of symmetry get equal errors, since one may change little by chance.
+    Components that do not vanish because of symmetry get equal errors: one may change little by chance.
     """
     from ..coupled.tractions import TractionProbe
 
@@ -200,7 +196,7 @@ def _by_surplus(run: Run, speed: float) -> Term:
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
-    """The interaction of separate corrections: relative changes as large as those of the load; None below two."""
+    """The interaction of separate corrections, relative changes as large as those of the load; None below two."""
     changes = [term.correction for term in terms if term.correction is not None]
     if len(changes) < 2:
         return None
@@ -218,7 +214,7 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
-    """The distinct scenes of the coarse runs for a scene's error bars. Not collective."""
+    """The distinct scenes of the coarse runs for a scene's error bars."""
     wanted: dict[str, Scene] = {}
     nothing = Loads(np.zeros(3), np.zeros(3))
 

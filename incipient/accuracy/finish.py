@@ -25,8 +25,8 @@ COARSER_CELLS = 1.5  # factor on the cells of the run with improved loads
 def finished(run: Run, recorder: Recorder) -> Result:
     """Compute verdict and error bars, and record the result. Collective.
 
-    The result without error bars is recorded first: estimates may take as long as the run. A failed estimate is
-    reported in the result. Raises Interrupted, with the directory of the result without error bars.
+    The result is first recorded without error bars: estimates may take as long as the run. A failed estimate is
+    reported in the result. Raises Interrupted with the directory of the result.
     """
     result = outcome(run)
     estimated = run.scene.numerics.error_bars
@@ -37,7 +37,6 @@ def finished(run: Run, recorder: Recorder) -> Result:
 
 
 def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
-    """The error bars, or the reason for missing ones; neither if not requested."""
     if not run.scene.has_error_bars:
         return None, run.scene.no_error_bars
     from ..simulation.beside import Beside

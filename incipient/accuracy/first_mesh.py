@@ -21,9 +21,8 @@ LARGEST = 100.0  # of numerics.mesh_size
 
 
 def planned(scene: Scene) -> Plan:
-    """The plan with cells, unknowns and memory of the first mesh. Not collective.
-
-    Without gmsh the plan has a warning instead. Raises MeshError.
+    """The plan with cells, unknowns and memory of the first mesh, without gmsh with a warning instead. Raises
+    MeshError.
     """
     plan = make_plan(scene)
     try:
@@ -35,7 +34,7 @@ def planned(scene: Scene) -> Plan:
 
 
 def first_mesh(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory of the first mesh of a run. Not collective; raises MeshError."""
+    """Cells, unknowns and memory of the first mesh of a run. Raises MeshError."""
     if scene.numerics.accuracy is None:
         return counted(scene)
     if scene.is_averaged:
@@ -51,10 +50,10 @@ def first_mesh(scene: Scene) -> Estimate:
 
 
 def counted(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory of a run, counted on its mesh. Not collective.
+    """Cells, unknowns and memory of a run, counted on its mesh.
 
-    Memory includes the coarse run of the error bars that coexists with the scene's flow: with more of the bed, or in
-    elements of another order below a free surface in 3-D.
+    Memory includes the coarse run of the error bars that coexists with the flow: with more of the bed, or in elements
+    of another order below a free surface in 3-D.
     """
     setup = Setup(scene)
     plan, has_dual = plan_of(setup), expense.has_dual(setup)

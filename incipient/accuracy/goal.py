@@ -1,7 +1,4 @@
-"""The goal quantity of an accuracy: its relative error, and its sensitivities to force and torque.
-
-A load on a grain, its safety factor, the elevation of a free surface, or u* at the walls of a turbulent flow.
-"""
+"""The goal quantity of an accuracy: its relative error, and its sensitivities to force and torque."""
 
 from __future__ import annotations
 
@@ -55,17 +52,17 @@ class Quantity(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the quantity."""
 
     def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
         """Relative error for errors (3,) of force and torque."""
 
     def goals(self, force: Forces, torque: Torques) -> list[Floats]:
-        """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
+        """Weights (k,), k = 3 or 6, of force and torque, whose weighted errors are the relative error."""
 
 
 def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
-    """The relative error of a quantity from a term of the error bars; None: not known.
+    """Relative error of a quantity from a term of the error bars; None: not known.
 
     For elevations: the largest error within the run, or at the end, over the largest elevation.
     """
@@ -94,16 +91,14 @@ class Goal:
 
     @classmethod
     def of(cls, scene: Scene) -> Goal:
-        """The goal quantity of a scene; for a verdict the safety factor."""
         verdict = scene.numerics.accuracy == "verdict"
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
     def error(self, force: Forces, torque: Torques, of_force: Floats, of_torque: Floats) -> float:
-        """Relative error for errors (3,) of force and torque.
+        """Relative error for errors (3,) of force and torque, by norms.
 
-        Force: norm of the error over the norm of the force. Safety factor: width of its range over its value, infinite
-        if only one of them is.
+        Safety factor: width of its range over its value, infinite if only one of them is.
         """
         if self.name in ("force", "torque"):
             error = of_force if self.name == "force" else of_torque
@@ -115,7 +110,6 @@ class Goal:
         return bar.relative
 
     def goals(self, force: Forces, torque: Torques) -> list[Floats]:
-        """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
         gdim = self.scene.gdim
         places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
         if self.contacts is not None:
@@ -133,7 +127,6 @@ class Goal:
         return max(float(np.linalg.norm(torque.flow)), LEAST_TORQUE * size * self.scene.grain.size)
 
     def _slope(self, force: Forces, torque: Torques, places: dict[int, int]) -> Floats:
-        """Derivatives of log(safety factor) along force and torque, (3,) in 2-D and (6,) in 3-D."""
         load, scene, contacts = (
             load_of(self.scene.placement, force, torque),
             self.scene,
@@ -146,7 +139,7 @@ class Goal:
 
 
 def components(gdim: int, halved: bool) -> dict[int, int]:
-    """Index in the 3-D force and torque (6,) by component of a scene; a symmetric half has the even components."""
+    """Indices in the 3-D force and torque (6,) of the components of a scene; a symmetric half has the even ones."""
     if gdim == 2:
         return {0: 0, 1: 1, 2: 5}
     return {place: place for place in ((0, 2, 4) if halved else range(6))}
@@ -155,7 +148,7 @@ def components(gdim: int, halved: bool) -> dict[int, int]:
 def slopes(
     load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]
 ) -> Floats:
-    """Derivatives (k,) of log factor along the `components` of the flow's load, by differences `steps` (k,)."""
+    """Derivatives (k,) of log factor along the `components` of the load, by differences `steps` (k,)."""
     derivatives = np.zeros(len(steps))
     for i, place in places.items():
         ahead = steps[i] * np.eye(6)[place]
@@ -174,7 +167,7 @@ def _ratio(error: float, scale: float) -> float:
 def bar_of_scene(
     scene: Scene, contacts: Contacts, force: Forces, torque: Torques, errors: Errors
 ) -> SafetyBar | None:
-    """The safety bar of a scene's grain under computed loads; None without contacts. Not collective."""
+    """Safety bar of a scene's grain under computed loads; None without contacts."""
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
     load, inert = (
@@ -191,7 +184,7 @@ def bar_of_safety(
     inert: MassAndInertia | None,
     errors: Errors,
 ) -> SafetyBar:
-    """The safety bar over all loads within the sum of the errors, by `safety_range`. Not collective."""
+    """Safety bar over all loads within the sum of the errors, by `safety_range`."""
 
     def within(names: set[str]) -> SafetyRange:
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))

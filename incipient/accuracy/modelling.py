@@ -1,7 +1,7 @@
-"""Errors of gap and domain, independent of the mesh, in a search for an accuracy.
+"""Gap and domain of a search for an accuracy: with `numerics.accuracy_includes = "all"` they are chosen before the
+mesh.
 
-With `numerics.accuracy_includes = "all"` gap and domain are changed before the search for a mesh until both errors are
-small compared with the accuracy. Otherwise they stay, and the result names a remedy.
+Otherwise they stay, and the result names a remedy.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Suited:
     """A scene with gap and domain for an accuracy.
 
     terms: their present errors; error: relative sum, infinite if not known
-    unmet: why they are not small enough, or ""; errors: relative error of each term by name
+    unmet: why they are too large, or ""; errors: relative error of each term by name
     plain: the same without corrections
     """
 
@@ -56,7 +56,6 @@ class Suited:
     plain: dict[str, float] = field(default_factory=dict)
 
     def changes(self, wished: Scene) -> tuple[str, ...]:
-        """Differences from the requested scene as text."""
         changed = _keys(self.scene, wished).items()
         return tuple(f"{key} = {now} instead of {before}" for key, (now, before) in changed)
 
@@ -77,7 +76,9 @@ def suited(
             if _hardly_falls(before, last):
                 return _ended(before, last, goal, solve)
             if _is_noise(before, last):
-                return replace(before, unmet="the error of the gap does not fall as the gap closes")
+                return replace(
+                    before, unmet="the error of the gap does not decrease as the gap closes"
+                )
             if last.error <= SHARE * accuracy:
                 return last
             parts = [f"error of the {name} {error:.1e}" for name, error in errors.items()]
@@ -87,17 +88,16 @@ def suited(
                 if (error := errors[term.name]) > part:
                     scene = lessened(scene, term, AIM * part / error) or scene
         except IncipientError as error:
-            return replace(last, unmet=f"errors of gap and domain are unknown beyond that: {error}")
+            return replace(last, unmet=f"further errors of gap and domain are unknown: {error}")
         if scene is last.scene:
             largest = max(errors, key=lambda name: errors[name])
             remedy = f"; {_of_datum(scene.flow)}" if largest == "datum" else ""
-            why = f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller"
+            why = f"the error of the {largest}, {errors[largest]:.1e}, cannot be reduced"
             return replace(last, unmet=why + remedy)
     return replace(last, unmet=f"errors of gap and domain are too large after {MOST_STEPS} steps")
 
 
 def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None) -> Suited:
-    """A scene with its terms; `decay`: power of the domain's size in its error. Collective."""
     estimates = of_the_model(scene)
     if not estimates:
         return Suited(scene, (), 0.0)
@@ -114,7 +114,6 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
 
 
 def _hardly_falls(before: Suited, now: Suited) -> bool:
-    """Whether the domain's error falls with less than half of the expected power of its size."""
     larger = now.scene.domain.length / before.scene.domain.length
     if larger <= 1.0 or "domain" not in before.plain or now.errors["domain"] <= 0.0:
         return False
@@ -122,23 +121,21 @@ def _hardly_falls(before: Suited, now: Suited) -> bool:
 
 
 def _is_noise(before: Suited, now: Suited) -> bool:
-    """Whether a smaller gap in the same domain does not reduce the error, which is then that of the coarse meshes."""
     gaps = [each.errors.get("gap", 0.0) for each in (before, now)]
     alike = now.scene.domain == before.scene.domain and now.scene is not before.scene
     return alike and gaps[1] >= gaps[0] > 0.0
 
 
 def _ended(before: Suited, now: Suited, goal: Quantity, solve: Solve) -> Suited:
-    """The better of the last two scenes, with the slowest decay of the domain's error. Collective."""
     slowly = [_looked_at(each.scene, goal, solve, SLOWEST_DECAY) for each in (before, now)]
     best = min(slowly, key=lambda each: each.error)
     error = best.errors["domain"]
-    why = f"the error of the domain, {error:.1e}, hardly falls as the domain grows"
+    why = f"the error of the domain, {error:.1e}, hardly decreases as the domain grows"
     return replace(best, unmet=why)
 
 
 def not_estimated(scene: Scene) -> str:
-    """Reason why the error of gap or domain cannot be estimated, or "". Not collective."""
+    """Reason why the error of gap or domain cannot be estimated, or ""."""
     for name, reason in not_there(scene).items():
         if reason.startswith("not estimated"):
             return f"that of the {name} is {reason}"
@@ -148,34 +145,32 @@ def not_estimated(scene: Scene) -> str:
 def remedies(
     scene: Scene, accuracy: float, goal: Quantity, computed: Computed, bars: ErrorBars
 ) -> tuple[str, ...]:
-    """Remedies for errors of gap and domain above an accuracy, as text. Not collective."""
+    """Remedies for errors of gap and domain above an accuracy, as text."""
     said = []
     for term in bars.terms:
         error = relative(goal, computed, term)
         if term.name == "discretisation" or error is None or error <= accuracy:
             continue
         remedy = _remedy(scene, term, accuracy / error)
-        said.append(f"beside it the error of the {term.name}, {error:.1e}; {remedy}")
+        said.append(f"not included: the error of the {term.name}, {error:.1e}; {remedy}")
     if said:
         said.append('numerics.accuracy_includes = "all" lets the run change gap and domain')
     return tuple(said)
 
 
 def _remedy(scene: Scene, term: Term, relative: float) -> str:
-    """Remedy that reduces a term to a fraction `relative`, as text."""
     if term.name == "datum":
         return _of_datum(scene.flow)
     better = None
     with suppress(SceneError):
         better = lessened(scene, term, AIM * relative, at_once=False)
     if better is None:
-        return "it cannot be made small enough"
+        return "it cannot be reduced enough"
     keys = _keys(better, scene).items()
-    return f"{', '.join(f'{key} = {now}' for key, (now, _) in keys)} would do"
+    return f"{', '.join(f'{key} = {now}' for key, (now, _) in keys)} would be sufficient"
 
 
 def _keys(scene: Scene, other: Scene) -> dict[str, tuple[str, str]]:
-    """The keys of gap and domain in which two scenes differ, with both values."""
     keys: dict[str, tuple[str, str]] = {}
     for section, names in KEYS.items():
         now, before = (getattr(getattr(each, section), "__dict__", {}) for each in (scene, other))
@@ -192,7 +187,7 @@ def _written(value: Any) -> str:
 
 def _of_datum(flow: Flow) -> str:
     if getattr(flow, "datum", "auto") in ("auto", "effective"):
-        return "with inertia the effective height of the bed is not known better"
+        return "with inertia the effective height of the bed is not known more accurately"
     return 'flow.datum = "auto" reduces it'
 
 
@@ -216,7 +211,6 @@ def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) ->
 
 
 def _on_mesh(scene: Scene, loads: Loads) -> LoadsOnMesh:
-    """The loads of a coarse run, with the weight of a grain."""
     if scene.placement is None:
         return LoadsOnMesh(None, None, loads.elevations)
     force = Forces(loads.force, loads.force, *weights(scene))

@@ -1,8 +1,8 @@
 """Order, cells and time step of the next run, from the error of the previous one.
 
 In unsteady flow with steps dt and cells h the error is e_t (dt/dt_0)^q + e_h (h/h_0)^s, with the orders q of the steps
-and s of loads in the cell size (`terms.order_in_space`); the work is proportional to h^-p / dt. For a given total error
-the work is least (Lagrange) with e_t : e_h = 1/q : p/s.
+and s of loads (`terms.order_in_space`), and the work is proportional to h^-p / dt. The work for a given total error is
+least (Lagrange) with e_t : e_h = 1/q : p/s.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ def coarsest(gdim: int, inertia: bool) -> float:
 def next_order(
     order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]
 ) -> tuple[int, float]:
-    """The order, at least the given one, with the fewest expected unknowns, and its error on this mesh over the aim.
+    """The order, not below the given one, with the fewest expected unknowns, and its error on this mesh over the aim.
 
-    The next order on the same mesh is expected to leave a tenth of the error; a remaining excess multiplies the
-    unknowns by (error / aim)^(d/2k) in d dimensions.
+    The next-higher order is expected to leave a tenth of the error; a remaining excess multiplies the unknowns by
+    (error / aim)^(d/2k) in d dimensions.
 
     Args:
         excess: error on this mesh at `order`, over the aim.
@@ -94,7 +94,7 @@ class Refined:
 
 
 def refined(scene: Scene, trial: Trial, left: float) -> Refined:
-    """The refinement of an unsteady scene that is expected to leave a fraction of its error. Not collective."""
+    """The refinement of an unsteady scene that is expected to leave a fraction of its error."""
     q, order = order_in_time(scene), order_of(scene).number
     of_step, of_mesh = trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
@@ -119,7 +119,6 @@ def cheapest(
     """Steps, cells and order for an error of `aim` with the least work; none is coarser than before."""
 
     def with_order(higher: int) -> Refined:
-        """The refinement with the least work for an order of elements."""
         s = float(order_in_space(higher))
         to_step = aim / q / (1.0 / q + WORK_POWER / s)
         if of_step < to_step:
@@ -144,8 +143,8 @@ def _ratio(wanted: float, now: float, power: float) -> float:
 def first(scene: Scene) -> Scene:
     """The first unsteady scene of a search: a coarse mesh, and a few long steps.
 
-    With inflow below a free surface the inflow zone, at least one cell long, has the same length on all meshes: the
-    comparison does not show the error of its length.
+    Below a free surface the inflow zone, at least one cell long, has the same length on all meshes: the comparison does
+    not show the error of its length.
     """
     assert scene.time is not None
     longer, cells = LONGEST, COARSEST_IN_TIME
@@ -159,7 +158,7 @@ def first(scene: Scene) -> Scene:
 
 
 def finer(scene: Scene, wanted: Refined) -> Scene:
-    """The refined unsteady scene: shorter steps, finer mesh, other order."""
+    """The refined unsteady scene."""
     assert scene.time is not None
     shorter, steps = wanted.shorter, scene.time.end / scene.time.step
     if scene.time.tolerance is None and shorter < 1.0:
@@ -170,7 +169,6 @@ def finer(scene: Scene, wanted: Refined) -> Scene:
 
 
 def _resized(scene: Scene, cells: float, steps: float) -> Scene:
-    """The scene with cells and steps scaled by factors, and the tolerance of adaptive steps accordingly."""
     assert scene.time is not None
     time = {"step": steps * scene.time.step}
     if scene.time.tolerance is not None:

@@ -59,16 +59,13 @@ class SearchRecorder:
         return getattr(self._recorder, name)
 
     def begin(self, scene: Scene, plan: Any, domain: Any) -> None:
-        """Begin the record of a run on its mesh."""
         self._recorder.begin(self._wished, plan, domain)
 
     def provisional(self, result: Result) -> Path | None:
-        """Record a result without error bars; returns its directory."""
         self.kept = self._recorder.provisional(self._with_search(result))
         return self.kept
 
     def finish(self, result: Result) -> None:
-        """Record the result of a run."""
         self.result = self._with_search(result)
         self._recorder.finish(self.result)
 
@@ -108,7 +105,6 @@ class Estimate:
 
     @property
     def rank(self) -> float:
-        """The error, infinite if not known."""
         return np.inf if self.error is None else self.error
 
 
@@ -141,7 +137,7 @@ class Search:
         self.strategy = strategy(self)
 
     def result(self) -> Any:
-        """Try meshes up to the accuracy or the budget; the last result. Collective; raises IncipientError."""
+        """Try meshes up to the accuracy or the budget; returns the last result. Collective; raises IncipientError."""
         self._choose_gap_and_domain()
         attempt, failures = self.strategy.first(), 0
         while True:
@@ -174,7 +170,6 @@ class Search:
     def _estimated(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, began: float
     ) -> Estimate:
-        """The error of a solved run, recorded as the best if it is the smallest. Collective."""
         with self.ledger.stage("error bars"):
             estimate = self.strategy.estimate(run, on_mesh)
         mesh, time = run.domain.mesh, attempt.scene.time
@@ -218,7 +213,6 @@ class Search:
         return left if left > 0.0 else SHARE * accuracy
 
     def _choose_gap_and_domain(self) -> None:
-        """Choose gap and domain before any mesh, if the accuracy includes their errors. Collective."""
         accuracy, includes = self.numerics.accuracy, self.numerics.accuracy_includes
         if includes == "discretisation" or not isinstance(accuracy, float | int):
             return
@@ -229,7 +223,7 @@ class Search:
         self.known.terms.update({term.name: term for term in self.suited.terms})
 
     def conclude(self, estimate: float, doubt: str = "") -> None:
-        """End the search with a small enough discretisation error, unless in doubt. Not collective."""
+        """End the search with a small enough discretisation error, unless in doubt."""
         accuracy, unmet = self.numerics.accuracy, ""
         if doubt:
             unmet = f"not known to be reached: {doubt}"
@@ -241,7 +235,7 @@ class Search:
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
-        """The record of the search, with remedies for errors that it does not include. Not collective."""
+        """The record of the search, with remedies for errors that it does not include."""
         accuracy, reached = (
             self.numerics.accuracy,
             None if self.best is None else self.best[1].error,
@@ -261,18 +255,15 @@ class Search:
         return replace(record, beside=remedies(self.scene, accuracy, self.goal, result, bars))
 
     def elapsed(self) -> float:
-        """Seconds so far, the same on all ranks."""
         return float(self.comm.bcast(self.ledger.total(), root=0))
 
     def spent(self) -> str:
-        """Reason why no further estimate may begin, or "". Collective."""
         limit = self.numerics.budget_seconds
         if limit is None or self.elapsed() <= limit:
             return ""
         return f"numerics.budget_seconds = {limit:g} is spent"
 
     def _beyond_budget(self, attempt: Attempt) -> str:
-        """Reason why an attempt exceeds the budget, or "". Collective."""
         numerics, last = self.numerics, self.trials[-1]
         seconds, limit = last.seconds * attempt.work, numerics.budget_seconds
         if limit is not None and self.elapsed() + seconds > limit:
@@ -288,7 +279,6 @@ class Search:
         return ""
 
     def report(self, trial: Trial) -> None:
-        """Record and log a trial. Not collective."""
         self.trials.append(trial)
         step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"
@@ -298,6 +288,5 @@ class Search:
 
 
 def _lu_mib(unknowns: float) -> float:
-    """Memory [MiB] of the LU factorisations of a flow and of its dual, in elements of the next-higher order."""
     both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
     return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)

@@ -1,8 +1,8 @@
 """New cell sizes from the contributions of vertices to an error.
 
-In smooth flow a cell's contribution to the error of a force scales as h^(2k + d) with its size h, the order k of the
-velocity and the dimension d: the dual-weighted residual converges at twice the order. Equal contributions of all cells
-need the fewest cells (Becker and Rannacher 2001): h_new = h (c / share)^(1 / (2k + d)), with c from the error aimed at.
+A cell of size h contributes to the error of a force as h^(2k + d) in smooth flow, with the velocity's order k and the
+dimension d. Equal contributions need the fewest cells (Becker and Rannacher 2001): h_new = h (c / share)^(1 / (2k +
+d)), with c from the error aimed at.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BISECTIONS = 60
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """A mesh of simplices and the contributions of its vertices to an error; complete on rank 0, elsewhere empty.
+    """Mesh of simplices and contributions of its vertices to an error; complete on rank 0, elsewhere empty.
 
     points (n, gdim), cells (m, gdim + 1), errors (n,) not negative
     """
@@ -38,12 +38,11 @@ class Shares:
 
     @property
     def dimension(self) -> int:
-        """Dimension of the space that the mesh is in."""
         return int(self.points.shape[1])
 
     @property
     def sizes(self) -> Floats:
-        """(n,) size of the cells around each vertex: side of a regular simplex of their mean volume."""
+        """Cell size (n,) around each vertex: side of a regular simplex of the mean volume."""
         corners, d = self.points[self.cells], self.dimension
         contents = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))  # volumes times d!
         sides = (contents * np.sqrt(2.0**d / (d + 1.0))) ** (1.0 / d)
@@ -53,7 +52,7 @@ class Shares:
 def gathered(mesh: Any, parts: list[Floats]) -> Shares:
     """Root sum of squares of the contributions (local vertices,) to several goals. Collective.
 
-    Numbering: values of linear elements (`dual.GoalErrors.shares`).
+    Vertices are numbered as values of linear elements (`dual.GoalErrors.shares`).
     """
     comm, hats = mesh.comm, compat.space(mesh, ("Lagrange", 1))
     nodes = hats.dofmap.index_map
@@ -76,7 +75,7 @@ def gathered(mesh: Any, parts: list[Floats]) -> Shares:
 def resized(
     shares: Shares, order: int, relative: float, comm: Comm
 ) -> tuple[SizeField | None, float]:
-    """Cell sizes that are expected to reduce the sum of contributions to a fraction `relative`. Collective.
+    """Cell sizes expected to reduce the sum of contributions to a fraction `relative`. Collective.
 
     Returns the size field (None except on rank 0), and the number of cells relative to this mesh.
 
@@ -94,19 +93,16 @@ def resized(
 
 
 def _smooth(shares: Shares) -> Floats:
-    """Contributions averaged with those of neighbours, bounded below."""
     around = shares.errors[shares.cells].mean(axis=1)
     errors = _mean_around(shares.cells, around, len(shares.points))
     return np.maximum(errors, FAINT * errors.mean())
 
 
 def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:
-    """h_new / h at each vertex, within bounds, for the relative sum of expected errors."""
     rate = 2 * order
     shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
 
     def at(level: float) -> Floats:
-        """Ratios of sizes at a common contribution."""
         return np.clip(np.exp(level) * shape, SMALLEST, LARGEST)
 
     low, high = np.log(SMALLEST / shape.max()), np.log(LARGEST / shape.min())
@@ -118,7 +114,6 @@ def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Flo
 
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
-    """The largest sizes below the given ones with bounded growth over distance."""
     a, b = np.vstack(
         [shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]
     ).T
@@ -132,7 +127,6 @@ def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
 
 
 def _mean_around(cells: Integers, values: Floats, vertices: int) -> Floats:
-    """(vertices,) mean over the cells (m, corners) around each vertex of values (m,)."""
     rows, each = cells.ravel(), np.repeat(values, cells.shape[1])
     sums = np.bincount(rows, each, minlength=vertices)
     return sums / np.maximum(np.bincount(rows, minlength=vertices), 1)

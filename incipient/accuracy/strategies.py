@@ -77,7 +77,7 @@ class Strategy(ABC):
 
     @abstractmethod
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """The error of a solved run."""
+        """Error of a solved run."""
 
     @abstractmethod
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
@@ -85,7 +85,7 @@ class Strategy(ABC):
 
     @abstractmethod
     def concluded(self, run: Run) -> Any:
-        """The result of the last run, with its error bars."""
+        """Result of the last run, with its error bars."""
 
     def following(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
@@ -122,7 +122,6 @@ class Steady(Strategy):
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
-        """See `Strategy`."""
         search, sizing = self.search, attempt.sizing
         with prepared(
             attempt.scene, search.comm, search.accounts, voice=search.voice, sizing=sizing
@@ -145,7 +144,6 @@ class Steady(Strategy):
         return recorder
 
     def concluded(self, run: Run) -> Any:
-        """See `Strategy`."""
         recorder = self._recorder or self.handed_over(run)
         finished(run, cast(Recorder, recorder))
         return recorder.result
@@ -166,10 +164,12 @@ class Steady(Strategy):
         bar = bars.safety
         assert bar is not None
         if bar.certain:
-            why = "; ".join(f"that of the {name}: {reason}" for name, reason in bars.failed.items())
+            why = "; ".join(
+                f"error of the {name}: {reason}" for name, reason in bars.failed.items()
+            )
             search.reason, search.met = "the verdict is certain", not why
             if why:
-                search.reason = f"undecided: certain but for errors that are not known, {why}"
+                search.reason = f"undecided: certain except for unknown errors, {why}"
             return None
         if bar.decisive == "discretisation" and estimate.rank > CRITICAL:
             finer = search.refined(attempt, estimate, FOR_VERDICT)
@@ -178,7 +178,7 @@ class Steady(Strategy):
         scene = None if term is None else lessened(attempt.scene, term, FOR_VERDICT)
         if scene is None:
             between = f"the safety factor is between {bar.low:.6g} and {bar.high:.6g}"
-            why = f"the error of the {bar.decisive} cannot be made smaller"
+            why = f"the error of the {bar.decisive} cannot be reduced"
             search.reason = f"undecided: {between}, and {why}"
             return None
         for name in ("gap", "domain", "datum"):
@@ -197,14 +197,12 @@ class DualWeighted(Steady):
     _compared = False  # whether corrected loads of two meshes were compared
 
     def first(self, failures: int = 0) -> Attempt:
-        """See `Strategy`."""
         scene = self.search.scene
         factor = 0.5**failures * coarsest(scene.gdim, has_inertia(scene))
         return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
-        """See `Strategy`."""
         if self._at_hand is None:
             with super().solved(attempt) as both:
                 yield both
@@ -214,11 +212,9 @@ class DualWeighted(Steady):
             yield run, LoadsOnMesh(*loads(run, surface=False))
 
     def solve(self, run: Run) -> LoadsOnMesh:
-        """See `Steady`."""
         return LoadsOnMesh(*loads_at(run, self.search.speed))
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """See `Strategy`."""
         search, force, torque = self.search, on_mesh.force, on_mesh.torque
         assert run.layout.placement is not None and force is not None and torque is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
@@ -250,8 +246,8 @@ class DualWeighted(Steady):
     def target(self, estimate: Estimate) -> float:
         """See `Strategy`.
 
-        The error of a corrected load follows from the previous mesh: one mesh with cells smaller by a fixed factor
-        suffices, unless less refinement suffices for the uncorrected load.
+        The error of a corrected load follows from the previous mesh: cells smaller by a fixed factor suffice, unless
+        the uncorrected load needs less.
         """
         wanted = super().target(estimate)
         if not (self._has_one_order and self._corrects):
@@ -260,7 +256,6 @@ class DualWeighted(Steady):
         return max(AIM * self.search.allowed / self._plain, compared)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """See `Strategy`."""
         before, shares, gdim = order_of(attempt.scene).number, estimate.shares, attempt.scene.gdim
         order, excess = next_order(before, 1.0 / left, gdim, self._highest)
         together = self.search.comm.bcast(float(np.sum(shares.errors)), root=0)
@@ -275,7 +270,6 @@ class DualWeighted(Steady):
 
     @property
     def _corrects(self) -> bool:
-        """Whether loads are corrected for their estimated errors."""
         return self.search.numerics.error_bars and is_corrected(self.search.scene)
 
     @property
@@ -284,7 +278,6 @@ class DualWeighted(Steady):
 
     @property
     def _has_one_order(self) -> bool:
-        """Whether all meshes are of second order (steady 3-D flow with inertia); coarse runs then use the first one."""
         return self._highest == next_mesh.ORDERS[0]
 
     @contextmanager
@@ -296,7 +289,6 @@ class DualWeighted(Steady):
             self._at_hand = solve.handed_over(self.first().scene)
 
     def _for_coarse_runs(self, coarse: Scene) -> AbstractContextManager[Run]:
-        """The run of the first attempt with the gap and domain of a coarse run."""
         search, first = self.search, self.first()
         own = changed(coarse, numerics=first.scene.numerics.model_dump())
         return prepared(own, search.comm, search.accounts, voice=search.voice, sizing=first.sizing)
@@ -313,7 +305,6 @@ class Uniform(Steady):
         self._seen = list[tuple[Scene, Loads]]()  # by mesh
 
     def first(self, failures: int = 0) -> Attempt:
-        """See `Strategy`."""
         self._seen = []
         most = COARSEST_IN_SPACE if self.search.scene.resolves_uneven_walls else LARGEST
         size = 0.5**failures * COARSEST * self.search.numerics.mesh_size
@@ -327,12 +318,10 @@ class Uniform(Steady):
         return Attempt(sized, unknowns=unknowns, work=work, note=note)
 
     def solve(self, run: Run) -> LoadsOnMesh:
-        """See `Steady`."""
         solve_with_parts(run, run.fluid, run.parts)
         return _on_mesh(run)
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """See `Strategy`."""
         search, walls = self.search, on_mesh.turbulence
         doubt = "" if walls is None else walls.doubt
         computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
@@ -355,21 +344,19 @@ class Uniform(Steady):
     def following(
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
     ) -> Attempt | None:
-        """See `Strategy`."""
         known = [trial.estimate for trial in self.search.trials if trial.estimate is not None]
         many = self.search.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
         if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
-            why = f"on the last {LOOKED_AT} meshes the error has hardly fallen any more"
+            why = f"the error has hardly decreased on the last {LOOKED_AT} meshes"
             self.search.reason = f"not reached: {why}"
             return None
         return super().following(attempt, run, on_mesh, estimate)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """See `Strategy`; cells are smaller by the square root of 2."""
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
         if mesh_size < SMALLEST:
             raise MeshError(
-                f"numerics.mesh_size would be below {SMALLEST:g}: enlarge numerics.accuracy"
+                f"numerics.mesh_size would be below {SMALLEST:g}: use a larger numerics.accuracy"
             )
         more = COARSER_MESH**attempt.scene.gdim
         unknowns = more * self.search.trials[-1].unknowns
@@ -377,17 +364,13 @@ class Uniform(Steady):
 
 
 class InTime(Strategy):
-    """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`).
-
-    A run is compared with longer steps, and these with elements of a higher order.
-    """
+    """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`)."""
 
     most = next_mesh.MOST_RUNS
     _recorder: SearchRecorder
     _last: Scene | None = None
 
     def first(self, failures: int = 0) -> Attempt:
-        """See `Strategy`."""
         scene = next_mesh.first(self.search.scene)
         for _ in range(failures):
             scene = next_mesh.finer(scene, next_mesh.halved(order_of(scene).number))
@@ -395,7 +378,6 @@ class InTime(Strategy):
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
-        """See `Strategy`."""
         search, scene = self.search, attempt.scene
         self._recorder = SearchRecorder(search.recorder, scene, search.adaptation)
         accounts = Accounts(known=search.known, spent=search.spent)  # separate times of each run
@@ -404,7 +386,6 @@ class InTime(Strategy):
             yield run, _on_mesh(run)
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
-        """See `Strategy`."""
         search, scene, terms = self.search, run.scene, self.search.known.terms
         # Longer steps damp waves, and hide the error of the mesh.
         same = self._last is not None and self._last.numerics == scene.numerics
@@ -427,19 +408,16 @@ class InTime(Strategy):
         return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        """See `Strategy`."""
         last = self.search.trials[-1]
         wanted = next_mesh.refined(attempt.scene, last, left)
         unknowns = last.unknowns * wanted.finer**-WORK_POWER
         return Attempt(next_mesh.finer(attempt.scene, wanted), unknowns=unknowns, work=wanted.work)
 
     def concluded(self, run: Run) -> Any:
-        """See `Strategy`."""
         finished(run, cast(Recorder, self._recorder))
         return self._recorder.result
 
 
 def _on_mesh(run: Run) -> LoadsOnMesh:
-    """The loads and other quantities of a solved run. Collective."""
     force, torque = (None, None) if run.probe is None else loads(run, surface=False)
     return LoadsOnMesh(force, torque, run.elevations, run.wall_report())

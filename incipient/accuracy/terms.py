@@ -1,8 +1,4 @@
-"""Terms of error bars: functions of a scene, the loads of its run, and coarse runs.
-
-Discretisation from the dual solution (`dual`), coarser meshes or longer steps; gap, domain, datum and planar far bed
-from changed scenes.
-"""
+"""Terms of error bars: functions of a scene, the loads of its run, and coarse runs."""
 
 from __future__ import annotations
 
@@ -69,32 +65,27 @@ WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the meshed part of the bed (docs/contrib
 ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes are ignored
 OF_MESH, GROUND, MODEL = "mesh", "planar far bed", "turbulence model"
 UNSETTLED = (
-    "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
+    "upwinding changes the load strongly: the second of two corrections is {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
 )
 NOT_COARSER = (
-    "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
+    "coarser meshes have no fewer rows or columns of cells: use numerics.mesh_size = {:g} or less"
 )
 NOT_RESOLVED = "cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {:.2g} or less"
 NO_LIMIT = (
-    "the sides 1.5 times as far change the force by {:.2g}, 2.25 times as far by {:.2g} more: it has no limit; use a "
-    "larger domain, or a flow that does not depend on its size"
+    "sides 1.5 times as far away change the force by {:.2g}, sides 2.25 times as far away by another {:.2g}: it does "
+    "not converge; use a larger domain, or a flow that does not depend on its size"
 )
-NO_MORE_BED = (
-    "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed reduces it"
-)
+NO_MORE_BED = "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
 NO_CONTACT = "does not apply: no grain rests on a bed"
-MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
+MOVES = "does not apply: the grain moves, and contact.gap determines where it stops"
 
 
 # -- discretisation -----------------------------------------------------------------------------------------
 
 
 def by_dual(goals: GoalErrors, unit: float) -> Term:
-    """The term of dual-weighted estimates times `unit`, which includes their safety factor. Collective.
-
-    An upwinded flow gets two Newton updates.
-    """
+    """The term of dual-weighted estimates times `unit`, with their safety factor. Collective."""
     left = goals.correct_again() if goals.is_upwinded else 0.0
     doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
     force, torque = unit * np.abs(goals.force), unit * np.abs(goals.torque)
@@ -104,10 +95,7 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
 
 
 def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
-    """The term with a correction by its estimates, checked against improved loads on other cells. Not collective.
-
-    There is no correction if both differ by more than the error of the computed load.
-    """
+    """The term corrected by its estimates, unless these and loads from other cells differ by more than the error."""
     plain = unit / goals.allowance
     here = goals.loads(plain)
     apart = np.concatenate([here.force - beside.force, here.torque - beside.torque])
@@ -150,7 +138,6 @@ def _by_two_meshes(
 
 
 def _require_coarser(scene: Scene) -> None:
-    """Raise ConvergenceError if the mesh for comparison is not coarser. Not collective."""
     if scene.is_averaged or scene.time is None:
         setup = Setup(scene)
         by_grid = setup.far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
@@ -189,17 +176,14 @@ def by_coarser_runs(
 
 
 def shares(scene: Scene) -> tuple[float, float]:
-    """Error of the time step over the change by longer steps, and of the mesh over the change by another mesh.
-
-    A change by elements of the next-higher order is an error of the mesh. Not collective.
-    """
+    """Error of the time step over the change by longer steps, and of the mesh over the change by another mesh."""
     to_step = 1.0 / abs(ratio_of_steps(scene) ** order_in_time(scene) - 1.0)
     by_cells = 1.0 / (COARSER_MESH ** _order_of_mesh(scene) - 1.0)
     return to_step, by_cells if on_another_mesh(scene) else 1.0
 
 
 def _order_of_mesh(scene: Scene) -> float:
-    """The order in the cell size of errors of unsteady flow: one less in unresolved boundary layers."""
+    """Order in the cell size of errors of unsteady flow: one less in unresolved boundary layers."""
     if scene.is_averaged:
         return UPWINDED
     order = order_of(scene).number
@@ -207,7 +191,7 @@ def _order_of_mesh(scene: Scene) -> float:
 
 
 def order_in_space(velocity: int) -> int:
-    """The order of loads in `numerics.mesh_size`, from that of the velocity's elements. Not collective.
+    """Order of loads in `numerics.mesh_size`, from that of the velocity's elements.
 
     It is between the order of the energy norm and twice that order, that of residual loads under uniform refinement:
     the growth of cells with the distance from the grain is independent of their size.
@@ -216,7 +200,7 @@ def order_in_space(velocity: int) -> int:
 
 
 def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
-    """Whether longer steps resolve the waves in phase; true without waves. Not collective."""
+    """Whether longer steps resolve the waves in phase."""
     here, there = computed.elevations, in_longer.elevations
     if here is None or there is None:
         return True
@@ -228,7 +212,7 @@ def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
 
 
 def _of_large(term: Term, computed: Loads) -> float:
-    """Factor on errors of elevations: geometric series of the relative error. Not collective."""
+    """Factor on errors of elevations: geometric series of the relative error."""
     if term.elevation is None or computed.elevations is None or not computed.elevations.largest:
         return 1.0
     relative = float(term.elevation.max(initial=0.0)) / computed.elevations.largest
@@ -236,12 +220,12 @@ def _of_large(term: Term, computed: Loads) -> float:
 
 
 def is_stream(scene: Scene) -> bool:
-    """Whether the scene has an inflow below a free surface. Not collective."""
+    """Whether the scene has an inflow below a free surface."""
     return scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
 
 
 def doubt_of_stream(scene: Scene) -> str:
-    """Why the estimated errors of a channel's level may be too small, or "". Not collective.
+    """Why the estimated errors of a channel's level may be too small, or "".
 
     The inflow zone is at least a cell long, which comparisons of meshes do not show.
     """
@@ -253,7 +237,7 @@ def doubt_of_stream(scene: Scene) -> str:
     if scene.numerics.mesh_size <= most:
         return ""
     return (
-        "the zone at the inflow that levels the surface is one cell long where cells are larger than "
+        "the inflow zone that levels the surface is only one cell long with cells larger than "
         f"{LEVEL:g} of the depth; use numerics.mesh_size = {math.floor(100.0 * most) / 100.0:g} or less"
     )
 
@@ -262,7 +246,7 @@ def doubt_of_stream(scene: Scene) -> str:
 
 
 def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
-    """The error of the gap between grain and bed, from coarse runs with larger gaps (with smaller ones for a wide gap).
+    """The error of the gap between grain and bed, from coarse runs with larger gaps (smaller ones for a wide gap).
 
     The correction follows from a parabola through three gaps; a power law is the second estimate. Closed interstices
     are closed four times as widely: the pressure in a wedge is that at its mouth, and a narrower closure changes less.
@@ -296,7 +280,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def _noise(coarse: Loads, computed: Loads) -> Floats:
-    """(6,) difference between coarse runs because of their meshes; zero on one moved mesh."""
+    """Difference (6,) between coarse runs because of their meshes; zero on one moved mesh."""
     if coarse.moved:
         return np.zeros(6)
     return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
@@ -311,16 +295,15 @@ def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
 
 
 def _order_in_gap(near: float, far: float) -> float:
-    """The power of the gap from the changes under two doublings."""
     return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
 
 
 def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None = None) -> Term:
     """The error of sides that represent unbounded flow, from a coarse run with a larger domain.
 
-    decay: power of the distance in the influence of the sides; None: that of the bed
+    Loads on a fixed grain are corrected; a still larger domain gives the second estimate.
 
-    The loads on a fixed grain are corrected; a still larger domain gives the second estimate.
+    decay: power of the distance in the influence of the sides; None: that of the bed
     """
     if decay is None:
         decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
@@ -347,9 +330,9 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None =
 def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
     """The change of loads (6,) to unbounded flow, from three distances, and its uncertainty.
 
-    The power is observed in the forces, bounded by the expected one and a fraction of it. The uncertainty is the
-    largest deviation of the estimates with the expected power, with a slower observed power, and from the two smaller
-    distances. The relative influence of the sides on their own effect is added.
+    The power is observed in the forces, within bounds of the expected one. The uncertainty is the largest deviation of
+    the estimates with the expected power, with a slower observed power, and from the two smaller distances, plus the
+    relative influence of the sides on their own effect.
 
     Raises:
         ConvergenceError: the second enlargement changes the force by more than the first one, and by more than `noise`.
@@ -382,7 +365,7 @@ def of_datum(scene: Scene, other: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
-    """The error of the planar far bed, from a run with more or all of the bed's forms meshed."""
+    """The error of the planar far bed, from a run with more or all of the bedforms meshed."""
     how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
     share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
     if not _has_level_ground(Setup(wider)):
@@ -394,7 +377,7 @@ def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def by_coarse_runs(scene: Scene, of_mesh: Term | None = None) -> Estimate | None:
-    """The estimate of the discretisation error from coarse runs; None: from the dual solution. Not collective."""
+    """The discretisation error from coarse runs; None: from the dual solution."""
     if scene.time is not None:
         return partial(by_coarser_runs, scene, of_mesh=of_mesh)
     if scene.is_averaged or scene.has_centrelines or scene.has_separation:
@@ -403,7 +386,7 @@ def by_coarse_runs(scene: Scene, of_mesh: Term | None = None) -> Estimate | None
 
 
 def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
-    """The estimates of errors independent of the mesh, by name, at a speed of the flow. Not collective."""
+    """Estimates of errors independent of the mesh, by name, at a speed of the flow."""
     estimates: dict[str, Estimate] = {}
     other, wider = with_other_datum(scene, speed), on_more_bed(scene)
     if not no_gap(scene):
@@ -420,7 +403,7 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
 
 
 def not_there(scene: Scene) -> dict[str, str]:
-    """Why a scene has no term of gap, domain, planar far bed or turbulence model, by name. Not collective."""
+    """Why a scene has no term of gap, domain, planar far bed or turbulence model, by name."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
     if scene.is_averaged:
         seen = "vary constants and wall_distance of [turbulence] to see it"
@@ -433,10 +416,7 @@ def not_there(scene: Scene) -> dict[str, str]:
 
 
 def is_corrected(scene: Scene) -> bool:
-    """Whether loads are corrected for errors of known sign: on a fixed grain. Not collective.
-
-    In turbulent flow, and below a free surface, the estimates are not validated.
-    """
+    """Whether loads are corrected: on a fixed grain, in laminar flow without a free surface."""
     held = scene.body is not None and not scene.body.moves
     return scene.numerics.correction and held and not (scene.is_averaged or scene.has_surface)
 
@@ -464,8 +444,8 @@ def has_no_far_sides(scene: Scene) -> str:
 def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     """The scene with a datum beyond the bed's effective height by the uncertainty of that height.
 
-    None without such a height, for a certain one, and for a turbulent inflow at the bed's own height. `speed`: factor
-    on the flow.
+    None without an uncertain effective height, and for a turbulent inflow at the bed's own height. `speed`: factor on
+    the flow.
     """
     base_flow = Setup(scene).base_flow_at(speed)
     if scene.is_averaged or has_no_far_sides(scene) or not base_flow.over_forms:
@@ -480,7 +460,7 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
 
 
 def on_more_bed(scene: Scene) -> Scene | None:
-    """The scene with more of its bed's forms meshed; None without more, or with a mesh chosen for an accuracy."""
+    """The scene with more bedforms meshed; None without more, or with a mesh chosen for an accuracy."""
     if scene.numerics.accuracy is not None or not _has_level_ground(Setup(scene)):
         return None
     return changed(
@@ -489,7 +469,6 @@ def on_more_bed(scene: Scene) -> Scene | None:
 
 
 def _has_level_ground(setup: Setup) -> bool:
-    """Whether the bed of a steady 3-D flow is planar away from the grain."""
     if setup.scene.gdim != 3 or setup.scene.time is not None:
         return False
     return resolved_bed(setup.geometry, setup.scene.placement, setup.base_flow.datum) is not None

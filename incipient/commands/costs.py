@@ -6,7 +6,10 @@ import argparse
 import json
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from statistics import median
+from typing import Any
 
 import incipient
 
@@ -21,9 +24,13 @@ from ..files import plain
 from ..output.lock import locked
 from ..parallel import Comm, collectively
 from ..planning.flow_setup import order_of
+from ..planning.plan import Plan
 from ..scene import Scene
 from .drawing import tell_of_pictures
 from .options import alone
+
+# Results that a plan reads for its time, and the largest ratio of sizes over which times are scaled.
+NEWEST, RANGE = 50, 10.0
 
 
 def plan(options: argparse.Namespace, comm: Comm) -> int:
@@ -35,24 +42,56 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
             if options.json:
                 print(json.dumps(plain(estimate.to_dict()), indent=2))
             else:
-                spent = _spent_before(Path("results") / options.scene.stem)
-                print("\n".join([estimate.text(), *spent, *_further_runs(scene)]))
+                time = _expected_time(estimate, scene, comm.size)
+                print("\n".join([estimate.text(), *time, *_further_runs(scene)]))
     return 0
 
 
-def _spent_before(directory: Path) -> list[str]:
-    """The cost of the last run in the result directory, as a line; empty without one."""
-    try:
-        cost = json.loads((directory / "result.json").read_text(encoding="utf-8"))["cost"]
-        taken, ranks = seconds(cost["wall_time"]["total"]), cost["ranks"]
-        where = f"{cost['unknowns']} unknowns on {ranks} rank{'s' * (ranks > 1)}"
-    except (OSError, ValueError, KeyError, TypeError):
+def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
+    """The wall time of runs of the same kind in the results directory, scaled to this one's size, as a line."""
+    own = _work(plain(plan.to_dict()), scene.model_dump(mode="json"))
+    times = []
+    for path in _newest(Path("results")):
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            run = json.loads(path.read_text(encoding="utf-8"))
+            kind, size = _work(run["plan"], run["scene"], run["cost"]["unknowns"])
+            alike = kind == own[0] and run["cost"]["ranks"] == ranks
+            if alike and 1 / RANGE <= own[1] / size <= RANGE:
+                times.append(run["cost"]["wall_time"]["total"] * own[1] / size)
+    if not times:
         return []
-    return [f"  the run in {directory} took {taken} of wall time for {where}"]
+    runs = f"{len(times)} run{'s' * (len(times) > 1)}"
+    return [
+        f"  about {seconds(median(times))} of wall time, scaled from {runs} of its kind in results"
+    ]
+
+
+def _newest(directory: Path) -> list[Path]:
+    """The newest results of runs in a directory."""
+    with suppress(OSError):
+        runs = [(path.stat().st_mtime, path) for path in directory.glob("*/result.json")]
+        return [path for _, path in sorted(runs, reverse=True)[:NEWEST]]
+    return []
+
+
+def _work(
+    plan: dict[str, Any], scene: dict[str, Any], unknowns: int = 0
+) -> tuple[list[Any], float]:
+    """What a run's cost depends on, and its unknowns times its steps."""
+    time, numerics, turbulence = scene["time"], scene["numerics"], scene["turbulence"]
+    kind = [plan[key] for key in ("scheme", "order", "convection")]
+    kind += [
+        plan["solver"]["name"],
+        numerics["error_bars"],
+        turbulence and turbulence["model"],
+        scene["domain"]["width"] is None,
+    ]
+    steps = time["end"] / time["step"] if time else 1.0
+    return kind, steps * (unknowns or plan["estimate"]["unknowns"])
 
 
 def _further_runs(scene: Scene) -> list[str]:
-    """The additional runs for error bars of a free surface without a grain, as a line; otherwise empty."""
+    """The additional runs for error bars of a free surface without a grain, as a line."""
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return []

@@ -30,13 +30,13 @@ def named(text: str) -> Path:
 
 
 def alone(name: str, comm: Comm) -> None:
-    """Refuse several ranks for a command that starts its own processes."""
+    """Refuse several ranks for a command that starts processes."""
     if comm.size > 1:
         raise SceneError(f"{name} starts runs of its own; call it without mpirun")
 
 
 def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
-    """Raise SceneError for a directory without any of the files of an earlier command. Collective."""
+    """Raise SceneError for a directory without files of an earlier command. Collective."""
     with collectively(comm):
         if comm.rank == 0 and not any((directory / name).is_file() for name in names):
             why = (
@@ -293,7 +293,7 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
 
 
 def _workers(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add the options of a sweep's workers, and retired ones, which are refused."""
+    """Add the options of a sweep's workers, and retired ones."""
     add = parser.add_argument
     add(
         "--jobs",
@@ -319,7 +319,7 @@ def _workers(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def refuse_old_workers(options: argparse.Namespace) -> None:
-    """Raise SceneError for options that sweeps no longer have."""
+    """Raise SceneError for retired options of sweeps."""
     if options.executor is not None:
         address = options.executor.replace("dask://", "tcp://")
         raise SceneError(f"--executor: is now --scheduler; write --scheduler {address}")
@@ -445,7 +445,7 @@ def _length(text: str) -> float:
 
 
 def of_flume(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `incipient flume`."""
+    """Options of `incipient flume`."""
     parser.add_argument(
         "--diameter", type=_length, required=True, help="of the grains, as in 2mm or 0.002 [m]"
     )

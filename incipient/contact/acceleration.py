@@ -1,10 +1,9 @@
-"""Incipient motion: the accelerations of a grain at rest under a load and Coulomb's law.
+"""Accelerations of a grain released from rest under Coulomb's law.
 
-In 2-D every motion is enumerated. An acceleration y of the grain opens contact i where N_i y > 0 and slides
-on it where N_i y = 0, T_i y != 0; these planes cut space into cells in each of which the admissible forces are fixed:
-the free acceleration, those that slide on one contact, and the lines where two contacts stay or one sticks. The ends of
-continuous families are among these motions, since they lie on lines. In 3-D Coulomb's equations (`impulses`) are
-solved by Newton's method from several starts.
+In 2-D the planes N_i y = 0 and T_i y = 0 cut the space of accelerations y into cells with fixed
+admissible forces, whose motions are enumerated: the free acceleration, sliding on one contact, and
+lines where two contacts close or one sticks. In 3-D Newton's method solves the equations of
+`impulses` from several starts.
 """
 
 import math
@@ -31,18 +30,18 @@ from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.statics import balance
 
-ZERO = 1e-8  # accelerations below it, relative to the free one, are zero
-SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one solution
-NEARLY = 1e-9  # of unit vectors: tolerance of parallel vectors and of boundaries of cells
-DEPENDENT = 1e-10  # singular values below it, relative to the largest, count as zero
-NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
-SYMMETRIC = 1e-9  # of the inertia's largest entry
-MOST = 12  # solutions kept of a case, those of least energy
-PARTS = 9  # of the friction, steps of continuation where no solution converges
+ZERO = 1e-8  # accelerations below this, relative to the free one, are zero
+SAME = 1e-7  # accelerations closer than this, relative to the free one, are one solution
+NEARLY = 1e-9  # tolerance of parallel unit vectors and of cell boundaries
+DEPENDENT = 1e-10  # singular values below this, relative to the largest, count as zero
+NO_LOAD = 1e-12  # resultant of flow and weight, relative to both, that counts as zero
+SYMMETRIC = 1e-9  # relative to the largest entry of the inertia
+MOST = 12  # solutions kept per case, those of least energy
+PARTS = 9  # continuation steps in friction where no solution converges
 
 
 class ContactState(Enum):
-    """State of motion at a contact, from the normal, tangential and angular acceleration there."""
+    """State of motion at a contact."""
 
     STICK = "stays where it is, and so does the whole grain"
     ROLL = "stays where it is while the grain turns"
@@ -51,19 +50,13 @@ class ContactState(Enum):
 
 
 class Mode(Enum):
-    """Incipient motion of the whole grain.
+    """Exclusive modes of incipient motion, from the states of all contacts and the angular acceleration alpha.
 
-    The modes are mutually exclusive and complete. With the states of all contacts, and the angular acceleration alpha:
-
-    - REST: no acceleration at all.
-    - Without alpha: SLIDING if any contact slides (others may lift), otherwise all lift: LIFTING.
-    - With alpha, no contact rolls: PIVOTING_AND_SLIDING if any contact slides, otherwise LIFTING_AND_ROTATING.
-    - With alpha, some contact rolls and another slides: PIVOTING_AND_SLIDING_APART.
-    - With alpha, some contact rolls and none slides: PIVOTING if any contact lifts, SPINNING if none lifts and
-      alpha is along the normals of all contacts, otherwise ROLLING.
-
-    At the instant of release, rolling on a contact and pivoting about it are one motion. Here a rolling grain keeps all
-    its contacts, and a pivoting one leaves some.
+    - Without alpha: SLIDING if any contact slides, otherwise LIFTING.
+    - No contact rolls: PIVOTING_AND_SLIDING if any slides, otherwise LIFTING_AND_ROTATING.
+    - One contact rolls and another slides: PIVOTING_AND_SLIDING_APART.
+    - Some contact rolls, none slides: PIVOTING if any lifts; SPINNING if none lifts and alpha is
+      along all contact normals; otherwise ROLLING.
     """
 
     REST = "rest"
@@ -86,7 +79,7 @@ MODES = tuple(Mode)
 
 
 class Uniqueness(Enum):
-    """Whether the acceleration is the only one that mechanics allows."""
+    """Whether mechanics allows other accelerations."""
 
     ONLY = "the only solution"
     SEVERAL = "one of several solutions"
@@ -96,11 +89,9 @@ class Uniqueness(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """One motion that mechanics allows at the instant of release.
+    """An admissible motion at the instant of release; arrays (3,), contacts (n, 3).
 
-    `acceleration` (3,) of the centre of mass, `angular_acceleration` (3,); `contact_forces` (n, 3) on the
-    grain; `contact_states` (n,); `mode` of the whole; `forces_unique`: if not, other contact forces give the
-    same accelerations. `residual`: how far Newton's and Coulomb's laws are missed, relative to the load.
+    `residual`: violation of Newton's and Coulomb's laws, relative to the load.
     """
 
     acceleration: Floats
@@ -114,11 +105,10 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class IncipientMotion:
-    """Incipient motion of a grain: its possible, distinct accelerations (`solutions`), the verdict first.
+    """Possible distinct accelerations of a grain, rest first, then by energy (m a.a + alpha.J.alpha) / 2.
 
-    Rest comes first if it is one of them, then the motions in the order of their energy of acceleration,
-    (m a.a + alpha.J.alpha) / 2. `uniqueness`: whether there can be others; `jams`: contact forces can balance
-    one another, so that rest may depend on how the grain was wedged in.
+    `jams`: contact forces can balance one another, so that rest may depend on how the grain was
+    wedged in.
     """
 
     solutions: tuple[Solution, ...]
@@ -132,37 +122,34 @@ class IncipientMotion:
 
     @property
     def moves(self) -> bool:
-        """Whether the grain must move: False if rest is among the solutions."""
+        """Whether the grain must move: rest is no solution."""
         return self.first.mode is not Mode.REST
 
     @property
     def residual(self) -> float:
-        """The worst of all solutions."""
+        """Largest residual of all solutions."""
         return max(solution.residual for solution in self.solutions)
 
     def to_dict(self) -> dict[str, Any]:
-        """The first solution, with all of them in `solutions`, for JSON."""
+        """JSON data: the first solution, and all in `solutions`."""
         return plain(self.first) | plain(self) | {"moves": self.moves}
 
 
 @dataclass(frozen=True, eq=False)
 class ReleaseProblem:
-    """n grains at the instant of release, dimensionless: magnitude of the load one, mass of the grain one.
-
-    In 2-D wrenches and accelerations have m = 3 components, in 3-D 6.
-    """
+    """n grains released from rest, scaled to unit mass and load; m = 3 components in 2-D, 6 in 3-D."""
 
     contacts: ContactProblem
     columns: Floats  # (n, m, 3k): wrenches of unit local forces
     inverse: Floats  # (n, m, m), of mass and inertia
     wrench: Floats  # (n, m), of length one, or zero
-    # A force, and an acceleration, of one in the units of the load and the grain, (n,).
+    # Dimensional unit force and acceleration, (n,).
     force_unit: Floats
     acceleration_unit: Floats
 
     @classmethod
     def of(cls, contacts: ContactProblem, mass: Floats, inertia: Floats) -> "ReleaseProblem":
-        """The problems of grains of mass (n,) and inertia (n, 3, 3) about their centres."""
+        """Build the problems of grains of mass (n,) and central inertia (n, 3, 3)."""
         wrench, size = contacts.wrench(1.0)
         left = np.sqrt((wrench * wrench).sum(axis=1))
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
@@ -190,9 +177,9 @@ class ReleaseProblem:
         return np.asarray(np.linalg.norm((self.inverse @ self.wrench[:, :, None])[:, :, 0], axis=1))
 
     def motions(self, most: int) -> tuple[Integers, Floats, Floats]:
-        """The motions other than rest: how many (n,), accelerations (n, most, m), and local forces (n, most, 3k).
+        """Motions in order of energy: number (n,), accelerations (n, most, m), local forces (n, most, 3k).
 
-        In 2-D all, in 3-D those that converged, in order of energy.
+        Complete in 2-D, without rest; in 3-D those that converged.
         """
         count, motions, forces = MOTIONS(
             self.columns,
@@ -205,9 +192,9 @@ class ReleaseProblem:
         return count, motions[:, :, :-1], forces
 
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
-        """Accelerations (n, m) in 3-D (n, 6), and those of contacts (n, k, 3), their states (n, k), and modes (n,).
+        """Accelerations (n, 6) of grains and (n, k, 3) of contacts, their states (n, k), and modes (n,).
 
-        Accelerations that count as zero are set to zero.
+        Negligible accelerations are set to zero.
         """
         projection, zero = self.contacts.projection, ZERO * self.scale[:, None]
         if projection is not None:
@@ -221,7 +208,7 @@ class ReleaseProblem:
 
     @cached_property
     def coulomb(self) -> CoulombLaw:
-        """Coulomb's law of a single case, for forces (k, 3) and the local accelerations they give."""
+        """Coulomb's law of a single case, for local forces (k, 3) and accelerations."""
         gained, friction = self.inverse[0] @ self.columns[0], float(self.contacts.law.moving[0])
         return CoulombLaw.of(self.columns[0].T @ gained, self.wrench[0] @ gained, friction)
 
@@ -260,16 +247,16 @@ def incipient_motion(
     mass: float,
     inertia: Floats,
 ) -> IncipientMotion:
-    """The possible accelerations of a grain at rest under a load, at unilateral contacts with friction.
+    """Accelerations of a grain at rest under a load, at unilateral contacts with friction.
 
-    At every contact, with N the force and A_N the acceleration along the inward normal, T and A_T tangential:
-    N >= 0, A_N >= 0, N A_N = 0 (no contact pulls, nothing is penetrated), and |T| <= friction N, where A_T is
-    not zero with equality and T against A_T. `inertia` (3, 3) about the centre of mass. Plane cases (the plane's
-    normal has to be a principal axis of inertia) are enumerated completely, cases without friction have one
-    solution; in 3-D solutions are sought from several starts. Infinite friction is computed as 1e6.
+    With the force N, T and the acceleration A_N, A_T along inward normal and surface, N >= 0, A_N
+    >= 0, N A_N = 0, and |T| <= friction N, with equality and T against A_T if that is not zero.
+    `inertia` (3, 3) is about the centre of mass. Planar cases, whose normal is a principal axis of
+    inertia, are enumerated completely; 3-D solutions are sought from several starts. Infinite
+    friction is computed as 1e6.
 
-    Raises SceneError on negative friction, a mass that is not positive, an inertia that is not symmetric and
-    positive definite, and ConvergenceError if no solution converges.
+    Raises SceneError for negative friction and invalid mass or inertia, ConvergenceError if no
+    solution converges.
     """
     known = checked_inertia(mass, inertia)
     return motion_of(ContactProblem.of(load, contacts, law, known[1][0]), *known)
@@ -278,7 +265,7 @@ def incipient_motion(
 def motion_of(
     problem: ContactProblem, mass: Floats, inertia: Floats, safety: SafetyFactor | None = None
 ) -> IncipientMotion:
-    """The incipient motion of a single case, of mass (1,) and inertia (1, 3, 3), with its safety factor if known."""
+    """Incipient motion of a single case of mass (1,) and inertia (1, 3, 3)."""
     law = problem.law
     if law.moving[0] != law.coefficient[0]:
         problem = replace(problem, law=FrictionCone(law.moving))
@@ -299,11 +286,11 @@ def motion_of(
 
 
 def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
-    """Converged accelerations (s, m) and forces (s, k, 3), rest first if among them, and whether these are all."""
+    """Accelerations (s, m) and forces (s, k, 3), rest first, and whether the set is complete."""
     law, scale, held = case.contacts.law, case.scale[0], None
     if may_rest or law.is_frictionless:
         free = _frictionless(case)
-        if np.abs(free[0]).max() <= ZERO * scale:  # to move takes energy
+        if np.abs(free[0]).max() <= ZERO * scale:  # motion takes energy
             return np.zeros_like(free[0]), np.zeros_like(free[1]), True
         if law.is_frictionless:
             return *free, True
@@ -324,10 +311,7 @@ def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool
 
 
 def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
-    """The only motion without friction, (1, m), and its forces (1, k, 3).
-
-    It is the acceleration nearest to the free one that penetrates no contact.
-    """
+    """Admissible acceleration (1, m) nearest to the free one, and its forces (1, k, 3)."""
     root, columns = np.linalg.cholesky(case.inverse[0]), case.columns[0]
     _, pressures = balance(columns[:, ::3].T @ root, case.wrench[0] @ root)
     forces = np.zeros((1, len(pressures), 3))
@@ -338,7 +322,7 @@ def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
 def _families(
     case: ReleaseProblem, accelerations: Floats, forces: Floats
 ) -> tuple[bool, list[int]]:
-    """Whether there is a continuous family, and which solutions to keep: of a family its ends."""
+    """Whether there is a continuous family, and the solutions to keep: the ends of a family."""
     law, moving = case.coulomb, [i for i in range(len(forces)) if accelerations[i].any()]
     if case.planar:
         pairs = [(i, j) for j in moving for i in moving if i < j]
@@ -357,7 +341,7 @@ def _families(
 
 
 def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
-    """Whether contact forces of a motion in 2-D also balance the load, so that the motion may be arbitrarily slow."""
+    """Whether contact forces of a 2-D motion also balance the load, so that it may be arbitrarily slow."""
     assert case.contacts.generators is not None
     at, zero = (acceleration @ case.columns[0]).reshape(-1, 3), ZERO * case.scale[0]
     slips = np.stack([at[:, 1] <= zero, at[:, 1] >= -zero], axis=1)
@@ -370,7 +354,6 @@ def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
 
 
 def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Solution:
-    """A solution in the caller's units, with its states and, as far as possible, unique forces."""
     problem, unit = case.contacts, case.acceleration_unit[0]
     whole, at, kinds, modes = case.classified(acceleration[None])
     y = problem.within(whole[:, :, None])[0, :, 0]
@@ -394,10 +377,10 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
 def inner_forces(
     case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats, forces: Floats
 ) -> tuple[Floats, bool]:
-    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others than `forces` do.
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether `forces` are the only ones.
 
-    Contacts that lift have none, those that slide friction in full against the sliding. Of several the shortest if
-    they are inside the cones, otherwise those farthest inside.
+    Lifting contacts have none, sliding ones full friction; otherwise the shortest, or those deepest
+    inside the cones.
     """
     problem, slides, stays = case.contacts, np.flatnonzero(kinds == 2), np.flatnonzero(kinds < 2)
     edges = problem.generators
@@ -421,9 +404,9 @@ def inner_forces(
 def states_and_modes(
     at: Floats, inward: Floats, turning: Floats, zero: Floats, slow: Floats
 ) -> tuple[Integers, Integers]:
-    """Places (n, k) in `ContactState` and (n,) in `MODES` by local motions (n, k, 3) at contacts and turning (n, 3).
+    """Indices (n, k) in `ContactState` and (n,) in `MODES` from local motions (n, k, 3) and rotations (n, 3).
 
-    inward: (n, k, 3) normals; zero, slow: (n, 1), motions and turning about other axes up to which there is none
+    zero, slow (n, 1): thresholds of motion, and of rotation about other axes.
     """
     across = turning[:, None] - (inward @ turning[:, :, None]) * inward
     spins = (np.abs(across) <= slow[:, :, None]).all(axis=(1, 2))
@@ -446,11 +429,11 @@ def states_and_modes(
     return kinds, modes
 
 
-# From here on kernels, which numba compiles (`kernels.Kernel`).
+# Kernels compiled by numba (`kernels.Kernel`).
 
 
 class Case(NamedTuple):
-    """One case, and the motions kept of it: motions (most, m + 1), the last entry the energy, and forces (most, 3k)."""
+    """A case and its motions (most, m + 1), the last entry the energy, and forces (most, 3k)."""
 
     columns: Floats
     inverse: Floats
@@ -463,10 +446,10 @@ class Case(NamedTuple):
 def motion_rows(
     columns: Floats, inverse: Floats, friction: Floats, wrench: Floats, most: int
 ) -> tuple[Integers, Floats, Floats]:
-    """The motions of n cases other than rest: how many (n,), accelerations (n, most, m + 1), forces (n, most, 3k).
+    """Motions of n cases as `ReleaseProblem.motions`, with the energy as last entry of (n, most, m + 1).
 
-    columns: (n, m, 3k) wrenches of unit local forces; inverse: (n, m, m) of mass and inertia; wrench: (n, m). With
-    m = 3 all, with m = 6 those that converged, in order of energy, which is the last entry of the accelerations.
+    columns (n, m, 3k): wrenches of unit local forces; inverse (n, m, m) of mass and inertia; wrench
+    (n, m).
     """
     count, m, width = columns.shape
     reached = np.zeros(count, dtype=np.int64)
@@ -481,7 +464,7 @@ def motion_rows(
 
 
 def _search(case: Case) -> int:
-    """Motions by Newton's method from no force, sliding without friction, and each contact alone; returns how many."""
+    """Run Newton's method from no force, frictionless sliding, and each contact alone; count the motions."""
     width = case.columns.shape[1]
     gained = case.inverse @ case.columns
     gain, b = case.columns.T @ gained, case.wrench @ gained
@@ -517,7 +500,7 @@ def _search(case: Case) -> int:
 
 
 def _rub(pressure: float, way: Floats, friction: float, force: Floats, j: int) -> None:
-    """Fill in, at the contact of entry j, a pressure with friction in full against an acceleration."""
+    """Set a pressure with full friction against an acceleration at the contact of entry j."""
     speed = max(math.hypot(way[j + 1], way[j + 2]), 1e-300)
     force[j] = pressure
     force[j + 1] = -friction * pressure * way[j + 1] / speed
@@ -525,7 +508,7 @@ def _rub(pressure: float, way: Floats, friction: float, force: Floats, j: int) -
 
 
 def _keep(case: Case, force: Floats, count: int) -> int:
-    """Put the motion under forces (3k,) among the `count` kept, in the order of energy, unless it is there."""
+    """Insert the motion under forces (3k,) in order of energy unless present; returns the new count."""
     whole, m = case.wrench.copy(), len(case.wrench)
     for i in range(m):
         whole[i] += dot(case.columns[i], force)
@@ -550,11 +533,10 @@ def _keep(case: Case, force: Floats, count: int) -> int:
 
 
 def _planar(case: Case) -> int:
-    """All motions other than rest of a case in 2-D; returns how many."""
     k, count = case.columns.shape[1] // 3, 0
     cosine = 1.0 / math.hypot(1.0, case.friction)
     normal, tangent = case.columns[:, ::3].T.copy(), case.columns[:, 1::3].T.copy()
-    edges = np.empty((2 * k, 3))  # those toward the first tangent, then those against it
+    edges = np.empty((2 * k, 3))  # along the first tangent, then against it
     edges[:k] = cosine * (normal + case.friction * tangent)
     edges[k:] = cosine * (normal - case.friction * tangent)
     free, along = case.inverse @ case.wrench, np.empty(3)
@@ -594,7 +576,7 @@ def _opens(normal: Floats, y: Floats, zero: float) -> bool:
 def _along(
     case: Case, along: Floats, normal: Floats, tangent: Floats, edges: Floats, count: int
 ) -> int:
-    """Keep the motions a along, a > 0, at which contacts stay: a M along = wrench + b one edge + c another."""
+    """Keep the motions a along, a > 0, at which contacts stay: a M along = wrench + b edge_p + c edge_q."""
     k, inertial = len(normal), along.copy()
     inertial[2] /= case.inverse[2, 2]
     both, turned, zero = np.empty(3), np.empty(3), NEARLY * length(case.inverse @ case.wrench)
@@ -634,7 +616,6 @@ def _put(case: Case, p: int, b: float, q: int, c: float, count: int) -> int:
 
 
 def _cross(a: Floats, b: Floats, out: Floats) -> None:
-    """Fill in the vector product."""
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]

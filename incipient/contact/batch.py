@@ -1,7 +1,6 @@
-"""Many contact problems at once: the safety factor and mode of each, by the same kernels as a single one.
+"""Batches of contact problems: safety factor and mode of each, with the kernels of a single case.
 
-Cases with equally many contacts are judged together. Those without friction, with coincident contacts, or for which no
-motion converges are judged one by one.
+Frictionless cases, coincident contacts and unconverged motions are evaluated one by one.
 """
 
 from __future__ import annotations
@@ -25,20 +24,20 @@ from incipient.errors import ConvergenceError, SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
 
 CHUNK = 10_000  # cases at a time
-KEPT = 4  # motions kept of a case
-FAILED = -1  # the mode of a case that cannot be judged
+KEPT = 4  # motions kept per case
+FAILED = -1  # mode of an invalid case
 LABELS = ("rest", "moves", *(mode.label for mode in MODES if mode is not Mode.REST))
 
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """n cases of up to k contacts; in 2-D third components are zero. A value common to all cases may be given once.
+    """n cases of up to k contacts; third components are zero in 2-D. A single value serves all cases.
 
-    points, normals: (n, k, 3), unit normals out of the grain; a case with fewer contacts ends with NaN
-    force, couple: (n, 3), the flow's force, and its torque about the centre of mass
+    points, normals: (n, k, 3), unit normals out of the grain; missing contacts at the end are NaN
+    force, couple: (n, 3), force of the flow, and its torque about the centre of mass
     weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
-    law: of the contacts, or coefficients of friction: one or (n,)
-    mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
+    law: contact law, or coefficients of friction, one or (n,)
+    mass: (n,), inertia: (n, 3, 3) about the centre; NaN if unknown
     """
 
     points: Floats
@@ -73,19 +72,19 @@ class Cases:
         return len(self.force)
 
     def part(self, rows: Rows) -> Cases:
-        """The cases at places `rows`."""
+        """Select cases."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         law = values.pop("law").part(rows)
         return Cases(law=law, **{name: value[rows] for name, value in values.items()})
 
     @property
     def contacts(self) -> Integers:
-        """Number of contacts of each case, (n,): up to the last that is not all NaN."""
+        """Number of contacts (n,): up to the last that is not all NaN."""
         there = ~np.isnan(np.concatenate([self.points, self.normals], axis=2)).all(axis=2)
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
     def case(self, number: int) -> tuple[Load, Contacts, FrictionCone, MassAndInertia | None]:
-        """A single case, as `judged` takes it; raises SceneError."""
+        """Arguments of `judged` for a single case; raises SceneError."""
         acting = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])
@@ -98,20 +97,20 @@ class Cases:
 class Batch:
     """Verdicts of the exact criterion on n cases."""
 
-    factors: Floats  # (n,) safety factors; NaN where a case fails
+    factors: Floats  # (n,) safety factors; NaN if a case fails
     held: Booleans  # (n,) whether the actual load is balanced
-    modes: Integers  # (n,) places in `labels`, which are those of `Exact.label`; FAILED where a case fails
+    modes: Integers  # (n,) indices in `labels`, those of `Exact.label`; FAILED if a case fails
     labels: tuple[str, ...]
     alone: int  # number of cases evaluated one by one
-    reasons: dict[int, str]  # why cases fail, by their places
+    reasons: dict[int, str]  # reasons of failure, by case
 
     @property
     def mode_names(self) -> list[str]:
-        """The modes in words, "" where a case fails."""
+        """Modes in words, "" if a case fails."""
         return ["" if mode == FAILED else self.labels[mode] for mode in self.modes.tolist()]
 
     def complete(self) -> Batch:
-        """The batch; raises SceneError with the first reason if a case fails."""
+        """Return the batch; raises SceneError with the first reason if a case fails."""
         if self.reasons:
             raise SceneError(next(iter(self.reasons.values())))
         return self
@@ -120,8 +119,8 @@ class Batch:
 def judge_many(cases: Cases) -> Batch:
     """Evaluate a batch of contact problems by the exact criterion. Not collective.
 
-    An invalid case fails with its reason in the answer and does not affect the others. Safety factors equal those of
-    `verdict.judged`, in 2-D to round-off, in 3-D to the tolerance of the conic program (1e-9).
+    An invalid case fails with its reason and does not affect the others. Safety factors equal those
+    of `safety_factor`, in 2-D to round-off, in 3-D to 1e-9.
     """
     count = len(cases)
     factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)
@@ -130,7 +129,7 @@ def judge_many(cases: Cases) -> Batch:
         for start in range(0, count, CHUNK):
             for places, problem in _groups(cases.part(slice(start, start + CHUNK)), start):
                 inert = cases.mass[places], cases.inertia[places]
-                with suppress(ArithmeticError, ValueError):  # numbers out of all proportion
+                with suppress(ArithmeticError, ValueError):  # numbers of extreme size
                     factors[places], held[places], modes[places] = _together(problem, *inert)
         alone = np.flatnonzero(modes == FAILED)
         for place in alone.tolist():
@@ -139,7 +138,7 @@ def judge_many(cases: Cases) -> Batch:
                 exact = judged(*cases.case(place))
             except (SceneError, ConvergenceError) as error:
                 reasons[place] = str(error)
-            except Exception as error:  # as above; one case does not end the others
+            except Exception as error:  # likewise; a failing case must not end the others
                 why = shortened(error) or type(error).__name__
                 reasons[place] = f"cannot be judged ({why}); give numbers of a size with the others"
             else:
@@ -194,7 +193,7 @@ def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
 def _together(
     problem: ContactProblem, mass: Floats, inertia: Floats
 ) -> tuple[Floats, Booleans, Integers]:
-    """Safety factors, whether held, and modes as of `LABELS`, (n,); FAILED where there is no answer."""
+    """Safety factors, whether held, and modes of `LABELS`, (n,); FAILED where unsolved."""
     balanced = intervals(problem)
     held, answered = balanced.held, balanced.state != UNANSWERED
     modes = np.where(answered, np.where(held, 0, 1), FAILED)

@@ -1,16 +1,10 @@
-"""The conic programs of contact forces in balance, by one interior-point method for one row and for millions.
+"""Kernels of a batched interior-point method for max s such that G f + s flow + weight = 0, f in
+the product K of friction cones.
 
-max s such that G f + s flow + weight = 0 with f in the product of friction cones K: a method on the homogeneous
-self-dual embedding
-
-    a x = b tau,   a^T y + z = c tau,   b.y - c.x = kappa,   x, z in K,   tau, kappa >= 0,
-
-with the scaling of Nesterov and Todd (1997) and the predictor and corrector of Mehrotra (1992), as in Vandenberghe,
-The CVXOPT linear and quadratic cone program solvers (2010). Whether a program has a solution, none or no largest one
-follows from tau and kappa. The scaled rows are orthonormalised, so that Newton's matrix is never squared. The first
-`linear` entries of a vector are non-negative, the others triples in the unit cone |(y, z)| <= x.
-
-These functions are kernels, which numba compiles (`kernels.Kernel`).
+The homogeneous self-dual embedding a x = b tau, a^T y + z = c tau, b.y - c.x = kappa with x, z in K
+and tau, kappa >= 0 is solved as in Vandenberghe, The CVXOPT linear and quadratic cone program
+solvers (2010), with orthonormalised rows; the first `linear` entries of a vector are non-negative,
+the others triples |(y, z)| <= x.
 """
 
 import math
@@ -20,31 +14,31 @@ import numpy as np
 from incipient.arrays import Floats, Integers
 from incipient.contact.kernels import Kernel, add, dot, largest, length
 
-TOLERANCE = 1e-9  # dimensionless imbalance, or distance outside a cone, that counts as none
+TOLERANCE = 1e-9  # negligible dimensionless imbalance, or distance outside a cone
 ENDLESS = (
-    1e6  # a larger dimensionless factor is infinite if the contacts balance the flow's load alone
+    1e6  # larger dimensionless factors are infinite if the contacts balance the flow's load alone
 )
 ITERATIONS = 60
 STEP = 0.998  # of the longest step inside the cones
-CLOSED = 1e-13  # duality gap at which a program is solved
-ANSWERED = 1e-8  # relative error of the dual value up to which it is an answer
+CLOSED = 1e-13  # duality gap of a solved program
+ANSWERED = 1e-8  # acceptable relative error of the dual value
 CERTIFIED = 1e-11  # residual of a certificate of infeasibility or unboundedness
-# Projections between cones and equilibrium before the conic program; the margin aimed at.
+# Alternating projections onto cones and equilibrium before the conic program; target margin.
 PROJECTIONS, INSIDE = 12, 0.02
 ROUND_OFF = 1e-15  # of a certificate's equations
 RANK = (
-    1e-7  # of the largest row: a shorter row depends on the others, and balances up to its length
+    1e-7  # relative to the largest row: shorter rows are dependent, and balance up to their length
 )
 OPTIMAL, INFEASIBLE, UNBOUNDED, UNANSWERED = 0, 1, 2, 3  # of a program
-UNHELD, HELD, FAILED = 0, 1, 2  # the weight in a row; or some program of the row is not answered
+UNHELD, HELD, FAILED = 0, 1, 2  # state of the weight; FAILED: a program was not solved
 
 
 def interval_rows(
     columns: Floats, flow: Floats, weight: Floats, linear: int
 ) -> tuple[Floats, Floats, Integers, Floats]:
-    """Intervals of balanced factors of n problems, by `_interval`: low, high, state of the weight, (n,), and forces.
+    """Balanced factors (low, high) and state of the weight, (n,), and forces (n, h) of n problems.
 
-    columns: (n, m, h) wrenches of unit forces in the cones; flow, weight: (n, m) of length one, or zero
+    columns (n, m, h): wrenches of unit cone forces; flow, weight (n, m): of length one, or zero.
     """
     count, _, width = columns.shape
     low, high, weight_state = np.empty(count), np.empty(count), np.empty(count, np.int64)
@@ -59,14 +53,14 @@ def interval_rows(
 def _interval(
     q: Floats, flow: Floats, weight: Floats, linear: int, forces: Floats
 ) -> tuple[float, float, int]:
-    """The smallest and largest factor of the flow that is balanced, NaN if none, and the state of the weight.
+    """Smallest and largest balanced factor of the flow, NaN if none, and the state of the weight.
 
-    Forces (h,) that balance the load at the largest factor, or the weight if there is no flow, are filled in, in units
-    of the weight, or of the flow without a weight.
+    `forces` (h,) balance the load at the largest factor, in units of the weight, or of the flow
+    without it.
     """
     has_flow = largest(flow) > 0.0
     rank, short = _orthonormalise(q, flow, weight)
-    # Forces on contacts near one another balance loads up to that length, which is left out.
+    # Nearly coincident contacts balance loads up to that length, which is neglected.
     fits = TOLERANCE + short
     flow_missed, weight_missed = length(flow[rank:]), length(weight[rank:])
     q, f, w = q[:rank], flow[:rank], weight[:rank]
@@ -91,7 +85,6 @@ def _interval(
 
 
 def _state(margin: float) -> int:
-    """Whether a load is held of which forces have a margin inside their cones, NaN if that is not known."""
     if np.isnan(margin):
         return FAILED
     return HELD if margin >= -TOLERANCE else UNHELD
@@ -100,7 +93,7 @@ def _state(margin: float) -> int:
 def _ends(
     q: Floats, f: Floats, w: Floats, linear: int, state: int, forces: Floats
 ) -> tuple[int, float, float]:
-    """The state of the weight, and the smallest and largest factor for flow and weight that rows q can balance."""
+    """State of the weight, and smallest and largest factor of the flow that rows q can balance."""
     f_size, w_size = length(f), length(w)
     if w_size == 0.0:
         flow_state = _state(_margin(q, f, linear, forces))
@@ -127,7 +120,7 @@ def _ends(
 
 
 def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
-    """Scale forces (h,) by a unit and move them by the least that makes them balance a wrench."""
+    """Scale forces (h,) by a unit and make the least change that balances a wrench."""
     for j in range(len(forces)):
         forces[j] *= unit
     for i in range(len(q)):
@@ -135,10 +128,10 @@ def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
 
 
 def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
-    """How far inside the cones forces (h,) can be that balance a wrench, relative to it; they are filled in.
+    """Largest relative margin inside the cones of forces (h,), filled in, that balance a wrench; NaN if unsolved.
 
-    The shortest forces if they are inside, otherwise those most inside: max m such that q f + wrench = 0 and
-    f - m e is in the cones, e the axes of all cones. NaN if that program is not answered.
+    The shortest forces if inside, otherwise max m such that q f + wrench = 0 and f - m e is in the
+    cones with axes e.
     """
     size = length(wrench)
     forces[:] = 0.0
@@ -159,7 +152,7 @@ def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
             return inside / size
     push = q @ axes
     most = length(push)
-    if most <= RANK * width:  # the axes balance one another: such forces can be added
+    if most <= RANK * width:  # the axes balance one another: add such forces
         add(forces, -inside, axes)
         return 0.0
     table, answer = np.empty((len(q), width + 1)), np.empty(width)
@@ -174,7 +167,6 @@ def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
 
 
 def _push_inside(forces: Floats, linear: int, margin: float) -> None:
-    """Move forces (h,) to the nearest that are inside their cones by a margin."""
     for j in range(linear):
         forces[j] = max(forces[j], margin)
     for j in range(linear, len(forces), 3):
@@ -188,10 +180,7 @@ def _push_inside(forces: Floats, linear: int, margin: float) -> None:
 
 
 def _orthonormalise(rows: Floats, flow: Floats, weight: Floats) -> tuple[int, float]:
-    """The rank r of rows (m, h), of which the first r become orthonormal, and the length of the longest other.
-
-    The same steps are taken on two columns (m,).
-    """
+    """Rank r of rows (m, h), of which the first r become orthonormal, and the length of the longest other."""
     count, size = len(rows), 0.0
     for rank in range(count):
         best, most = rank, -1.0
@@ -218,10 +207,9 @@ def _orthonormalise(rows: Floats, flow: Floats, weight: Floats) -> tuple[int, fl
 
 
 def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tuple[int, float]:
-    """Minimise cost x[0] subject to a x = b with x in the cones: status and value; x[1:] is filled in.
+    """Minimise cost x[0] subject to a x = b with x in the cones; returns status and dual value, fills in x[1:].
 
-    The value is that of the dual program, which is known to round-off; if there is no least one, `answer` is left.
-    UNANSWERED: the iteration ended before the dual program was solved.
+    `answer` is kept if there is no minimum. UNANSWERED: the dual program did not converge.
     """
     m, n = a.shape
     degree, q, lower = 1.0 + linear + (n - linear) // 3, np.empty((m, n)), np.empty((m, m))
@@ -262,7 +250,7 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
         add(x, step, dx)
         add(y, step, dy)
         tau, kappa = tau + step * dtau, kappa + step * dkappa
-        # By the second equation: a step scaled by T^-1 adds the round-off of T.
+        # From the second equation: a step scaled by T^-1 adds the round-off of T.
         for j in range(n):
             z[j] = (step * eta - 1.0) * left[j]
         z[0] += cost * tau
@@ -281,10 +269,10 @@ def _newton_system(
     cost: float,
     linear: int,
 ) -> float:
-    """Scale and orthonormalise the rows, and right sides with them; returns the scaled cost of x[0].
+    """Scale and orthonormalise the rows and right-hand sides; returns the scaled cost of x[0].
 
-    v (10, n): x, z, their steps, dual residual, lambda, size and turn of the scaling, and two others; u (5, m): y, its
-    step, primal residual, and two others; q (m, n), lower (m, m): filled in.
+    v (10, n): x, z, their steps, dual residual, lambda, size and turn of the scaling, two work
+    vectors. u (5, m): y, its step, primal residual, two work vectors.
     """
     _, z, _, _, missed, lam, size, turn, _, p = v
     _, _, rho, beta, pull = u
@@ -313,7 +301,7 @@ def _direction(
     linear: int,
     point: tuple[float, float, float, float],
 ) -> tuple[float, float, float, float]:
-    """Fill in the steps by predictor and corrector but that of z; returns their length, eta, steps of tau and kappa.
+    """Predictor-corrector steps except that of z; returns step length, eta, steps of tau and kappa.
 
     point: tau, kappa, the residual of the third equation, and the gap over the degree of the cones.
     """
@@ -348,7 +336,7 @@ def _direction(
 
 
 def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:
-    """Fill in T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False if x or z is on an edge."""
+    """Scaling T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False if x or z is on the boundary."""
     for i in range(linear):
         if x[i] <= 0.0 or z[i] <= 0.0:
             return False
@@ -369,7 +357,6 @@ def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> b
 
 
 def _scale(size: Floats, turn: Floats, linear: int, vector: Floats, out: Floats) -> None:
-    """Fill in T vector."""
     for i in range(linear):
         out[i] = vector[i] * size[i]
     for i in range(linear, len(vector), 3):
@@ -381,7 +368,7 @@ def _scale(size: Floats, turn: Floats, linear: int, vector: Floats, out: Floats)
 
 
 def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out: Floats) -> None:
-    """Fill in the u with lam o u = target e - lam o lam - p o q, o being the product of the cones."""
+    """Solve lam o u = target e - lam o lam - p o q for u, with the cones' product o."""
     for i in range(linear):
         out[i] = (target - p[i] * q[i]) / lam[i] - lam[i]
     for i in range(linear, len(lam), 3):
@@ -396,7 +383,7 @@ def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out:
 
 
 def _longest(x: Floats, step: Floats, linear: int) -> float:
-    """The longest step, at most two, with which a vector stays in the cones."""
+    """Longest step, at most two, within the cones."""
     most = 2.0
     for i in range(linear):
         if step[i] < 0.0:
@@ -411,7 +398,7 @@ def _longest(x: Floats, step: Floats, linear: int) -> float:
 
 
 def _cone_margin(x: Floats, linear: int) -> float:
-    """The least distance of the entries and triples of a vector from the edge of their cones."""
+    """Least distance of a vector from the surface of its cones."""
     least = np.inf
     for i in range(linear):
         least = min(least, x[i])
@@ -427,7 +414,7 @@ def _determinant(x: Floats, i: int) -> float:
 
 
 def _factorise(rows: Floats, lower: Floats) -> None:
-    """Make rows (m, n) orthonormal and fill in the triangle (m, m) that takes them back: modified Gram-Schmidt."""
+    """Orthonormalise rows (m, n) = lower (m, m) q by modified Gram-Schmidt."""
     for i in range(len(rows)):
         lower[i], after, before = 0.0, length(rows[i]), np.inf
         while after < 0.5 * before:  # reorthogonalise after cancellation

@@ -1,4 +1,4 @@
-"""The law of a contact: Coulomb's friction cone, shifted by cohesion; local forces are (normal, two tangential)."""
+"""Coulomb friction cone, shifted by cohesion; local forces are (normal, two tangential)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from incipient.arrays import Booleans, Floats, Integers
 from incipient.errors import SceneError
 
-FRICTIONLESS = 1e-9  # a coefficient below it counts as zero
-# A coefficient above it counts as infinite; the equations of motion use this value instead.
+FRICTIONLESS = 1e-9  # smaller coefficients count as zero
+# Larger coefficients count as infinite; the equations of motion use this value.
 INFINITE = 1e6
-# Local forces: the normal, the edges of a cone of 45 degrees in 2-D, and all directions along the surface.
+# Local forces: the normal, the edges of a 45-degree cone in 2-D, and the tangential directions.
 NORMAL, EDGES = np.eye(3)[:1], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
 SIDES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
 
@@ -22,10 +22,10 @@ Rows = Integers | Booleans | slice | int
 
 @dataclass(frozen=True, eq=False)
 class FrictionCone:
-    """Forces N >= 0, |T| <= coefficient N; with cohesion N stands for the normal force and the cohesion together.
+    """Forces N >= 0, |T| <= coefficient N, where N is the normal force plus cohesion.
 
-    `coefficient`: static friction of at least 0, or infinite: a number, or (n,) of n cases, all of them
-    frictionless, or all infinite, or none. `cohesion`: the largest pull of a contact [force], of the same shape.
+    `coefficient`: a number, possibly infinite, or (n,), all zero, all infinite or neither.
+    `cohesion`: largest pull of a contact [force], same shape.
     """
 
     coefficient: Floats
@@ -33,7 +33,7 @@ class FrictionCone:
 
     @classmethod
     def of(cls, law: Law, cohesion: float = 0.0) -> FrictionCone:
-        """A given law, or the law of a coefficient; raises SceneError if that is negative or not a number."""
+        """Return a law, or build it from a coefficient; raises SceneError for invalid values."""
         cone = (
             law
             if isinstance(law, FrictionCone)
@@ -50,17 +50,17 @@ class FrictionCone:
         return cone
 
     def rows(self, count: int) -> FrictionCone:
-        """The laws of n cases."""
+        """Broadcast to n cases."""
         both = self.coefficient, self.cohesion
         return FrictionCone(*(np.broadcast_to(number, count) for number in both))
 
     def part(self, rows: Rows) -> FrictionCone:
-        """The law of some of the cases."""
+        """Select cases."""
         cohesion = self.cohesion[rows] if self.cohesion.shape else self.cohesion
         return FrictionCone(self.coefficient[rows], cohesion)
 
     def changed(self, change: float) -> FrictionCone:
-        """The law with a larger or smaller coefficient, of at least 0."""
+        """Shift the coefficient, limited to at least 0."""
         return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))
 
     @property
@@ -70,7 +70,7 @@ class FrictionCone:
 
     @property
     def is_usual(self) -> Booleans:
-        """Mask of coefficients that count as neither zero nor infinite, with valid cohesion."""
+        """Mask of cases with finite non-zero friction and valid cohesion."""
         pulls = (self.cohesion >= 0.0) & np.isfinite(self.cohesion)
         return pulls & (self.coefficient > FRICTIONLESS) & (self.coefficient <= INFINITE)
 
@@ -81,24 +81,21 @@ class FrictionCone:
 
     @cached_property
     def moving(self) -> Floats:
-        """The coefficient that the equations of motion use, zero to INFINITE, shaped as the coefficient."""
+        """Coefficient in the equations of motion, 0 to INFINITE."""
         return np.where(
             self.coefficient < FRICTIONLESS, 0.0, np.minimum(self.coefficient, INFINITE)
         )
 
     @cached_property
     def scaling(self) -> Floats:
-        """(..., 3): cosine, sine, sine of the friction angle; the unit circular cone times it is the friction cone."""
+        """Cosine, sine, sine of the friction angle, (..., 3), which turn the unit cone into the friction cone."""
         scaling = np.empty((*self.coefficient.shape, 3))
         scaling[..., 0] = 1.0 / np.hypot(1.0, self.coefficient)
         scaling[..., 1:] = np.sin(np.arctan(self.coefficient))[..., None]
         return scaling
 
     def generators(self, planar: bool) -> Floats | None:
-        """Local forces (..., g, 3) whose non-negative combinations are the cone; None if it is circular.
-
-        In 2-D the last two are its edges, toward the first tangent and against it.
-        """
+        """Local forces (..., g, 3) that span the cone, in 2-D its edges last; None if it is circular."""
         if self.is_frictionless:
             rigid = NORMAL
         elif self.coefficient.flat[0] > INFINITE:
@@ -108,19 +105,19 @@ class FrictionCone:
         return np.broadcast_to(rigid, (*self.coefficient.shape, *rigid.shape))
 
     def margin(self, local: Floats) -> Floats:
-        """Distance (..., k) of local forces (..., k, 3) from the edge of the cone, negative outside."""
+        """Signed distance (..., k) of local forces (..., k, 3) from the cone's surface, negative outside."""
         cosine, sine = self.scaling[..., 0, None], self.scaling[..., 1, None]
         return np.asarray(sine * local[..., 0] - cosine * np.hypot(local[..., 1], local[..., 2]))
 
     def edge(self, shear: Floats) -> Floats:
-        """Unit forces (..., k, 3) on the edge of the cone along tangential directions (..., k, 2)."""
+        """Unit forces (..., k, 3) on the cone's surface along tangential directions (..., k, 2)."""
         edge = np.ones((*shear.shape[:-1], 3))
         size = np.maximum(np.hypot(shear[..., :1], shear[..., 1:]), 1e-300)
         np.divide(shear, size, out=edge[..., 1:])
         return self.scaling[..., None, :] * edge
 
     def project(self, local: Floats) -> Floats:
-        """Nearest forces in the cone to local forces (..., k, 3)."""
+        """Project local forces (..., k, 3) onto the cone."""
         outside = self.margin(local) < 0.0
         if not outside.any():
             return local
@@ -129,13 +126,10 @@ class FrictionCone:
         return np.where(outside[..., None], along[..., None] * edge, local)
 
     def mobilised(self, pressure: Floats, shear: Floats) -> Floats:
-        """Fraction (..., k) of the shear that friction answers: 1 where a contact sticks.
-
-        pressure, shear: magnitudes (..., k) of the normal and tangential forces.
-        """
+        """Fraction (..., k) of the shear that friction balances under normal and tangential forces (..., k)."""
         limit = self.coefficient[..., None] * pressure
         sticks = limit >= shear
         return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))
 
 
-Law = FrictionCone | float  # the law of the contacts, or its coefficient of static friction
+Law = FrictionCone | float  # contact law, or a coefficient of static friction

@@ -1,15 +1,10 @@
-"""Signorini's and Coulomb's laws at the contacts, as equations, and the impulses that obey them over a time step.
+"""Signorini's and Coulomb's laws for local velocities u = W p + b and impulses p (normal, two
+tangential) at k contacts.
 
-With local velocities u = W p + b (normal, two tangential at each of k contacts) and local impulses p,
-
-    0 <= u_N, 0 <= p_N, u_N p_N = 0,    |p_T| <= friction p_N, and where u_T is not zero p_T opposes it in full
-
-(Moreau 1988; Jean 1999, Comput. Methods Appl. Mech. Eng. 177, 235), that is p = projection of p - r u onto the cylinder
-of radius friction max(0, p_N - r u_N), for any r > 0 (Alart and Curnier 1991). Accelerations and forces at the instant
-of release obey the same equations (`acceleration`). They are not convex: Newton's method is started from several p.
-
-Rolling resistance is friction of the same form: a torque against the turn about the tangents of at most a coefficient
-times p_N (Ai, Chen, Rotter and Ooi 2011, Powder Technol. 206, 269, with a rigid spring).
+0 <= u_N, 0 <= p_N, u_N p_N = 0 and |p_T| <= friction p_N, with equality and p_T against u_T where
+u_T is not zero (Moreau 1988; Jean 1999, Comput. Methods Appl. Mech. Eng. 177, 235), that is p =
+projection of p - r u onto the cylinder of radius friction max(0, p_N - r u_N) for any r > 0 (Alart
+and Curnier 1991), which is not convex: Newton's method starts from several p.
 """
 
 from __future__ import annotations
@@ -27,13 +22,13 @@ from incipient.contact.friction import INFINITE, FrictionCone
 from incipient.contact.kernels import Kernel, add, dot
 from incipient.errors import ConvergenceError
 
-GOOD = 1e-9  # residual of a solution in the laws, dimensionless
+GOOD = 1e-9  # dimensionless residual of a solution
 EXACT = 1e-13  # the same where the laws are linear: a held grain must not creep
-SINGULAR = 1e-9  # singular values below it leave a family of solutions open
-RANK = 1e-9  # singular values below it, relative to the largest, count as zero
-REGULAR = 1e-12  # added to the diagonal of W, over its mean, for impulses that are not unique
-STEPS, PATIENCE = 14, 300  # of Newton's method, the latter where the former do not converge
-# Residuals of a solution; the latter if one more step leaves no better.
+SINGULAR = 1e-9  # singular values below this leave a family of solutions open
+RANK = 1e-9  # singular values below this, relative to the largest, count as zero
+REGULAR = 1e-12  # relative shift of the diagonal of W where impulses are not unique
+STEPS, PATIENCE = 14, 300  # Newton steps; the latter if the former do not converge
+# Residuals of a solution; the latter if a further step gives no improvement.
 CONVERGED, STALLED = 1e-12, 1e-11
 HALVINGS, FALL = 4, 0.1  # of a step, until the squared residual falls by that fraction of it
 SHIFT = 1e-11  # of the derivative, which may be singular
@@ -42,7 +37,7 @@ RANDOM_STARTS = (40, 200)
 
 @dataclass(frozen=True, eq=False)
 class CoulombLaw:
-    """The laws at k contacts: `gain` W (3k, 3k), `free` b (3k,); p - r u is p @ onto + offset."""
+    """Contact laws with W `gain` (3k, 3k) and b `free` (3k,); p - r u is p @ onto + offset."""
 
     gain: Floats
     free: Floats
@@ -52,7 +47,7 @@ class CoulombLaw:
 
     @classmethod
     def of(cls, gain: Floats, free: Floats, friction: float) -> CoulombLaw:
-        """The laws with r the inverse of the mean diagonal of W at each contact."""
+        """Set r to the inverse of the mean diagonal of W at each contact."""
         step = np.repeat(3.0 / gain.diagonal().reshape(-1, 3).sum(axis=1), 3)
         onto = np.eye(len(step)) - gain.T * step
         return cls(gain, free, friction, np.ascontiguousarray(onto), -step * free)
@@ -67,7 +62,7 @@ class CoulombLaw:
         return float(np.abs(local - projected).max())
 
     def is_open(self, local: Floats) -> bool:
-        """Whether the equations at a solution (k, 3) leave a direction open in which velocities change."""
+        """Whether the equations at a solution (k, 3) leave a direction of varying velocities open."""
         derivative = np.empty_like(self.onto)
         trial = local.ravel() @ self.onto + self.offset
         DERIVATIVE(self.onto, self.friction, trial, derivative, rows=2.0 / len(local) ** 3)
@@ -76,40 +71,35 @@ class CoulombLaw:
         return bool((np.abs(ways @ self.gain) > 1e3 * SINGULAR).any())
 
     def newton(self, starts: Floats, steps: int = PATIENCE) -> Floats:
-        """Solutions (s', k, 3) reached from starts (s, k, 3), by STEPS steps or, if these reach none, by `steps`."""
+        """Solutions (s', k, 3) from starts (s, k, 3), after STEPS steps or, if none converges, `steps`."""
         flat = np.ascontiguousarray(starts.reshape(len(starts), -1))
         return np.asarray(
             NEWTON(self.onto, self.offset, self.friction, flat, STEPS, steps)
         ).reshape(-1, *starts.shape[1:])
 
     def solutions(self, start: Floats) -> Iterator[Floats]:
-        """Sets of solutions (s', k, 3), each from more and farther starts than the one before, from p (k, 3) on."""
+        """Sets of solutions (s', k, 3) from p (k, 3), from more and more distant starts."""
         path = [start]
         for part in np.linspace(0.0, 0.95, 20):
             path.extend(replace(self, friction=part * self.friction).newton(path[-1][None]))
         yield self.newton(np.array(path))
-        random = np.random.default_rng(0)  # the same every time: answers must not change
+        random = np.random.default_rng(0)  # fixed: results must be reproducible
         for count in RANDOM_STARTS:
             sizes = 10.0 ** random.uniform(-2.0, 1.0, (count, 1, 1))
             yield self.newton(sizes * random.normal(size=(count, *start.shape)))
 
 
 def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
-    """The impulses (k, 3) at contacts that obey both laws.
+    """Impulses (k, 3) at contacts that satisfy both laws.
 
-    Args:
-        gain: W (3k, 3k), the velocities at the contacts per impulse there; need not be symmetric.
-        free: b (3k,), the velocities there without impulses.
-        friction: (k,) coefficients of the contacts.
-
-    Raises:
-        ConvergenceError: the impulses did not converge.
+    gain: W (3k, 3k), contact velocities per impulse, need not be symmetric; free: b (3k,), contact
+    velocities without impulses; friction: (k,) coefficients. Raises ConvergenceError.
     """
     count, speed = len(friction), float(np.abs(free).max(initial=0.0))
     if speed == 0.0 or free[::3].min(initial=0.0) >= 0.0:
         return np.zeros((count, 3))
     size = float(gain.diagonal().mean())
-    # At contacts with less friction tangential velocities are scaled down and impulses up: one coefficient for all.
+    # Scaling tangential velocities and impulses gives all contacts the same coefficient.
     coefficients = np.minimum(friction, INFINITE)
     most = float(coefficients.max())
     weight = np.ones((count, 3))
@@ -133,18 +123,19 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
 
 
 def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: float) -> Floats:
-    """The impulses (2k, 3) at k contacts that resist rolling: those of the contacts, then their torques.
+    """Impulses (2k, 3) at k contacts with rolling resistance: contact impulses, then torques.
 
-    The torque stands for friction at a second contact whose pressure p' is p_N of the first: Signorini's law
-    gives that if the normal velocity of the second is p' - p_N.
+    Torques of at most rolling p_N (Ai, Chen, Rotter and Ooi 2011, Powder Technol. 206, 269, with a
+    rigid spring) are friction at a second contact, whose normal velocity p' - p_N makes its
+    pressure p' equal p_N.
 
     Args:
-        gain, free: W (6k, 6k) and b (6k,); after those of the contacts a triple each, the first unused, then the
-            turns about both tangents, times a length.
-        friction: (k,) coefficients of the contacts.
+        gain, free: W (6k, 6k) and b (6k,), for each torque an unused entry and the turns about both
+            tangents times a length.
+        friction: (k,) coefficients.
         rolling: the largest torque over that length and the pressure.
 
-    Raises ConvergenceError if the impulses do not converge.
+    Raises ConvergenceError if the iteration does not converge.
     """
     count = len(friction)
     pressures = 3 * np.arange(count)
@@ -157,16 +148,15 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
 
 
 def _by_cases(law: CoulombLaw) -> Floats | None:
-    """Impulses (k, 3) of one or two contacts in 2-D, where each case is linear; None: there are none.
-
-    A contact sticks, slides either way or opens. Where impulses are not unique these are the smallest.
+    """Smallest impulses (k, 3) of one or two 2-D contacts, of linear cases: stick, slide either
+    way, open; or None.
     """
     count = len(law.free) // 3
     if count > 2 or law.gain[2::3].any() or law.free[2::3].any():
         return None
     sticks = np.eye(2, 3)
     slides = [np.array([[1.0, way * law.friction, 0.0]]) for way in (1.0, -1.0)]
-    # Between two contacts that stick friction may hold any load: that is taken only if there is no other solution.
+    # Friction between two sticking contacts may hold any load, which is the last resort.
     each = (sticks, *slides, np.zeros((0, 3)))
     for cases in product(each if count == 1 else each[::-1], repeat=count):
         pushes, zero = block_diag(*cases), block_diag(*(sticks[: len(case)] for case in cases))
@@ -177,13 +167,13 @@ def _by_cases(law: CoulombLaw) -> Floats | None:
     return None
 
 
-# From here on kernels, which numba compiles (`kernels.Kernel`).
+# Kernels compiled by numba (`kernels.Kernel`).
 
 
 def newton(
     onto: Floats, offset: Floats, friction: float, starts: Floats, few: int, many: int
 ) -> Floats:
-    """Solutions (s', h) of Coulomb's law by damped Newton steps from starts (s, h), `many` if `few` reach none."""
+    """Solutions (s', h) by damped Newton steps from starts (s, h); `many` steps if `few` give none."""
     count, width = starts.shape
     force, trial, miss = starts.copy(), np.empty((count, width)), np.empty((count, width))
     merit, done, near = np.empty(count), np.zeros(count), np.zeros(count)
@@ -224,7 +214,7 @@ def newton(
 def _miss(
     onto: Floats, offset: Floats, friction: float, force: Floats, trial: Floats, miss: Floats
 ) -> float:
-    """Fill in the trial f - r A and what forces (h,) miss their projection by; returns its square."""
+    """Trial p - r u and residual of p (h,); returns the squared residual."""
     trial[:] = offset
     for i in range(len(force)):
         add(trial, force[i], onto[i])
@@ -239,7 +229,7 @@ def _miss(
 
 
 def differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> None:
-    """Fill in the generalised Jacobian (h, h) of the miss; at kinks one of the one-sided derivatives."""
+    """Generalised Jacobian (h, h) of the residual; at kinks a one-sided derivative."""
     for i in range(0, len(trial), 3):
         pressure = max(trial[i], 0.0)
         shear = max(math.hypot(trial[i + 1], trial[i + 2]), 1e-300)

@@ -1,4 +1,4 @@
-"""Functions of loops over numbers, interpreted at first and compiled by numba if they are called often."""
+"""Numerical loops, interpreted at first and compiled by numba when called often."""
 
 import math
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import Any
 from incipient.arrays import Floats
 from incipient.interrupt import handlers_kept
 
-# Rows with three equations (2-D), about 2 ms each, before a kernel is compiled: numba takes 0.5 s and 100 MiB to load.
+# Rows with three equations (2-D), about 2 ms each, before compilation: numba takes 0.5 s and 100 MiB to load.
 INTERPRETED = 240
 AT_ONCE = (
     20  # rows in one call that are always compiled, so that tables do not depend on earlier calls
@@ -16,11 +16,10 @@ AT_ONCE = (
 
 
 class Kernel:
-    """A function that is compiled by numba if it is called often; compiled code is kept in `__pycache__`.
+    """Function that numba compiles once it is called often, cached in `__pycache__`.
 
-    Args:
-        function: its first argument ends in a matrix for each row.
-        interpreted: rows with three equations before it is compiled.
+    `interpreted`: rows with three equations before compilation; the first argument ends in a matrix
+    per row.
     """
 
     def __init__(self, function: Callable[..., Any], interpreted: float = INTERPRETED) -> None:
@@ -28,7 +27,7 @@ class Kernel:
         self.compiled: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any, rows: float = 1) -> Any:
-        """Call the function, and compile it after enough rows, weighted by the cube of the number of equations."""
+        """Call the function; `rows` are weighted by the cube of the number of equations."""
         work = rows * (arguments[0].shape[-2] / 3) ** 3
         self.left -= work
         if (self.left < 0 or work >= AT_ONCE) and self.compiled is None:
@@ -39,7 +38,7 @@ class Kernel:
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
-    """The function and all that it calls, compiled at its first call; None without numba."""
+    """Compile the function and its callees at the first call; None without numba."""
     try:
         from numba import njit  # takes a third of a second
     except ImportError:
@@ -57,12 +56,12 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
     entry.__module__ = function.__module__
     try:
         return njit(cache=True, **options)(entry)
-    except RuntimeError:  # there is no directory that numba can write to
+    except RuntimeError:  # no writable cache directory
         return njit(**options)(entry)
 
 
 def dot(a: Floats, b: Floats) -> float:
-    """The scalar product."""
+    """Scalar product."""
     total = 0.0
     for i in range(len(a)):
         total += a[i] * b[i]
@@ -76,12 +75,12 @@ def add(total: Floats, factor: float, vector: Floats) -> None:
 
 
 def length(vector: Floats) -> float:
-    """Euclidean length."""
+    """Euclidean norm."""
     return math.sqrt(dot(vector, vector))
 
 
 def largest(vector: Floats) -> float:
-    """Magnitude of the largest entry."""
+    """Maximum norm."""
     most = 0.0
     for i in range(len(vector)):
         most = max(most, abs(vector[i]))

@@ -1,8 +1,8 @@
-"""Contact problems of rigid grains, dimensionless: a single case is a batch of one.
+"""Contact problems of rigid grains, with lengths over the longest arm from the centre of mass and
+forces over their own magnitude.
 
-Lengths are divided by the longest arm from the centre of mass and forces by their own magnitude, so that nothing
-depends on units. A wrench (6,) is force and torque about the centre of mass. Planar cases, in a coordinate plane
-through the centre, have three equations, all others six.
+Wrenches (6,) are force and torque about the centre of mass; planar cases have three equations,
+others six.
 """
 
 from __future__ import annotations
@@ -20,21 +20,20 @@ from incipient.errors import SceneError
 from incipient.files import plain as of_numbers
 from incipient.geometry.contacts import Contacts, freeze
 
-PLANAR = 1e-12  # dimensionless distance from a coordinate plane up to which a case is planar
-SAME_PLACE = 1e-12  # of the longest arm: contacts nearer than that with equal normals are one
+PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
+SAME_PLACE = 1e-12  # relative to the longest arm: closer contacts with equal normals coincide
 COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
-TINY = 1e-300  # divides instead of zero
-SKEW = np.zeros((3, 9))  # v @ SKEW are the entries of the matrix of v's vector product
+TINY = 1e-300  # avoids division by zero
+SKEW = np.zeros((3, 9))  # v @ SKEW: the entries of the cross-product matrix of v
 SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """Force, torque and weight on the grain without contact forces, each (3,).
+    """Force, torque and weight on the grain, each (3,), without contact forces.
 
-    `flow_force`: the flow's force on the grain; `flow_couple`: its torque about `centre`; `weight`: all else
-    that acts at `centre`, the centre of mass, such as weight and buoyancy. Raises SceneError on anything but
-    three finite numbers each.
+    `flow_couple`: torque of the flow about `centre`, the centre of mass; `weight`: all other forces
+    at `centre`. Raises SceneError unless each has three finite components.
     """
 
     flow_force: Floats
@@ -55,23 +54,24 @@ class Load:
 
     @property
     def force(self) -> Floats:
-        """F_flow&g of (9): flow force and weight together, (3,)."""
+        """F_flow&g of (9): flow force and weight, (3,)."""
         return self.flow_force + self.weight
 
     def shifted(self, change: Floats) -> Load:
-        """The load with the flow's force and torque changed by (6,)."""
+        """Add a wrench (6,) to the flow's force and torque."""
         force, torque = self.flow_force + change[:3], self.flow_couple + change[3:]
         return Load(force, torque, self.weight, self.centre)
 
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
-    """n cases of k distinct contacts each, with the loads on them, dimensionless.
+    """n dimensionless cases of k distinct contacts each.
 
-    `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward normals. `wrenches`
-    (n, 2, 6): unit wrenches of flow and weight, or zero, and their magnitudes `sizes` (n, 2) in the caller's units.
-    `plane` (n, 3, 3): two in-plane axes of planar cases and the normal, otherwise None. `copy` (j,): the distinct
-    contact of each contact of the caller, `fraction` (j,): its fraction of that contact's force.
+    `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward
+    normals. `wrenches` (n, 2, 6): unit wrenches of flow and weight, or zero; `sizes` (n, 2): their
+    dimensional magnitudes. `plane` (n, 3, 3): two in-plane axes and the normal of planar cases.
+    `copy`, `fraction` (j,): the distinct contact of each input contact, and its fraction of the
+    force.
     """
 
     arms: Floats
@@ -88,10 +88,7 @@ class ContactProblem:
     def of(
         cls, load: Load, contacts: Contacts, law: Law, inertia: Floats | None = None
     ) -> ContactProblem:
-        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion planar.
-
-        Raises SceneError if friction is negative or not a number, or all normals point into the grain.
-        """
+        """Build a single case, planar only if `inertia` (3, 3) keeps the motion planar; raises SceneError."""
         arms = contacts.points - load.centre
         require_outward(arms, contacts.normals)
         kept, copy, fraction = _distinct(arms, contacts.normals)
@@ -105,14 +102,14 @@ class ContactProblem:
     def of_rows(
         cls, arms: Floats, normals: Floats, loads: tuple[Floats, Floats, Floats], law: FrictionCone
     ) -> ContactProblem:
-        """Problems, none planar, of arms and unit normals (n, k, 3) under force, torque and weight (n, 3)."""
+        """Build non-planar cases from arms and unit normals (n, k, 3) and force, torque and weight, (n, 3) each."""
         count, k, _ = arms.shape
         reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
         reach[reach == 0.0] = 1.0
         wrenches = np.zeros((count, 2, 6))
         wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
         wrenches[:, 0, 3:] = loads[1] / reach[:, None]
-        # Forces in the cones are those of the contacts and their cohesion together, which pulls the grain to the bed.
+        # Cone forces include cohesion, which pulls the grain to the bed.
         pull = law.cohesion[:, None]
         wrenches[:, 1, :3] += pull * normals.sum(axis=1)
         wrenches[:, 1, 3:] = pull * np.cross(arms, normals).sum(axis=1) / reach[:, None]
@@ -122,9 +119,9 @@ class ContactProblem:
         return cls(*scaled, law, None, np.arange(k), np.ones(k))
 
     def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
-        """The nearest coordinate planes (n, 3, 3): two axes and the normal; and which cases are planar, (n,).
+        """Nearest coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar cases.
 
-        inertia: (n, 3, 3); a planar load gives a planar motion only if the normal is a principal axis.
+        With `inertia` (n, 3, 3), planar cases need the normal as a principal axis.
         """
         vectors = np.concatenate([self.arms, self.inward, self.wrenches[:, :, :3]], axis=1)
         torque = np.abs(self.wrenches[:, 0, 3:])
@@ -140,7 +137,7 @@ class ContactProblem:
         return len(self.arms)
 
     def part(self, rows: Rows) -> ContactProblem:
-        """The problems of some of the cases."""
+        """Select cases."""
         names = ("arms", "inward", "reach", "wrenches", "sizes")
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         plane = None if self.plane is None else self.plane[rows]
@@ -148,13 +145,13 @@ class ContactProblem:
 
     @cached_property
     def frames(self) -> Floats:
-        """(n, k, 3, 3): rows inward normal and two tangents, in planar cases the second across the plane."""
+        """Inward normal and two tangents, (n, k, 3, 3); in planar cases the second tangent is out of plane."""
         across = None if self.plane is None else self.plane[:, None, 2, :, None]
         return contact_frames(self.inward, across)
 
     @cached_property
     def basis(self) -> Floats:
-        """(n, 6, k, 3): wrenches of unit local forces."""
+        """Wrenches (n, 6, k, 3) of unit local forces."""
         moments = _skew(self.arms) @ self.frames.swapaxes(2, 3)
         basis = np.empty((len(self), 6, *self.arms.shape[1:]))
         basis[:, :3] = self.frames.transpose(0, 3, 1, 2)
@@ -163,17 +160,17 @@ class ContactProblem:
 
     @property
     def columns(self) -> Floats:
-        """`basis` as (n, 6, 3k)."""
+        """`basis` reshaped to (n, 6, 3k)."""
         return self.basis.reshape(len(self), 6, -1)
 
     @cached_property
     def generators(self) -> Floats | None:
-        """Local forces (n, g, 3) that span the friction cones; None if these are circular."""
+        """Local forces (n, g, 3) that span the friction cones; None for circular cones."""
         return self.law.generators(self.plane is not None)
 
     @cached_property
     def cone_columns(self) -> Floats:
-        """Wrenches (n, m, h) of the generators of all cones, or of unit circular cones, three columns each."""
+        """Wrenches (n, m, h) of the cones' generators, or of unit circular cones, three columns each."""
         if self.generators is None:
             columns = self.basis * self.law.scaling[:, None, None]
         else:
@@ -182,11 +179,11 @@ class ContactProblem:
 
     @property
     def linear(self) -> int:
-        """Number of factors on `cone_columns` with a bound of zero only: all or none."""
+        """Number of multipliers of `cone_columns` that are merely non-negative: all or none."""
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:
-        """Local forces (n, k, 3) of the factors (n, h) on `cone_columns`."""
+        """Local forces (n, k, 3) of multipliers (n, h) of `cone_columns`."""
         parts = factors.reshape(len(self), self.arms.shape[1], -1)
         if self.generators is None:
             return np.asarray(parts * self.law.scaling[:, None])
@@ -194,7 +191,7 @@ class ContactProblem:
 
     @cached_property
     def projection(self) -> Floats | None:
-        """(n, 3, 6): takes wrenches and accelerations into the planes of planar cases."""
+        """Projection (n, 3, 6) of wrenches and accelerations onto the planes of planar cases."""
         if self.plane is None:
             return None
         rows = np.zeros((len(self), 3, 6))
@@ -202,24 +199,26 @@ class ContactProblem:
         return rows
 
     def within(self, wrenches: Floats) -> Floats:
-        """Wrenches (n, 6, j) with as many rows as there are equations, (n, m, j)."""
+        """Project wrenches (n, 6, j) onto the equations of the problem, (n, m, j)."""
         return wrenches if self.projection is None else np.asarray(self.projection @ wrenches)
 
     def wrench(self, factor: float) -> tuple[Floats, Floats]:
-        """(factor flow + weight) over the sum of both magnitudes, (n, 6), and that sum (n,)."""
+        """Sum of `factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,);
+        both are returned.
+        """
         sizes = self.sizes * [factor, 1.0]
         size = sizes.sum(axis=1)
         whole = (sizes[:, :, None] * self.wrenches).sum(axis=1)
         return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:
-        """Forces (j, 3) on the grain at the caller's contacts, of local forces (k, 3) in the cones of a single case."""
+        """Forces (j, 3) on the grain at the input contacts from local cone forces (k, 3) of a single case."""
         local = local - [self.law.cohesion.item(), 0.0, 0.0]
         return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames[0])[self.copy, 0])
 
 
 def require_outward(arms: Floats, normals: Floats) -> None:
-    """Refuse normals (k, 3) that all point toward the centre of mass: a mistaken sign. Raises SceneError."""
+    """Raise SceneError if all normals (k, 3) point towards the centre of mass, a sign error."""
     if ((arms * normals).sum(axis=1) < 0.0).all():
         raise SceneError(
             "contacts: all normals point into the grain; give them pointing out, into the bed"
@@ -227,7 +226,7 @@ def require_outward(arms: Floats, normals: Floats) -> None:
 
 
 def contact_frames(inward: Floats, across: Floats | None) -> Floats:
-    """(n, k, 3, 3): inward normal and two tangents; the last is `across` (n, 1, 3, 1) if that is given."""
+    """Inward normals and two tangents, (n, k, 3, 3); `across` (n, 1, 3, 1), if given, is the last tangent."""
     turns = _skew(inward)
     if across is None:
         least = np.abs(inward).argmin(axis=2).ravel()
@@ -244,7 +243,7 @@ def contact_frames(inward: Floats, across: Floats | None) -> Floats:
 
 
 def plain(value: Any) -> Any:
-    """Results as dictionaries, lists, names, numbers and None (no number, or infinite), for JSON."""
+    """Convert results to JSON data; infinite and undefined numbers become None."""
     if is_dataclass(value):
         shown = (item.name for item in fields(value) if item.repr)
         return {name: plain(getattr(value, name)) for name in shown}
@@ -256,7 +255,7 @@ def plain(value: Any) -> Any:
 
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
-    """Indices of the distinct contacts, for every contact which of them it is, and its fraction."""
+    """Indices of distinct contacts; the distinct contact of each contact, and its fraction of the force."""
     count, near = len(arms), SAME_PLACE * np.abs(arms).max()
     same = np.abs(arms[:, None] - arms).max(axis=2) <= near
     if np.count_nonzero(same) > count:
@@ -268,5 +267,4 @@ def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats
 
 
 def _skew(vectors: Floats) -> Floats:
-    """The matrices (..., 3, 3) of the vector products with vectors (..., 3)."""
     return np.asarray((vectors @ SKEW).reshape(*vectors.shape, 3))

@@ -1,13 +1,8 @@
-"""Effect of errors of load and friction on the verdict: bounds over a box of loads, and probabilities by sampling.
+"""Effect of errors of load and friction on the verdict: bounds over a box of loads, and sampled probabilities.
 
-A load of a box is weight + s (flow + directions u) with |u_i| <= 1. The loads that contacts hold form a convex cone, so
-
-- whether some load is held at a factor is one conic program, with s u among its unknowns;
-- all loads are held at a factor exactly if those at the corners of the box are. That corners move proves nothing.
-
-Sampled cases have normal and independent errors (friction is cut off at zero). The influence of an input is its
-first-order fraction of the variance of the margin s / (1 + s), s the safety factor: Sobol's first index for independent
-inputs, from the means over classes of the input of equal size, corrected for their number (epsilon squared).
+The loads that contacts hold form a convex cone, so that one conic program tells whether some load
+weight + s (flow + directions u), |u_i| <= 1, is held, and the corners of the box tell whether all
+are.
 """
 
 import itertools
@@ -30,30 +25,30 @@ from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
 Interval = tuple[float, float]
-CLASSES = 20  # at most, of an input, with ten cases in each at least
+CLASSES = 20  # at most, per input, with at least ten cases each
 INPUTS = (
     *(f"{name} {axis}" for name in ("flow_force", "flow_couple") for axis in "xyz"),
     "friction",
 )
-WITHIN = 2.0  # standard errors of every input within which bounds are proved
-DOUBT = 0.05  # chance that a probability of which no case was drawn is larger than said
+WITHIN = 2.0  # standard errors of every input for which bounds are proved
+DOUBT = 0.05  # chance that the probability of an unsampled outcome exceeds its bound
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorBox:
-    """Errors of the flow's load, and of the coefficient of friction."""
+    """Errors of the flow's load and of the coefficient of friction."""
 
-    # (6, m): changes of force and torque about the centre of mass, of which each load has any fraction from -1 to 1.
+    # (6, m): changes of force and torque about the centre of mass, times any fraction from -1 to 1.
     error_directions: Floats
-    friction: float = 0.0  # by how much friction may be smaller or larger
+    friction: float = 0.0  # largest deviation of the coefficient
 
     @classmethod
     def of(cls, errors: Floats) -> "ErrorBox":
-        """The box of errors (6,) of force and torque, each up to its magnitude."""
+        """Box of errors (6,) of force and torque."""
         return cls(np.diag(errors)[:, np.asarray(errors) > 0.0])
 
     def corners(self) -> Floats:
-        """No change, and the changes (1 + 2^m, 6) of the load at the corners."""
+        """Changes (1 + 2^m, 6) of the load: zero, and those at the corners."""
         count = self.error_directions.shape[1]
         signs = np.array([[0.0] * count, *itertools.product((-1.0, 1.0), repeat=count)])
         return np.asarray(signs @ self.error_directions.T)
@@ -63,13 +58,13 @@ class ErrorBox:
 class SafetyRange:
     """Safety factors possible for some load of a box, and those guaranteed for all."""
 
-    # The smallest and the largest factor at which some load of the box, or every load, is held; None if there is none.
+    # Smallest and largest factor at which some load of the box, or every load, is held; None without one.
     possible: Interval | None
     guaranteed: Interval | None
-    # The safety factors of all loads are between them.
+    # Bounds of the safety factors of all loads.
     low: float
     high: float
-    worst: Load  # of the load and those at the corners, that which is held at the fewest factors
+    worst: Load  # of the load and those at the corners, the one with the shortest interval
 
     @property
     def rests(self) -> bool:
@@ -83,12 +78,12 @@ class SafetyRange:
 
     @property
     def width(self) -> float:
-        """Excess length of `possible` over `guaranteed`, on the scale of s / (1 + s)."""
+        """Excess length of `possible` over `guaranteed`, in s / (1 + s)."""
         return _extent(self.possible) - _extent(self.guaranteed)
 
 
 def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> SafetyRange:
-    """The factors at which some load of a box and every load of it are held. Raises SceneError as `safety_factor`."""
+    """Factors at which some load of a box and every load are held. Raises SceneError as `safety_factor` does."""
     cone = FrictionCone.of(law)
     firm, loose = (
         _problem(load, contacts, cone.changed(change), box)
@@ -106,7 +101,7 @@ def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> Saf
 
 
 def held_words(some: Interval | None, every: Interval | None) -> str:
-    """The multiples of the flow's load that hold a grain whose safety factor is zero, in words."""
+    """Describe the multiples of the flow's load that hold a grain whose safety factor is zero."""
     if some is None:
         return "no multiple of the flow's load holds it"
     if some[1] == 0.0:
@@ -118,7 +113,6 @@ def held_words(some: Interval | None, every: Interval | None) -> str:
 
 
 def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -> ContactProblem:
-    """The problem of a load, planar only if all loads of the box are."""
     problem = ContactProblem.of(load, contacts, law)
     if problem.plane is None:
         return problem
@@ -129,16 +123,16 @@ def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -
 
 
 def _flows(problem: ContactProblem, changes: Floats) -> Floats:
-    """Changes (6, j) of the flow's load as wrenches with the equations of the problem, (m, j)."""
+    """Wrenches (m, j) of changes (6, j) of the flow's load."""
     units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
     return problem.within((changes / units[:, None])[None])[0]
 
 
 def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, bool]:
-    """The smallest and the largest factor at which some load of the box is held, and whether the weight is.
+    """Smallest and largest factor at which some load of the box is held, and whether the weight is.
 
-    s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, which count as further contact forces.
-    A program without an answer excludes no load.
+    s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, like further contact
+    forces. An unsolved program excludes no load.
     """
     (low,), (high,), (state,), _ = intervals(problem)
     weight_held, count = state == HELD, box.error_directions.shape[1]
@@ -171,7 +165,7 @@ def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, 
 
 
 def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, int, bool]:
-    """The factors at which loads at all corners are held, the corner held at the fewest, and whether the weight is."""
+    """Factors at which loads at all corners are held, the worst corner, and whether the weight is held."""
     corners = box.corners()
     every = problem.part(np.zeros(len(corners), dtype=int))
     units = np.array([1.0, 1.0, 1.0, *3 * [every.reach[0]]])
@@ -193,7 +187,7 @@ def _contains(interval: Interval | None, factor: float) -> bool:
 
 
 def _extent(interval: Interval | None) -> float:
-    """The length of an interval of safety factors s on the scale of s / (1 + s)."""
+    """Length of an interval of factors s on the scale of s / (1 + s)."""
     return 0.0 if interval is None else 1.0 / (1.0 + interval[0]) - 1.0 / (1.0 + interval[1])
 
 
@@ -201,8 +195,8 @@ def _extent(interval: Interval | None) -> float:
 class StandardErrors:
     """Standard errors of the flow's force and torque (3,) and of the friction coefficient.
 
-    `about`: the point (3,) that the torque was measured about; an error of the force then moves the torque
-    about the centre of mass as well. None: the centre of mass.
+    `about`: reference point (3,) of the torque, by default the centre of mass; errors of the force
+    also change the torque about the latter.
     """
 
     flow_force: Floats = field(default_factory=lambda: np.zeros(3))
@@ -225,12 +219,12 @@ class StandardErrors:
 
     @property
     def sizes(self) -> dict[str, float]:
-        """The standard error of each input by its name: ``flow_force x`` ... ``flow_couple z``, ``friction``."""
+        """Standard error of each input by name."""
         values = [*self.flow_force, *self.flow_couple, self.friction]
         return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
 
     def arm(self, centre: Floats) -> Floats:
-        """Vector (3,) from the centre of mass to the point that the torque is measured about."""
+        """Vector (3,) from the centre of mass to the reference point of the torque."""
         return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
 
     def box(self, centre: Floats) -> ErrorBox:
@@ -244,9 +238,8 @@ class StandardErrors:
 class Probability:
     """A probability, its standard error, and both in words.
 
-    Of k cases in n: k / n, and the standard deviation of Beta(k + 1, n - k + 1), the posterior of a uniform prior,
-    which is not zero where all cases agree. `words`: "34.1 +- 1.5%"; for k = 0 and k = n the bound that holds with a
-    probability of 95%: "<0.3%".
+    For k of n cases k / n, and the standard deviation of Beta(k + 1, n - k + 1), the posterior of a
+    uniform prior. `words`: "34.1 +- 1.5%"; for k = 0 and k = n the 95% bound: "<0.3%".
     """
 
     value: float
@@ -255,11 +248,11 @@ class Probability:
 
     @classmethod
     def of(cls, count: int, total: int) -> "Probability":
-        """The probability of what happened in `count` of `total` cases, with its standard error."""
+        """Probability of an event seen in `count` of `total` cases."""
         mean = (count + 1.0) / (total + 2.0)
         error = float(np.sqrt(mean * (1.0 - mean) / (total + 3.0)))
         extreme = count in (0, total)
-        # The bound where all cases agree; as many decimals as it or the standard error have.
+        # The bound if all cases agree; as many decimals as it or the standard error needs.
         percent = 100.0 * (1.0 - DOUBT ** (1.0 / (total + 1.0)) if extreme else error)
         digits = max(1, -math.floor(math.log10(percent)))
         words = f"{100.0 * count / total:.{digits}f} +- {percent:.{digits}f}%"
@@ -270,7 +263,9 @@ class Probability:
 
 @dataclass(frozen=True)
 class Within:
-    """Range of safety factors with every input within two standard errors, and whether one verdict holds there."""
+    """Range of safety factors with every input within two standard errors, and whether the verdict
+    is the same throughout.
+    """
 
     low: float
     high: float
@@ -279,7 +274,7 @@ class Within:
 
     @classmethod
     def of(cls, bounds: SafetyRange) -> "Within":
-        """A range of safety factors in words."""
+        """Describe a range of safety factors in words."""
         says = "it may rest and it may move"
         if bounds.rests or bounds.moves:
             says = f"it {'moves' if bounds.moves else 'rests'} for certain"
@@ -296,16 +291,16 @@ class Probabilities:
 
     samples: int
     seed: int
-    # Probability of each mode met, by the paper's criteria and by the exact one, the most likely first.
+    # Probability of each observed mode, by the paper's criteria and by the exact one, most likely first.
     criteria: dict[str, Probability]
     equilibrium: dict[str, Probability]
-    # Probability that the grain moves, by the paper's criteria and by the exact one.
+    # Probability of motion, by the paper's criteria and by the exact one.
     moves_criteria: Probability
     moves_equilibrium: Probability
     same: Probability  # that both criteria agree on rest or motion
     margin: tuple[float, float, float]  # 5%, 50% and 95% of the safety factor
     influence: dict[str, float]  # first-order fraction of the variance, of each input
-    most: str | None  # the input that matters most; None: the margin does not vary
+    most: str | None  # the most influential input; None if the margin does not vary
     within: Within  # range within two standard errors
 
     @property
@@ -327,11 +322,10 @@ def probabilities(
     seed: int = 0,
     mass_and_inertia: MassAndInertia | None = None,
 ) -> Probabilities:
-    """Judge `samples` cases drawn around a load and friction with standard errors.
+    """Evaluate `samples` cases with normal, independent errors of load and friction (at least zero).
 
-    Without `mass_and_inertia` the exact criterion decides only between rest and motion.
-
-    Raises SceneError as `classify` does, and for less than one sample.
+    Without `mass_and_inertia` the exact criterion distinguishes rest and motion only. Raises
+    SceneError as `classify` does, and for less than one sample.
     """
     if samples < 1:
         raise SceneError(f"samples is {samples}; draw at least one case")
@@ -368,10 +362,7 @@ def probabilities(
 def draw(
     load: Load, law: Law, errors: StandardErrors, samples: int, seed: int
 ) -> dict[str, Floats]:
-    """Independent values (samples,) of every input by its name in INPUTS.
-
-    Torques are about `errors.about`; an input without error keeps its value.
-    """
+    """Samples (samples,) of every input by name; torques are about `errors.about`."""
     noise = np.random.default_rng(seed).standard_normal((samples, 7))
     torque = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
     means = np.array([*load.flow_force, *torque, FrictionCone.of(law).coefficient])
@@ -381,14 +372,17 @@ def draw(
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
-    """First-order fraction of the variance of an output (n,) for every input (n,); empty if the output is constant."""
+    """Fraction of the variance of an output (n,) explained by each input (n,); empty for a constant output.
+
+    Sobol's first index of independent inputs, from means over equal classes of the input, corrected
+    for their number (epsilon squared).
+    """
     if np.ptp(output) <= 1e-12 * max(float(np.abs(output).max()), 1e-300):
         return {}
     return {name: _correlation_ratio(values, output) for name, values in inputs.items()}
 
 
 def _correlation_ratio(values: Floats, output: Floats) -> float:
-    """Epsilon squared of the output over classes of the input of equal size."""
     count, classes = len(output), max(2, min(CLASSES, len(output) // 10))
     if count <= classes:
         return 0.0

@@ -1,13 +1,8 @@
-"""Rocking of a grain in its pocket: its equilibrium, continued from the weight alone to larger loads of the flow.
+"""Rocking of a grain in its pocket: its rest position, continued from the weight alone to larger flow loads.
 
-Contacts that hold a grain against its weight but not against every load (one in 2-D, one or two in 3-D) give
-way to any flow. In a stable trough the grain then reaches another equilibrium, slightly turned and shifted. The
-equilibrium under weight + s (flow force, flow torque) is continued from s = 0 with the settling of `geometry.settle`:
-contacts with a reserve hold up to their capacity, otherwise the grain settles again in short steps. Where even the
-shortest step has no equilibrium nearby, the grain leaves its pocket.
-
-The flow's load is frozen: force and torque about the centre of mass are those of the first pose, also for a grain that
-has turned and moved. `drift` estimates the error.
+Contacts with a reserve hold up to their capacity, otherwise the grain settles again
+(`geometry.settle`) in short steps until no rest is nearby; force and torque about the centre of
+mass keep their values at the first pose.
 """
 
 import math
@@ -31,22 +26,22 @@ from incipient.geometry.settle import settle_under
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
 
-# By how many grain sizes, and radians, a rest may jump and be in the same pocket: with less than half a right angle the
-# same side of the grain is down.
+# Largest jump, in grain sizes and radians, within one pocket: below half a right angle the same side of the grain
+# stays down.
 POCKET, SIDE = 0.3, 0.75
-# Steps of the fraction a/(1 + a) that the flow's load has in all of it, a in weights.
+# Steps of the flow's fraction a/(1 + a) of the load, a in weights.
 FIRST, LONGEST, GROWTH = 0.02, 0.1, 3.0
-SHRINK = 0.005  # of steps from no flow at all
+SHRINK = 0.005  # of steps from no flow
 RESOLVED = 5e-3  # relative tolerance of the critical factor
 NOTHING = 1e-4  # fraction that counts as none
 ALL = 0.999  # fraction that counts as all
-BEYOND = 0.02  # by how much the load that shows the motion is more than critical
-MOST_STEPS, MOST_WAY = 200, 20  # of the load, and of the grain on its way to a rest close by
+BEYOND = 0.02  # relative excess over the critical load at which the mode is evaluated
+MOST_STEPS, MOST_WAY = 200, 20  # load steps, and settling steps to a nearby rest
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A rest under the weight and the flow's load at factors from `low` to `high`."""
+    """Rest position under the weight and the flow's load at factors from `low` to `high`."""
 
     low: float
     high: float
@@ -56,13 +51,13 @@ class Rest:
 
 @dataclass(frozen=True, eq=False)
 class Rocking:
-    """The rests of a grain as the load of the flow, frozen, grows."""
+    """Rest positions of a grain under an increasing, frozen flow load."""
 
     rests: tuple[Rest, ...]  # in the order of factors, the first under the weight alone
-    critical: float  # the largest factor with a rest in the pocket; inf: every one has one
+    critical: float  # the largest factor with a rest in the pocket; may be infinite
     mode: str  # how the grain leaves the last rest, by the exact criterion; "rest" if it does not
-    size: float  # the grain's largest diameter
-    round: bool  # whether rotation does not change its shape
+    size: float  # largest diameter of the grain
+    round: bool  # whether rotation leaves its shape unchanged
 
     @property
     def leaves(self) -> bool:
@@ -71,19 +66,19 @@ class Rocking:
 
     @property
     def last(self) -> Rest:
-        """The rest at factor one, or the last one before the grain leaves."""
+        """Rest at factor one, or the last one before the grain leaves."""
         return next((rest for rest in self.rests if rest.high >= 1.0), self.rests[-1])
 
     def turned(self, rest: Rest) -> float:
-        """Angle by which the grain has turned to a rest [radians]."""
+        """Rotation of the grain since the first rest [radians]."""
         return float(np.linalg.norm(rest.placement.turn_since(self.rests[0].placement)))
 
     def moved(self, rest: Rest) -> float:
-        """Distance by which the grain's centre has moved to a rest [length]."""
+        """Displacement of the grain's centre since the first rest [length]."""
         return math.dist(rest.placement.centre, self.rests[0].placement.centre)
 
     def drift(self, rest: Rest) -> float:
-        """Estimated relative change of the flow's load from the frozen one: shift over size, and turn."""
+        """Estimated relative change of the flow's load by displacement and rotation."""
         return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
 
     def way(self, rest: Rest) -> str:
@@ -93,7 +88,7 @@ class Rocking:
 
     @property
     def sentence(self) -> str:
-        """Outcome in a sentence."""
+        """The outcome in a sentence."""
         way, factor = self.way(self.last), f"safety factor {self.critical:.4g}"
         if self.leaves:
             way = f"begins to move ({self.mode}), having rocked, {way}"
@@ -132,14 +127,13 @@ def follow(
     mass_and_inertia: MassAndInertia | None = None,
     resolved: float = RESOLVED,
 ) -> Rocking | None:
-    """Follow the rest of a grain from its weight alone until it leaves its pocket; None if it has no rest at `start`.
+    """Continue the rest of a grain from its weight alone until it leaves its pocket.
 
-    None with cohesion as well: a contact that opens is torn off, and other rests are sought without it.
+    None if it has no rest at `start`, and with cohesion, for which other rests are not computed.
+    The load acts at the grain's centroid, not `load.centre`. Without mass and inertia the mode is
+    unknown. `resolved` is the relative tolerance of the critical factor.
 
-    `load.centre` is not used: the load acts at the grain's centroid. Without mass and inertia the mode is not known.
-    `resolved` is the relative tolerance of the critical factor.
-
-    Raises SceneError if grain and bed are not of one dimension, or friction is not a coefficient.
+    Raises SceneError if grain and bed differ in dimension, or friction is invalid.
     """
     pocket = _Pocket(grain, bed, load, FrictionCone.of(law), resolved)
     first = None if pocket.law.is_cohesive else pocket.rest(0.0, start)
@@ -157,8 +151,6 @@ def follow(
 
 @dataclass(frozen=True, eq=False)
 class _Pocket:
-    """A grain on its bed, and the load of the flow that grows in proportion."""
-
     grain: Grain | Solid
     bed: Bed | Terrain
     load: Load
@@ -167,27 +159,24 @@ class _Pocket:
 
     @property
     def round(self) -> bool:
-        """Whether the grain is a disc or a sphere."""
         return type(self.grain).__name__ in ("Disc", "Sphere")
 
     @cached_property
     def unit(self) -> float:
-        """The factor at which the flow's force and torque over size equal the weight in magnitude."""
+        """Factor at which the flow's force and torque over size equal the weight in magnitude."""
         flow = math.hypot(*self.load.flow_force, *(self.load.flow_couple / self.size))
         return math.hypot(*self.load.weight) / flow if flow else math.inf
 
     @cached_property
     def size(self) -> float:
-        """The grain's largest diameter."""
         return self.grain.size
 
     def load_at(self, factor: float, placement: Placement) -> Load:
-        """The load at a factor, on the grain where it is."""
         flow, torque = factor * self.load.flow_force, factor * self.load.flow_couple
         return Load(flow, torque, self.load.weight, spatial(placement.centre))
 
     def rest(self, factor: float, start: Placement) -> Rest | None:
-        """The stable rest in the same pocket as `start` under the load at a factor."""
+        """Stable rest in the pocket of `start` under the load at a factor, or None."""
         acting = self.load_at(factor, start)
         force, torque = acting.force, acting.flow_couple
         if self.grain.gdim == 2:
@@ -210,9 +199,9 @@ class _Pocket:
         return Rest(factor, self._held_to(factor, placement, contacts), placement, contacts)
 
     def rests(self, rest: Rest) -> Iterator[Rest]:
-        """The rests from the first one on as the factor grows; the `high` of the last is the critical factor."""
-        # The smallest fraction at which no nearby rest was computed, and the step to the next: a short one beyond all
-        # that the contacts hold, since they rarely give way to another rest.
+        """Rests with increasing factor; `high` of the last is the critical factor."""
+        # The smallest fraction without a nearby rest, and the next step: short beyond the capacity of the contacts,
+        # since they rarely yield to another rest.
         lost, step = 1.0, FIRST if self._fraction(rest.high) <= NOTHING else 0.0
         for _ in range(MOST_STEPS):
             fraction = self._fraction(rest.high)
@@ -234,7 +223,7 @@ class _Pocket:
         yield replace(rest, high=0.0 if none else math.inf) if none or every else rest
 
     def _tried(self, fraction: float, step: float, lost: float, shortest: float) -> float:
-        """The next fraction to try, which does not skip the fraction of factor one."""
+        """Next fraction, not beyond that of factor one."""
         if fraction <= NOTHING and lost < 1.0:
             return max(SHRINK * lost, fraction + shortest)
         whole, tried = (
@@ -244,17 +233,16 @@ class _Pocket:
         return whole if fraction < whole < tried else tried
 
     def _fraction(self, factor: float) -> float:
-        """The flow's part of the load at a factor."""
         return 1.0 if math.isinf(factor) else factor / (self.unit + factor)
 
     def _held_to(self, factor: float, placement: Placement, contacts: Contacts) -> float:
-        """The largest factor, not below the one that the contacts hold already, up to which they hold the load."""
+        """Largest factor, at least the current one, up to which the contacts hold the load."""
         interval = safety_factor(self.load_at(1.0, placement), contacts, self.law).interval
         if interval is None or interval[0] > factor * (1.0 + self.resolved):
             return factor
         return max(factor, interval[1])
 
     def _far(self, before: Placement, after: Placement) -> bool:
-        """Whether the grain has moved or turned too far for its pocket."""
+        """Whether the grain has left its pocket."""
         turned = 0.0 if self.round else float(np.linalg.norm(after.turn_since(before)))
         return math.dist(before.centre, after.centre) > POCKET * self.size or turned > SIDE

@@ -1,4 +1,4 @@
-"""The safety factor: the largest multiple of the flow's load that the contacts balance."""
+"""Safety factor: the largest multiple of the flow's load that the contacts balance."""
 
 import math
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from incipient.contact.problem import TINY, ContactProblem, Load
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
-# Contact forces and cone margins below it, relative to the largest force, count as zero.
+# Contact forces and cone margins below this, relative to the largest force, count as zero.
 NO_FORCE = 1e-7
 
 
@@ -42,14 +42,13 @@ class ConeState(Enum):
 
 @dataclass(frozen=True, eq=False)
 class SafetyFactor:
-    """The safety factor and contact forces that attain it.
+    """Safety factor and contact forces that attain it.
 
-    `value`: the largest s >= 0 such that forces in the friction cones balance weight + s times the flow's
-    load; math.inf if there is no largest; 0 if the weight alone is not held. `interval`: the smallest and the
-    largest s that are balanced, None if none is. `held`: whether 1 is in it. `contact_forces` (n, 3) on the
-    grain balance the load at `factor`: the largest of the interval; if that is infinite 1, or twice the
-    smallest if 1 is not in it; NaN, with zero forces, if there is no interval. `contact_states`: of these
-    forces; `residual`: how far equilibrium and cones are missed, relative to the largest force.
+    `value`: the largest s >= 0 for which forces in the friction cones balance weight + s times the
+    flow's load; infinite if unbounded, 0 if the weight alone is not held. `interval`: smallest and
+    largest balanced s, or None. `contact_forces` (n, 3) balance the load at `factor`: the upper end
+    of the interval or, if infinite, 1 or twice the lower end; NaN, with zero forces, without an
+    interval. `residual`: violation of equilibrium and cones, relative to the largest force.
     """
 
     value: float
@@ -64,24 +63,21 @@ class SafetyFactor:
 
     @cached_property
     def jams(self) -> bool:
-        """Whether forces in the cones can balance one another, so that contact forces have no bound."""
+        """Whether contact forces are unbounded, since cone forces can balance one another."""
         return can_jam(self.problem)
 
 
 def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
-    """The largest s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
+    """Maximise s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
 
-    At every contact the force on the grain has a part N >= 0 along the inward normal and a tangential part of
-    at most friction N. In 2-D, and where friction is zero or infinite, the program is linear.
-
-    Raises SceneError if friction is negative or not a number (it may be infinite), ConvergenceError if the program is
-    not solved.
+    Raises SceneError for negative or undefined friction (infinite is allowed), ConvergenceError if
+    the program is not solved.
     """
     return safety_of(ContactProblem.of(load, contacts, law))
 
 
 def safety_of(problem: ContactProblem) -> SafetyFactor:
-    """The safety factor of a single case. Raises ConvergenceError if the program is not solved."""
+    """Safety factor of a single case; raises ConvergenceError."""
     balanced = intervals(problem)
     if balanced.state[0] == FAILED:
         raise ConvergenceError(
@@ -89,7 +85,7 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
         )
     low, high, weight_held = balanced.low.item(), balanced.high.item(), balanced.state[0] == HELD
     interval, factor, local = (low, high), high, balanced.local
-    if math.isnan(low) or math.isinf(low):  # balanced by no finite multiple
+    if math.isnan(low) or math.isinf(low):  # no finite multiple is balanced
         factor, local = math.nan, np.zeros_like(local)
     elif math.isinf(high):
         factor = 1.0 if low < 1.0 else 2.0 * low
@@ -116,9 +112,9 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
 
 
 class Intervals(NamedTuple):
-    """Smallest and largest balanced factors (n,) of n problems, NaN if none, states of their weights (n,), and forces.
+    """Smallest and largest balanced factors (n,), NaN if none, and states of the weights (n,).
 
-    The local forces (n, k, 3), in the load's unit, balance the load at the largest factor if that is finite.
+    `local` (n, k, 3): dimensional forces that balance the load at the largest factor, if finite.
     """
 
     low: Floats
@@ -133,7 +129,7 @@ class Intervals(NamedTuple):
 
 
 def intervals(problem: ContactProblem) -> Intervals:
-    """The balanced factors of n problems."""
+    """Compute the balanced factors of n problems."""
     both = problem.within(problem.wrenches.swapaxes(1, 2))
     flow, weight = np.ascontiguousarray(both.transpose(2, 0, 1))
     low, high, state, factors = INTERVALS(
@@ -146,10 +142,10 @@ def intervals(problem: ContactProblem) -> Intervals:
 
 
 def factors_that_balance(columns: Floats, wrench: Floats, linear: int) -> Floats | None:
-    """Factors (h,) on columns (m, h) that balance a wrench (m,), or None: the shortest, or those most inside.
+    """Multipliers (h,) of columns (m, h) that balance a wrench (m,): the shortest, or those deepest
+    inside; or None.
 
-    The first `linear` factors are non-negative, the others triples in unit cones. Raises ConvergenceError if the
-    program is not solved.
+    The first `linear` are non-negative, the others triples in unit cones. Raises ConvergenceError.
     """
     size = float(np.linalg.norm(wrench))
     if size == 0.0:
@@ -164,7 +160,7 @@ def factors_that_balance(columns: Floats, wrench: Floats, linear: int) -> Floats
 
 
 def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None:
-    """Local forces (1, k, 3) in the cones that balance a single case at a factor, or None."""
+    """Local cone forces (1, k, 3) that balance a single case at a factor, or None."""
     wrench, size = problem.wrench(factor)
     target = problem.within(wrench[:, :, None])[0, :, 0]
     factors = factors_that_balance(problem.cone_columns[0], target, problem.linear)
@@ -172,12 +168,12 @@ def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None
 
 
 def can_jam(problem: ContactProblem) -> bool:
-    """Whether contact forces in the cones of a single case, not all zero, balance one another."""
+    """Whether non-zero cone forces of a single case can balance one another."""
     push = problem.inward[0].sum(axis=0)
     cosine, sine, _ = problem.law.scaling[0]
     inward = problem.frames[0] @ push
     if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
-        return False  # every force in the cones has a part along the same direction
+        return False  # all cone forces have a positive component along one direction
     columns, step = problem.cone_columns[0], 3 if problem.generators is None else 1
     rows, target = np.vstack([columns, np.zeros(columns.shape[1])]), np.zeros(len(columns) + 1)
     rows[-1, ::step], target[-1] = 1.0, -1.0

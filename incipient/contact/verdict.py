@@ -1,7 +1,5 @@
-"""The verdict on one case: both criteria, whether they agree, and why not.
-
-Two questions are compared: whether the grain moves, and if both criteria say so, which of lifting, sliding and turning
-the motion consists of. Each difference has one `Reason`.
+"""Verdict on one case: both criteria, their agreement on rest, lifting, sliding and turning, and
+the reason for a difference.
 """
 
 import math
@@ -23,7 +21,7 @@ from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
 MassAndInertia = tuple[float, Floats]  # mass, and inertia (3, 3) about the centre of mass
-NEAR = 1e-6  # a safety factor nearer to one is a boundary case
+NEAR = 1e-6  # distance of the safety factor from one below which a case is on the boundary
 
 
 class Family(Flag):
@@ -35,8 +33,8 @@ class Family(Flag):
     TURNS = auto()
 
 
-# The families of the paper's outcomes, seen at the contacts. Pivoting combined with lifting keeps a contact or leaves
-# it; a rotation away from the surface leaves all, whether it is called lifting or not.
+# Families of the paper's outcomes. Pivoting with lifting keeps a contact or leaves it; a rotation away from the
+# surface leaves all contacts, whether or not it is called lifting.
 FAMILIES: dict[Mode, tuple[Family, ...]] = {
     Mode.SLIDING: (Family.SLIDES,),
     Mode.LIFTING: (Family.LIFTS,),
@@ -62,7 +60,7 @@ FAMILY: dict[ExactMode, Family] = {
 
 
 class Reason(Enum):
-    """Why the two criteria differ, in a sentence."""
+    """Reason for a difference between the criteria, in a sentence."""
 
     BOUNDARY = "the load is on the boundary between rest and motion, where round-off decides"
     JAMMED = (
@@ -100,7 +98,7 @@ class Reason(Enum):
 
 @dataclass(frozen=True)
 class Agreement:
-    """Whether the criteria agree on rest or motion and on its family, and the reason if they differ.
+    """Agreement of the criteria, and the reason for a difference.
 
     `same_family` is None where a criterion names no mode.
     """
@@ -111,22 +109,18 @@ class Agreement:
 
     @property
     def agree(self) -> bool:
-        """Whether the criteria agree on rest or motion and, where both name a mode, on its family."""
+        """Whether the criteria agree on rest or motion and, if known, on its family."""
         return self.same_moves and self.same_family is not False
 
     @property
     def explanation(self) -> str:
-        """The reason in a sentence; empty where there is nothing to explain."""
+        """The reason in words, or ""."""
         return "" if self.reason is None else self.reason.value
 
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """The safety factor, and the incipient motion where the grain moves.
-
-    `motion` is None where the grain rests, where mass and inertia are not given, and where no solution was
-    computed, for the reason `unsolved`.
-    """
+    """Safety factor and incipient motion; `motion` is None at rest, without inertia, or if `unsolved`."""
 
     safety: SafetyFactor
     motion: IncipientMotion | None
@@ -134,12 +128,12 @@ class Exact:
 
     @property
     def moves(self) -> bool:
-        """Whether no contact forces in the friction cones balance the load."""
+        """Whether no contact forces balance the load."""
         return not self.safety.held
 
     @property
     def label(self) -> str:
-        """The mode in words; where it is not known only that the grain moves."""
+        """Mode in words; "moves" if it is unknown."""
         if self.motion is not None and self.motion.moves:
             return self.motion.first.mode.label
         return "moves" if self.moves else "rest"
@@ -148,10 +142,7 @@ class Exact:
 def judged(
     load: Load, contacts: Contacts, law: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Exact:
-    """The safety factor and, if the grain moves, its incipient motion.
-
-    Raises SceneError as `safety_factor` and `incipient_motion` do.
-    """
+    """Compute the safety factor and, if the grain moves, its incipient motion; raises SceneError."""
     known = None if mass_and_inertia is None else checked_inertia(*mass_and_inertia)
     problem = ContactProblem.of(load, contacts, law, known and known[1][0])
     safety = safety_of(problem)
@@ -176,7 +167,6 @@ def compare(paper: Classification, exact: Exact) -> Agreement:
 
 
 def _families(exact: Exact) -> set[Family]:
-    """The families of all motions that are possible by the exact criterion."""
     if exact.motion is None or not exact.moves:
         return {Family.REST}
     return {FAMILY[solution.mode] for solution in exact.motion.solutions}
@@ -188,7 +178,7 @@ def _at_boundary(exact: Exact) -> bool:
 
 def _why_only_one_moves(paper: Classification, exact: Exact) -> Reason:
     if _at_boundary(exact) or exact.moves:
-        return Reason.BOUNDARY  # contact forces that satisfy the paper's rest also satisfy statics
+        return Reason.BOUNDARY  # rest by the paper's criteria implies static equilibrium
     if exact.safety.jams and np.isinf(exact.safety.value):
         return Reason.JAMMED
     some = list(paper.significant)
@@ -223,7 +213,7 @@ def _why_another_motion(paper: Classification, exact: Exact, families: set[Famil
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """Outcome of the paper's criteria and of the exact criterion, and their agreement."""
+    """Outcome of both criteria, and their agreement."""
 
     criteria: Classification
     equilibrium: Exact
@@ -236,11 +226,11 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """Verdicts of the exact criterion, with the safety factor, and of the paper's criteria; their agreement."""
+        """Both verdicts and their agreement, in words."""
         return f"{exact_sentence(self.equilibrium)}; {paper_sentence(self)}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; an infinite safety factor is None with the status UNLIMITED."""
+        """Plain data for JSON; an infinite safety factor is None with status UNLIMITED."""
         exact, agreement = self.equilibrium, self.agreement
         motion = None if exact.motion is None else exact.motion.to_dict()
         factor = plain(exact.safety.value)
@@ -277,7 +267,7 @@ def judge(
 
 
 def exact_sentence(exact: Exact) -> str:
-    """Rest or motion by the exact criterion, and the meaning of the safety factor."""
+    """Verdict of the exact criterion in words."""
     margin = _margin(exact.safety)
     if not exact.moves:
         return f"the grain stays at rest, {margin}"
@@ -288,7 +278,7 @@ def exact_sentence(exact: Exact) -> str:
 
 
 def paper_sentence(verdict: Verdict) -> str:
-    """Outcome of the paper's criteria, and the reason if the exact criterion differs."""
+    """Verdict of the paper's criteria in words, with the reason for a difference."""
     paper, agreement = verdict.criteria, verdict.agreement
     verdict_text = "by the paper's criteria there is no incipient motion"
     if paper.moves:

@@ -1,4 +1,4 @@
-"""Error against time: the frontier, the power law along it, and the wording of fractions and times."""
+"""Frontier of error against time, the power law along it, and wording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST_SPAN = 2.0  # least ratio of the largest to the smallest error in a fit
 
 
 def extrapolated(three: Sequence[float], ratio: float) -> float | None:
-    """Richardson extrapolation of three values, the finest last, at the observed order; None if they diverge."""
+    """Richardson extrapolation of three values, finest last, at the observed order; None if they diverge."""
     coarse, fine, finest = three
     before, last = fine - coarse, finest - fine
     if last == 0.0 or before / last <= 0.0:
@@ -26,7 +26,7 @@ def extrapolated(three: Sequence[float], ratio: float) -> float | None:
 
 
 def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) -> list[int]:
-    """Indices of the Pareto-optimal runs, the cheapest first; each gains a factor `gain` on all cheaper ones."""
+    """Indices of Pareto-optimal runs, cheapest first, each better by a factor `gain` than all cheaper ones."""
     best, indices = math.inf, []
     for index in sorted(range(len(costs)), key=lambda i: (costs[i], errors[i])):
         if gain * errors[index] < best:
@@ -49,12 +49,12 @@ class CostLaw:
 
     @property
     def digit(self) -> float:
-        """Factor on the time beyond the start for an error ten times smaller."""
+        """Factor on the time beyond the start for a tenfold smaller error."""
         return 10.0 ** (1.0 / self.power)
 
 
 def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence[float]) -> float:
-    """Fixed cost of a run: the part of the times that is independent of unknowns and solves."""
+    """Fixed cost of a run, independent of unknowns and solves."""
     from scipy.optimize import nnls
 
     t, n, s = (np.asarray(values, dtype=float) for values in (times, unknowns, solves))

@@ -1,4 +1,4 @@
-"""Resolutions of a cost study: velocity orders, cell sizes and time steps around those of a scene."""
+"""Resolutions of a cost study: orders, cell sizes and time steps around a scene's."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EXAMPLES = {"orders": "2 3", "sizes": "2 1.4 1", "steps": "4 2 1"}
 
 @dataclass(frozen=True, order=True)
 class Rung:
-    """A resolution: order of the velocity, factor on cell sizes, time step (None: steady)."""
+    """A resolution: velocity order, factor on cell sizes, time step (None: steady)."""
 
     order: int
     mesh_size: float
@@ -34,17 +34,17 @@ class Rung:
         return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}"
 
     def finer(self, times: int) -> Rung:
-        """The rung of the same order, refined `times` times in cells and steps; negative: coarsened."""
+        """Refine cells and steps `times` times; negative: coarsen."""
         step = None if self.step is None else self.step / 2.0**times
         return Rung(self.order, self.mesh_size / RATIO**times, step)
 
     def is_close(self, other: Rung) -> bool:
-        """Whether both rungs agree within round-off."""
+        """Whether both rungs agree to round-off."""
         pairs = ((self.mesh_size, other.mesh_size), (self.step or 0.0, other.step or 0.0))
         return self.order == other.order and all(math.isclose(*pair) for pair in pairs)
 
     def of(self, scene: Scene) -> Scene:
-        """The scene at this resolution, without error bars and output. Raises SceneError for an invalid resolution."""
+        """The scene at this resolution, without error bars and output. Raises SceneError."""
         fields = type(scene.numerics).model_fields
         numerics: dict[str, Any] = {name: fields[name].default for name in BY_REFINEMENT}
         numerics |= {"order": self.order, "mesh_size": self.mesh_size, "error_bars": False}
@@ -54,7 +54,7 @@ class Rung:
 
 
 def own_rung(scene: Scene) -> Rung:
-    """The resolution of the scene, defaults included."""
+    """Resolution of the scene, defaults included."""
     step = None if scene.time is None else scene.time.step
     return Rung(order_of(scene).number, scene.numerics.mesh_size, step)
 
@@ -66,15 +66,13 @@ def ladder(
     sizes: Sequence[float] | None = None,
     steps: Sequence[float] | None = None,
 ) -> tuple[Rung, ...]:
-    """The rungs of a scene, its own included; the last and finest is the reference.
+    """Rungs of a scene, its own included; the last and finest is the reference.
 
     Args:
-        quick: the scene's own order and coarser cells and steps only.
-        orders: of the velocity.
-        sizes, steps: multiples of the scene's cells and steps; default: those affordable for this kind of scene.
+        quick: the scene's own order with coarser cells and steps only.
+        sizes, steps: multiples of the scene's; default: those affordable for such a scene.
 
-    Raises:
-        SceneError: invalid values, or steps of a steady scene.
+    Raises SceneError for invalid values, or steps of a steady scene.
     """
     for name, values in (("orders", orders), ("sizes", sizes), ("steps", steps)):
         if values is not None and (not values or min(values) <= 0.0):

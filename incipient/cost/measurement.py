@@ -1,7 +1,6 @@
-"""Cost and results of the run of one rung.
+"""Cost and results of a rung, run in a separate process that isolates time and memory.
 
-Each run has a separate process, which isolates its time and memory: `python -m incipient.cost.measurement TASK` reads
-a scene as TOML and prints one line of JSON.
+`python -m incipient.cost.measurement TASK` reads a scene as TOML and prints a line of JSON.
 """
 
 from __future__ import annotations
@@ -28,13 +27,12 @@ from .quantities import Quantity
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-TASKS = ("run", "threshold")
 COMPILED = 0.05  # CPU time [s] of compilers above which forms were compiled
 
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """Cost and results of a run: seconds of the process, MiB, Newton updates; `failed`: reason for a missing result."""
+    """Cost of a process (seconds, MiB, Newton updates) and results; `failed`: reason for a missing result."""
 
     rung: Rung
     wall: float = 0.0
@@ -48,7 +46,7 @@ class MeasuredRun:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """The numbers of all quantities."""
+        """Numbers of all quantities."""
         every = (quantity.numbers.items() for quantity in self.quantities.values())
         return {name: value for numbers in every for name, value in numbers}
 
@@ -64,8 +62,8 @@ def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
 
 
 def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
-    """One run of a rung, a scene as TOML, and whether it compiled forms."""
-    # -P: no modules from the working directory. A session of its own: interrupts reach the parent alone.
+    """Run a rung once; also whether it compiled forms."""
+    # -P: no modules from the working directory. In a new session interrupts reach the parent alone.
     began = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-P", "-m", "incipient.cost.measurement", task],
@@ -88,18 +86,17 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
 
 
 class _History(Recorder):
-    """Keeps the history of a run."""
+    """History of a run."""
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
 
     def step(self, row: dict[str, Any]) -> None:
-        """See `recorder.Recorder`."""
         self.rows.append(row)
 
 
 def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a scene; the content of a `MeasuredRun` except for the wall time. Collective."""
+    """Run a scene for the content of a `MeasuredRun` without wall time. Collective."""
     if task == "threshold":
         from ..thresholds.critical import find_threshold
 
@@ -126,7 +123,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Run the scene on standard input and print its cost and results as JSON; returns the exit code."""
+    """Run the scene on standard input, print its `MeasuredRun` as JSON; returns the exit code."""
     start_alone_quickly()
     from mpi4py import MPI
 

@@ -1,8 +1,8 @@
-"""Quantities that are compared between the runs of a ladder.
+"""Quantities compared between the runs of a ladder.
 
-Fixed grain: force, torque and safety factor; in unsteady flow the extremes of force and torque. Moving grain: its final
-position. Without a grain: elevations of a free surface at its stations, extreme velocities on the centrelines of a box,
-u* at the walls of a turbulent flow, otherwise the kinetic energy. Threshold: the critical flow.
+Fixed grain: force and torque, their extremes in unsteady flow, safety factor; moving grain: final
+position; no grain: surface elevations, extreme velocities on the centrelines of a box, u* of a
+turbulent flow, or kinetic energy; threshold: the critical flow.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ Quantities = dict[str, Quantity]
 
 
 def of_threshold(threshold: Threshold) -> Quantities:
-    """The critical flow of a scene relative to its own."""
+    """Critical flow of a scene relative to its own."""
     return _single("critical flow", threshold.factor)
 
 
 def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Quantities of a finished run; `history` has one row for each time step. Collective."""
+    """Quantities of a finished run, with a `history` row per time step. Collective."""
     if scene.body is None:
         stations = scene.has_surface and stations_of(scene.surface, scene.domain)
-        return _of_surface(scene, history) if stations else _of_flow(scene, result)
+        return _of_surface(scene, history) if stations else _of_flow(result)
     if result.trajectory is not None:
         return _of_path(scene, result.trajectory, history)
     if scene.time is not None:
@@ -64,7 +64,7 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
     return quantities | _single("safety factor", safety or np.nan)
 
 
-def _of_flow(scene: Scene, result: Result) -> Quantities:
+def _of_flow(result: Result) -> Quantities:
     if result.centrelines is not None:
         singles = (_single(name, extreme.value) for name, extreme in result.centrelines.items())
         return {name: quantity for single in singles for name, quantity in single.items()}
@@ -112,7 +112,7 @@ def _of_path(
 
 
 def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Extreme loads: over all times for unsteady inflow or waves, otherwise over the last quarter."""
+    """Extreme loads, over all times for unsteady inflow or waves, otherwise over the last quarter."""
     assert scene.time is not None
     changing = scene.flow.kind == "expression" and scene.flow.unsteady
     changing = changing or (scene.has_surface and scene.flow.kind == "still")
@@ -146,7 +146,6 @@ def _single(name: str, value: float) -> Quantities:
 
 
 def _kinetic_energy(velocity: Any) -> float:
-    """The integral of |v|^2/2."""
     import ufl
     from dolfinx import fem
 

@@ -1,4 +1,4 @@
-"""Cost study of a scene: the runs of a ladder, their errors, the frontier of error against CPU time.
+"""Cost study of a scene: runs of a ladder, their errors, the frontier of error against CPU time.
 
 `cost.json` stores each run, so that an interrupted study resumes.
 """
@@ -59,7 +59,7 @@ class JudgedRun:
 
     @property
     def error(self) -> float:
-        """The largest error; its upper bound if it is not resolved."""
+        """Largest error, or its upper bound if not resolved."""
         return max(self.errors.values()) + (0.0 if self.resolved else self.doubt)
 
     @property
@@ -69,15 +69,14 @@ class JudgedRun:
 
 
 class Study:
-    """The completed runs of a ladder, compared with the last of them or with exact values.
+    """Completed runs of a ladder, compared with the last of them or with exact values.
 
-    judged: cheapest first; own: the scene's own resolution, None if it failed
-    frontier: runs with an error at least a tenth smaller than all runs of less CPU time, cheapest first
-    law: CPU time against error along the frontier, None where it is too short
+    judged: cheapest first. own: the scene's resolution, None if it failed. frontier: runs with an
+    error at least a tenth smaller than all cheaper ones, cheapest first. law: CPU time against
+    error along it, or None.
 
-    Raises:
-        ConvergenceError: fewer than two runs succeeded.
-        SceneError: exact values of unknown quantities.
+    Raises ConvergenceError if fewer than two runs succeeded, SceneError for exact values of unknown
+    quantities.
     """
 
     def __init__(
@@ -133,7 +132,7 @@ class Study:
         )
 
     def _price(self, error: float, own_time: float) -> str:
-        """Time for an error as text: that of the cheapest run, otherwise from the fitted law."""
+        """Time for an error as text, of the cheapest run or from the fitted law."""
         reached = [judged.run for judged in self.judged if judged.error <= error]
         if reached:
             return f"takes {seconds(reached[0].cpu)} ({reached[0].rung.name})"
@@ -143,7 +142,7 @@ class Study:
         return f"takes about {seconds(time)} by extrapolation, {time / own_time:.2g} times as much"
 
     def text(self) -> str:
-        """The study as text: sentence, runs with the frontier, reference, fitted law."""
+        """The study as text: sentence, runs, reference, fitted law."""
         names, doubt = ", ".join(self.reference.quantities), self.reference.doubt
         known = f", known to {percent(doubt)}" if doubt else ""
         lines = [
@@ -169,7 +168,7 @@ class Study:
         return f"{mark} {judged.said:>9} {spent}  {run.rung.name}{own}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The study without its runs as plain data, for pictures and pages."""
+        """The study without its runs as plain data."""
         judged = [
             _row(one)
             | {"name": one.run.rung.name, "said": one.said, "resolved": one.resolved}
@@ -192,7 +191,7 @@ def _row(judged: JudgedRun) -> dict[str, Any]:
 
 
 def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
-    """The runs; a run that lacks a quantity of the finest run, such as a time of contact, counts as failed."""
+    """The runs, of which those that lack a quantity of the finest one count as failed."""
     wanted = next((run.quantities for run in reversed(runs) if not run.failed), {})
     lacking = [", ".join(name for name in wanted if name not in run.quantities) for run in runs]
     return [
@@ -239,11 +238,10 @@ def run_ladder(
     task: str = "run",
     exact: Mapping[str, float] | None = None,
 ) -> Study:
-    """Make the missing runs of a ladder, and evaluate all of them. Not collective.
+    """Complete and evaluate the runs of a ladder. Not collective.
 
-    Raises:
-        OutputError: the directory belongs to another scene, or is not writable.
-        ConvergenceError: too few runs succeeded.
+    Raises OutputError for a directory of another scene or not writable, ConvergenceError if too few
+    runs succeeded.
     """
     runs = _prepared(scene, task, directory)
     stored = {"schema_version": 2, "title": scene.title, "task": task}
@@ -262,7 +260,7 @@ def run_ladder(
 
 
 def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRun]:
-    """The stored runs of a scene's study; a missing directory is created. Raises OutputError."""
+    """Stored runs of a scene's study; creates a missing directory. Raises OutputError."""
     source, kept = directory / STUDY, directory / SCENE
     refuse_foreign(directory, {*COST.files, SCENE})
     if not (source.exists() and kept.exists()):

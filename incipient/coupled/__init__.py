@@ -1,1 +1,1 @@
-"""Fluid and grain together: tractions, the iteration within a step, new meshes, energy."""
+"""Coupling of fluid and grain: tractions, iteration within a step, remeshing, energy."""

@@ -1,11 +1,10 @@
-"""Fluid and moving parts, solved together within each step by one iteration on the parts' velocities."""
+"""Fluid and moving parts, solved together in each step by iteration on the parts' velocities."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,23 +13,21 @@ from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
 from ..mesh.motion import MeshMotion, MeshQuality
-from .part import Part
+from .part import Part, Stage
 
-Stage = Callable[[str], AbstractContextManager[Any]]
-
-# The flow is solved to this fraction of the residual of the body's equation.
+# Tolerance of the flow relative to the residual of the body's equation.
 SHARE = 1e-3
 SLOW = (
     "the iteration of fluid and {parts} did not converge in {number} iterations: use shorter steps, or a larger "
     "numerics.interface_tolerance"
 )
-# Corrections of the body's velocities in a step from which on the fluid's factors are taken for too old.
+# Updates of the body's velocities in a step after which the fluid's LU factorisation is renewed.
 PATIENCE = 3
 
 
 @dataclass(frozen=True)
 class InterfaceReport(NewtonReport):
-    """The iteration of a step: `residuals` of the body's equation of motion, relative to its load."""
+    """Iteration of a step: `residuals` of the body's equation of motion, relative to its load."""
 
     residuals: tuple[float, ...] = ()
 
@@ -41,14 +38,14 @@ class InterfaceReport(NewtonReport):
 
 
 class Coupling:
-    """Parts in a fluid whose mesh follows them all (see `fluid.transient.Interface`). Every method is collective.
+    """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is collective.
 
     Args:
         fluid: with `FlowModel.moving_mesh`.
-        parts: the moving parts, each with a boundary of its own.
-        motion: the motion of the mesh, which is where the parts' last states put it.
-        tolerance: for the parts' equations of motion, relative to their loads; None: that of the step's equations.
-        stage: context managers by name that take the time.
+        motion: mesh motion, at the parts' last states.
+        tolerance: of the parts' equations of motion, relative to their loads; None: that of the
+            step.
+        stage: context managers by name, for timing.
     """
 
     def __init__(
@@ -65,19 +62,19 @@ class Coupling:
         self.max_iterations, self._order, self._first_residual = max_iterations, 0, 0.0
         for part in self.parts:
             part.join(self._follow)
-        # Places (n, 3) of the mesh's nodes at the last state and, once there is one, at the state before.
+        # Node positions (n, 3) at the last state and, if any, the previous one.
         self.places = [self._places()]
         self.quality, self._complaint = motion.quality(), ""
 
     @property
     def met(self) -> bool:
-        """Whether a part has met something."""
+        """Whether a part has made contact."""
         return any(part.met for part in self.parts)
 
     def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
         """Iterate on the parts' velocities at the end of a step from the last state."""
         if order != self._order:
-            # The LU factorisation of the other backward difference is a poor approximation.
+            # The LU factorisation of the other backward difference is a poor preconditioner.
             self.fluid.renew_factors()
         self._order = order
         for part in self.parts:
@@ -87,7 +84,7 @@ class Coupling:
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> InterfaceReport:
-        """Iterate on from the converged end, whose report is given, for a flow that has changed otherwise since."""
+        """Continue the iteration of a converged step, with its report, after other changes of the flow."""
         assert isinstance(before, InterfaceReport)
         return self._iterate(length, order, tolerance, before.residuals)
 
@@ -96,14 +93,14 @@ class Coupling:
     ) -> InterfaceReport:
         self.tolerance = self._given or tolerance
         sizes: list[float] = []
-        # The last of those before is of the same velocities as the next one.
+        # The last earlier residual belongs to the same velocities as the next one.
         residuals = list(before[:-1])
         self._complaint = SLOW.format(
             number=self.max_iterations, parts=" and ".join(part.name for part in self.parts)
         )
         for iteration in range(self.max_iterations):
             self._follow()
-            # What the flow's answer leaves contracts otherwise than what a step begins with.
+            # Only the first solve of a step contracts as earlier first solves did.
             first = not before and iteration == 0
             flow = self.fluid.solve(self._inner_tolerance(residuals or before), remember=first)
             sizes.extend(flow.corrections)
@@ -132,52 +129,52 @@ class Coupling:
         return InterfaceReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
 
     def complaint(self) -> str:
-        """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
+        """Reason and remedy of the last failure; empty if the fluid failed."""
         return self._complaint
 
     def _folded(self) -> str:
         return " or ".join(part.folded for part in self.parts)
 
     def _is_folded(self) -> bool:
-        """Whether a cell of the mesh has turned inside out."""
+        """Whether a cell is inverted."""
         self.quality = self.motion.quality()
         return self.quality.worst <= 0.0
 
     def _inner_tolerance(self, residuals: Sequence[float]) -> float:
-        """The tolerance of the flow that this iteration can use."""
+        """Tolerance of the flow for this iteration."""
         last = residuals[-1] if residuals else self._first_residual
-        # From one iteration to the next the residual falls by two orders or more.
+        # Each iteration reduces the residual by two orders or more.
         return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which a part meets something on its path."""
+        """The length, or a shorter one after which a part makes contact."""
         return min(part.allowed(length) for part in self.parts)
 
     def accept(self) -> None:
-        """Make the end of the attempt the last state."""
+        """Accept the attempt."""
         for part in self.parts:
             part.accept()
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
 
     def restore(self) -> None:
-        """Put parts and mesh back to the last state."""
+        """Restore parts and mesh to the last state."""
         for part in self.parts:
             part.restore()
         self.fluid.domain.mesh.geometry.x[:] = self.places[0]
         self.fluid.constraints.boundary_points_moved()
 
     def forget(self) -> None:
-        """Discard the parts' data on the flow, and the initial residual of the last step."""
+        """Discard convergence data of earlier steps."""
         self._first_residual = 0.0
         for part in self.parts:
             part.forget()
 
     def velocities(self) -> Floats:
-        """(n,) velocities of all parts at the end of the last attempt."""
+        """Velocities (n,) of all parts at the end of the last attempt."""
         return np.concatenate([part.velocities() for part in self.parts])
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
-        """Columns of the history after a step: corrections of the parts, what they leave, the worst cell."""
+        """History columns of a step: updates, residual, worst cell."""
         assert isinstance(report, InterfaceReport)
         return {
             "interface": report.corrected,
@@ -186,13 +183,13 @@ class Coupling:
         }
 
     def quality_ahead(self, length: float, order: int) -> MeshQuality:
-        """The mesh's quality after one more step, extrapolated from the parts' motion."""
+        """Mesh quality after another step, with extrapolated motion."""
         for part in self.parts:
             part.predict(length, order)
         return self.motion.quality(self._places())
 
     def _places(self) -> Floats:
-        """(n, 3) positions of the mesh's nodes with the parts at the trial ends."""
+        """Node positions (n, 3) with the parts at their trial ends."""
         return self.motion.places(*(part.displacement() for part in self.parts))
 
     def _follow(self) -> None:

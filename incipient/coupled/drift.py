@@ -1,16 +1,10 @@
-"""Advection of a surface's elevation by the flow, and the level condition at the inflow.
+"""Advection of a surface's elevation, and the level condition at the inflow.
 
-With u the horizontal velocity on the surface, v . n ds is (v3 - u . grad h) over the area below it. The flow is solved
-on the trial mesh, with the slopes of the trial elevation. Without these the iteration on the mesh's position would
-fail at CFL numbers above one. A correction d of the elevation therefore solves
-int q (a0 d + u . grad d) = int q a0 (new - old), with constant velocities at the nodes.
-
-At an inflow the elevation needs its own condition: short waves travel with the flow only, and would grow at the
-end. The condition is a level surface, imposed by a diffusion over a short zone,
-int k(x) grad h . grad q with k(x) = |u| times the zone's length, falling to zero along it. Its level is free, and since
-constants have no gradient, volume is conserved. Supercritical flow also needs a prescribed level there: it is
-relaxed to the still level in the same zone, int r(x) h q with r(x) = k(x) over the square of the zone's length.
-With an incoming wave the elevation less that of the wave replaces h in both.
+An elevation update d solves int q (a0 d + u . grad d) = int q a0 (new - old) with the horizontal
+surface velocity u, which keeps the iteration on the mesh position convergent at CFL numbers above
+one. At an inflow, where short waves would grow, int k(x) grad h . grad q levels h over a short
+zone, k(x) = |u| times its decreasing length, and in supercritical flow int r(x) h q, r(x) = k(x)
+over the squared length, relaxes it to the still level; h excludes an incoming wave.
 """
 
 from __future__ import annotations
@@ -22,19 +16,13 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
-from ..compat import petsc
 from ..fluid import Fluid
 from ..forms.surface import carried, levelled, returned
 from ..mesh.elevation import RisingDisplacement
 
 
 class Drift:
-    """The surface's matrices with the velocity of the last state. Holds PETSc objects; every method is collective.
-
-    Args:
-        fluid: with a surface below which fluid enters or leaves.
-        rising: displacement of the mesh by its surface.
-    """
+    """Surface matrices with the velocity of the last state; destroy after use. Every method is collective."""
 
     def __init__(self, fluid: Fluid, rising: RisingDisplacement):
         self._rising, self._fluid, space, load = rising, fluid, rising.space, fluid.surface
@@ -53,11 +41,9 @@ class Drift:
         self._solvers: list[Any] = []
 
     def prepare(self, rate: float) -> None:
-        """Take the velocity from the last state, and the rate a0 of the elevation's backward difference."""
+        """Assemble with the velocity of the last state and the rate a0 of the backward difference."""
         for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
-            matrix.zeroEntries()
-            petsc.assemble_matrix(matrix, form)
-            matrix.assemble()
+            compat.matrix_of(form, matrix=matrix)
         self._forget()
         self._kinematic = self._rising.area.copy()
         self._kinematic.axpy(1.0 / rate, self._levelling)
@@ -68,16 +54,16 @@ class Drift:
         self._solvers = [rising.factors(self._kinematic, symmetric=True), rising.factors(moving)]
 
     def raised(self, flux: Any, known: Floats) -> Floats:
-        """(local nodes,) the rate of the elevation by the fluxes against every test function (PETSc vector)."""
+        """Rate of elevation (local nodes,) from fluxes tested with every function (PETSc vector)."""
         flux.axpy(-1.0, self._rising.times(self._levelling, known - self._entered()))
         return self._rising.solved(self._solvers[0], flux)
 
     def correction(self, missed: Floats) -> Floats:
-        """(local nodes,) the correction of an elevation for the residual `missed` (local nodes,)."""
+        """Update of the elevation for the residual `missed`, both (local nodes,)."""
         return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
 
     def _entered(self) -> Floats:
-        """(local nodes,) the elevation of the incoming wave."""
+        """Elevation (local nodes,) of the incoming wave."""
         elevation, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
         for entry in self._fluid.constraints.entries:
             if entry.wave is not None:

@@ -1,4 +1,4 @@
-"""The pressure on what no flow reaches of a grain: next to its contacts, where the space is closed."""
+"""Pressure in the closed interstices at a grain's contacts, which the flow does not reach."""
 
 from __future__ import annotations
 
@@ -13,14 +13,11 @@ from ..geometry.plane.closing import Closing
 
 
 class EnclosedPressure:
-    """The pressure below a resting grain of one fluid. Every method is collective.
+    """Pressure below a resting grain, left of the first and right of the last contact that at the
+    closing line. Collective.
 
-    Up to the first contact it is that at the line that closes the space there, beyond the last one likewise. What is
-    enclosed between two contacts leaks through both alike: its pressure is halfway between, with more contacts in equal
-    steps from one to the other.
-
-    Args:
-        names: of the boundaries on the left and on the right line.
+    In between it varies in equal steps, since contacts leak alike. `names`: boundaries of the left
+    and right line.
     """
 
     def __init__(self, fluid: Fluid, closing: Closing, names: tuple[str, str]):
@@ -38,7 +35,7 @@ class EnclosedPressure:
         return load_of(places - about[:2], np.linspace(low, high, len(contacts) + 1))
 
     def unknown(self, about: Floats) -> tuple[Floats, Floats]:
-        """Change of force and torque (3,) if the pressure between contacts equals that on either side of them."""
+        """Change of force and torque (3,) if the pressure between contacts equals that on either side."""
         low, high = self._ends()
         contacts = self._closing.contacts
         force, torque = load_of(
@@ -47,16 +44,16 @@ class EnclosedPressure:
         return np.abs(force), np.abs(torque)
 
     def _ends(self) -> tuple[float, float]:
-        """The pressures at the left and at the right line."""
+        """Pressures at the left and right lines."""
         low, high = (float(self._comm.allreduce(assemble_scalar(one))) for one in self._means)
         return low, high
 
 
 def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:
-    """Force and torque (3,) of pressures (k,) between places (k + 1, 2) of an outline, counter-clockwise.
+    """Force and torque (3,) about the origin of pressures (k,) between counter-clockwise outline points (k + 1, 2).
 
-    The force of a uniform pressure on a piece of any shape is that on its chord; the torque about the origin is half
-    the pressure times the difference of the squares of its ends' distances from there. Not collective.
+    A uniform pressure acts on a piece as on its chord, with the torque p/2 times the difference of
+    the squared distances of its ends. Not collective.
     """
     force = (pressures[:, None] * quarter_turned(np.diff(arms, axis=0))).sum(axis=0)
     torque = 0.5 * float(pressures @ np.diff((arms**2).sum(axis=1)))

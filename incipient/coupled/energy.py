@@ -14,10 +14,9 @@ from ..forms.kinematics import rate_of_strain
 
 
 class EnergyBudget:
-    """Reads the energies of a fluid without a reference map. Every method is collective.
+    """Energies of a fluid, of the whole domain if half is meshed. Every method is collective.
 
-    Without open boundaries and body forces, the power less the dissipation is the rate of the kinetic energy.
-    Where half of a symmetric domain is meshed they are those of the whole.
+    Without open boundaries and body forces, power minus dissipation is the rate of kinetic energy.
     """
 
     def __init__(self, fluid: Fluid):
@@ -30,17 +29,16 @@ class EnergyBudget:
         self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(D, D) * dx)
 
     def kinetic(self) -> float:
-        """The integral of |v|^2/2, fluid density one."""
+        """Integral of |v|^2/2 at unit density."""
         return self._sum(self._kinetic)
 
     def dissipation(self) -> float:
-        """The integral of 2 nu D : D, energy turned into heat in unit time."""
+        """Integral of 2 nu D : D."""
         return self._sum(self._dissipation)
 
     def power(self) -> float:
-        """Work that prescribed and carried boundaries, and walls with friction that move, do on the fluid in unit time.
-
-        The residual vanishes except where velocities are prescribed: there it is the reaction force.
+        """Power of prescribed, carried and moving frictional boundaries on the fluid, from the
+        residual as reaction force.
         """
         residual = self.fluid.residual()
         velocities = self.fluid.space.velocity_map

@@ -1,21 +1,22 @@
-"""Interface of the moving parts that the coupling solves together with the flow: bodies and surfaces."""
+"""Interface of moving parts (bodies and surfaces) solved together with the flow."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from contextlib import AbstractContextManager
+from typing import Any, Protocol
 
 from ..arrays import Floats
 
+Stage = Callable[[str], AbstractContextManager[Any]]
+
 
 class Part(Protocol):
-    """One moving part of the fluid's boundary. It has a last state, and the trial end of a step.
+    """Moving part of the fluid's boundary, with a last state and the trial end of a step. Every
+    method is collective.
 
-    Every method is collective.
-
-    met:    whether the part has met something at the end of the last attempt
-    name:   what it is called in messages
-    folded: what to say, with a remedy, where the mesh has folded over
+    met: contact at the end of the last attempt. name, folded: in messages; the latter, with a
+    remedy, for a folded mesh.
     """
 
     met: bool
@@ -27,44 +28,44 @@ class Part(Protocol):
         ...
 
     def predict(self, length: float, order: int) -> None:
-        """Begin a step from the last state: extrapolate the trial end from the past states."""
+        """Begin a step: extrapolate the trial end from past states."""
         ...
 
     def displacement(self) -> Floats:
-        """(n, 3) displacement of the mesh's nodes by the part at the trial end."""
+        """Displacement (n, 3) of the mesh's nodes at the trial end."""
         ...
 
     def place(self) -> None:
-        """Set the velocity of the part's boundary at the trial end."""
+        """Set the boundary velocity at the trial end."""
         ...
 
     def residual(self, length: float, order: int) -> float:
-        """The residual of the part's equation of motion under the flow's load, relative; also computes the update.
+        """Relative residual of the equation of motion under the flow's load; also computes the update.
 
         Raises ConvergenceError where a shorter step may help.
         """
         ...
 
     def correct(self) -> None:
-        """Try the updated end; the fluid's state responds linearly."""
+        """Update the trial end, with the flow's linear response."""
         ...
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which the part meets something on its path."""
+        """The length, or a shorter one after which the part makes contact."""
         ...
 
     def accept(self) -> None:
-        """Make the trial end the last state."""
+        """Accept the trial end."""
         ...
 
     def restore(self) -> None:
-        """Go back to the last state."""
+        """Restore the last state."""
         ...
 
     def forget(self) -> None:
-        """Discard the information of earlier steps on the iteration."""
+        """Discard convergence data of earlier steps."""
         ...
 
     def velocities(self) -> Floats:
-        """(k,) velocities at the trial end, whose error limits the steps."""
+        """Velocities (k,) at the trial end, whose error limits the steps."""
         ...

@@ -1,9 +1,8 @@
-"""Remeshing during a run: the fields are transferred from the old mesh, and checked.
+"""Remeshing during a run, with transfer of fields, past states and past mesh positions.
 
-Fields, past states and past positions of the mesh are given on the present old mesh. Each point of the new mesh
-takes the values of the old one there: present and past velocities and pressures, and the path of its point of the
-mesh. The second-order backward difference continues unchanged. Velocities then get their
-boundary values, and the nearest velocity field without (discrete) divergence, each on the mesh of its time.
+Each point of the new mesh takes present and past values, and the path, of the old mesh there;
+velocities then get boundary values and are projected onto divergence-free ones, each on the mesh of
+its time.
 """
 
 from __future__ import annotations
@@ -27,13 +26,12 @@ from .coupling import Coupling
 from .energy import EnergyBudget
 from .rigid import RigidPart
 
-# Relative change of the velocity by the projection from which on the new mesh is too coarse for the flow.
+# Relative change of the velocity by the projection above which the new mesh is too coarse.
 LARGEST_CHANGE = 0.1
-# Positions nearer to each other than this fraction of the mesh's extent coincide.
+# Distance of coincident positions relative to the mesh's extent.
 SAME_PLACE = 1e-12
-# Largest extrapolation out of a cell of the old mesh, in barycentric coordinates. Coarse cells fill the interstices
-# between the spheres of a bed differently on each mesh. Without a limit velocities there reached half of the largest
-# one, and no step on the new mesh converged at u* d/nu = 133.
+# Largest barycentric extrapolation out of an old cell. Meshes differ in the interstices between the spheres of a bed:
+# without a limit velocities there reached half of the largest one, and no step converged at u* d/nu = 133.
 REACH = 0.25
 
 
@@ -41,9 +39,9 @@ REACH = 0.25
 class Remeshing:
     """A new mesh: time, number of cells, the worst of them, and the change of the flow.
 
-    outside: nodes of the new mesh that were not in the old one, and how far from it (`farthest`) [length]
-    change:  how much making the velocity free of divergence again changed it, relative
-    energy:  relative change of the fluid's kinetic energy
+    outside, farthest: number of new nodes outside the old mesh, and their largest distance
+    [length]. change: relative change of the velocity by projection. energy: relative change of
+    kinetic energy.
     """
 
     time: float
@@ -58,12 +56,10 @@ class Remeshing:
 def carry_over(
     before: Coupling, coupling: Coupling, states: Sequence[Past]
 ) -> tuple[list[Past], Remeshing]:
-    """Carry states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
+    """Transfer states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
 
-    The new fluid's state becomes the present one; the states come back as they are on the new mesh.
-
-    Raises:
-        MeshError: the new mesh is folded, or too coarse for the flow. The old fluid is as it was.
+    Sets the new fluid's present state and returns all states on the new mesh. Raises MeshError if
+    the new mesh is folded or too coarse; the old fluid is unchanged.
     """
     was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
@@ -73,7 +69,7 @@ def carry_over(
     with Projection(fluid) as projection:
         for k, one in enumerate(states):
             state = carrier.state(one.state)
-            # A fluid at rest stays at rest, though its boundaries may have been impulsively started.
+            # A fluid at rest remains so, despite impulsively started boundaries.
             if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
                 _put(fluid, coupling.places[k])
                 state, change = _admissible(part, part.past[k], state, projection)
@@ -97,7 +93,7 @@ def _body_of(coupling: Coupling) -> RigidPart:
 def _admissible(
     part: RigidPart, body: BodyState, state: Floats, projection: Projection
 ) -> tuple[Floats, float]:
-    """A state with the boundary values that the body gave it, without divergence, and the relative change that took."""
+    """State with the body's boundary values and without divergence, and its relative change."""
     fluid = part.fluid
     fluid.state.x.array[:] = state
     fluid.constraints.update(body.time)
@@ -108,7 +104,7 @@ def _admissible(
 
 
 def _put(fluid: Fluid, places: Floats) -> None:
-    """Move the new mesh to where it is, or was."""
+    """Move the new mesh."""
     fluid.domain.mesh.geometry.x[:] = places
     fluid.constraints.boundary_points_moved()
 
@@ -128,7 +124,7 @@ def _summary(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> R
 
 
 class Carrier:
-    """Transfer of functions from the nodes of one fluid to those of another. Every method is collective."""
+    """Transfer of functions between the nodes of two fluids. Every method is collective."""
 
     def __init__(self, old: Fluid, new: Fluid):
         self.old, self.new = old, new
@@ -139,7 +135,7 @@ class Carrier:
             "geometry": new.domain.mesh.geometry.x,
         }
         points = np.concatenate([places[:, :gdim] for places in kinds.values()])
-        # Most nodes are of several kinds: each place is looked up once.
+        # Most nodes are of several kinds: locate each position once.
         unit = SAME_PLACE * max(float(np.ptp(points)) if len(points) else 0.0, 1e-300)
         _, first, rows = np.unique(
             np.rint(points / unit), axis=0, return_index=True, return_inverse=True
@@ -149,7 +145,7 @@ class Carrier:
         self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))
 
     def state(self, values: Floats) -> Floats:
-        """The fluid's unknowns on the new mesh of a state on the old one."""
+        """Transfer the unknowns of a state."""
         carried = np.zeros_like(self.new.state.x.array)
         spaces = (self.old.space, self.new.space)
         for name in ("velocity", "pressure"):
@@ -160,7 +156,7 @@ class Carrier:
         return carried
 
     def places(self, old_places: Floats) -> Floats:
-        """Positions of the new mesh's nodes moved back to the time of the old mesh's old positions."""
+        """Positions of the new mesh's nodes at the time of old positions of the old mesh."""
         mesh = self.old.domain.mesh
         way = geometry_function(mesh)
         set_geometry_function(way, mesh.geometry.x - old_places)

@@ -1,22 +1,17 @@
-"""A rigid body in a fluid, with the derivative of the traction with respect to the body's velocity.
+"""Rigid body in a fluid, with the derivative of the traction with respect to the body's velocity.
 
-A body accelerates with the fluid around it. For a light body the added mass dominates,
-and a segregated exchange of forces and velocities diverges. The iteration here uses the derivative of the traction
-with respect to the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in 2-D, 6
-in 3-D) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, which
-the fluid's solver solves. The contribution of the displaced mesh to A R is a one-sided finite difference, and
-Broyden's updates correct A_u from one iteration to the next. With A_u added to the mass, bodies without mass
-converge as well.
-A law of the wall does not prescribe the flow's velocity: the wall's velocity enters friction and impermeability. The
-flow then responds to the change of this load, and A_u is the resulting change of the load.
+A segregated exchange of forces and velocities diverges for light bodies, whose added mass
+dominates; here A_u = R^T A (R - A_0^-1 A R) is added to the mass, with the rigid motions R of the
+boundary, the flow's Jacobian A, and A_0 with the boundary fixed, which the fluid's solver inverts.
+Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between
+iterations, and with a law of the wall A_u follows from the change of its load.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -29,27 +24,26 @@ from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..mesh.motion import RigidDisplacement
+from .part import Stage
 from .tractions import Resultant, TractionProbe
 
-Stage = Callable[[str], AbstractContextManager[Any]]
-
-# A step whose length differs by more than this fraction from that of the present derivative takes a new one.
+# Relative change of the step length that requires a new derivative.
 SAME_LENGTH = 0.1
-# Room left, relative to the body's extent, at which a body counts as having met something.
+# Clearance, relative to the body's extent, that counts as contact.
 CLOSE = 1e-6
-# The shortest step to a meeting, relative to the step in which it occurs.
+# Shortest step to contact, relative to the step in which it occurs.
 TOUCHING_STEP = 1e-6
-# Displacement of the body, relative to its extent, by which derivatives are formed.
+# Finite-difference displacement, relative to the body's extent.
 NUDGE = 1e-6
-# Residual of the flow's answers, relative: an iteration then leaves about as much, and factors are exact anyway.
+# Relative residual of the flow's response: an iteration leaves about as much, and LU factorisations are exact anyway.
 ANSWERED = 1e-3
-# Smallest change of the body's velocities, relative to the flow's, from which the change of load is resolved.
+# Smallest change of the body's velocities, relative to the flow's, that resolves the change of load.
 SEEN = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """State at the end of a step: body, total load (k,), hydrodynamic load (k,), step length."""
+    """End of a step: body state, total and hydrodynamic load (k,), step length."""
 
     state: BodyState
     load: Floats
@@ -59,9 +53,8 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The flow's response to rigid motions of its body: changes of its state (k, unknowns), and of the load.
-
-    `resistance` (k, k) is A_u, minus the derivative of the load by the velocities, for steps of a `length`.
+    """Changes of the flow's state (k, unknowns) by rigid motions, and `resistance` (k, k) A_u, for
+    steps of a `length`.
     """
 
     changes: Floats
@@ -73,16 +66,11 @@ class RigidPart:
     """A rigid body as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
-        fluid: with `Carried(displacement.boundary)`, or there `Friction` that moves, among its conditions, and with
-            `FlowModel.moving_mesh`.
-        body: its mass, moments and freedom.
+        fluid: with `FlowModel.moving_mesh` and `Carried` or moving `Friction` on the boundary.
         state: position and velocities at the fluid's time.
-        displacement: displacement of the mesh by the body.
-        load: force and torque (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
-        room: clearance [length] of a body in a state; None: unlimited.
-        stage: context managers by name that take the time.
-        added_mass: False iterates without the derivative of the traction, as programs that pass forces and
-            velocities back and forth do. It diverges for light bodies: for comparison only.
+        load: force and torque (k,) of a state other than the flow's, such as weight.
+        room: clearance [length] of a state; None: unlimited.
+        stage: context managers by name, for timing.
     """
 
     name = "body"
@@ -99,7 +87,6 @@ class RigidPart:
         load: Callable[[BodyState], Floats],
         room: Callable[[BodyState], float] | None = None,
         stage: Stage = lambda name: nullcontext(),
-        added_mass: bool = True,
     ):
         self.fluid, self.body, self.mesh, self.boundary = (
             fluid,
@@ -108,7 +95,7 @@ class RigidPart:
             displacement.boundary,
         )
         self._load, self._room, self._stage = load, room, stage
-        self.added_mass, self.met = added_mass, False
+        self.met = False
         self.state = body.consistent(state)
         self.past = [self.state]
         self.mean_load = MeanLoad()
@@ -126,46 +113,43 @@ class RigidPart:
     # -- the step, as the coupling sees it --------------------------------------------------------
 
     def join(self, follow: Callable[[], None]) -> None:
-        """Enter a coupling; `follow` brings mesh and boundary values to where all parts are at the end tried."""
+        """Enter a coupling; see `Part.join`."""
         self._follow = follow
 
     def predict(self, length: float, order: int) -> None:
-        """Try the end of a step with velocities extrapolated as the fluid's are."""
+        """Extrapolate the trial end with the fluid's backward difference."""
         self._tried = self.predicted(length, order)
 
     def displacement(self) -> Floats:
-        """(n, 3) what the body adds to the places of the mesh's nodes at the end tried."""
+        """Displacement (n, 3) of the mesh's nodes at the trial end."""
         return self.mesh.at(self._tried.placement)
 
     def place(self) -> None:
-        """Give the boundary the body's velocity at the end tried."""
+        """Set the boundary velocity at the trial end."""
         self.lend(self._tried)
 
     def lend(self, state: BodyState) -> None:
-        """Give the boundary the velocity that the body has in a state."""
+        """Set the boundary velocity of a state."""
         if self._rubs:
             self.fluid.walls.carry(self.boundary, state.velocity, state.spin, state.place)
         else:
             self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
 
     def residual(self, length: float, order: int) -> float:
-        """The residual of the body's equation of motion relative to its load; also computes the end under that load.
+        """Relative residual of the equation of motion; also computes the end under the present load.
 
-        Raises:
-            ConvergenceError: the resistance of a folded mesh, or of a step so long that the body's path outweighs
-                its velocity, may be singular; shorter steps converge.
+        Raises ConvergenceError: the resistance may be singular on a folded mesh or in too long a
+        step.
         """
         self.mean_load = replace(self.mean_load, order=order)
         try:
             self._improved, residual = self._under_load(self._tried, length)
         except SceneError as error:
-            if not self.added_mass:
-                raise
             raise ConvergenceError(str(error)) from error
         return residual
 
     def correct(self) -> None:
-        """Try the end under the present load; the flow responds linearly to the change of the body's velocities."""
+        """Update the trial end, with the flow's linear response."""
         change = self._improved.velocities - self._tried.velocities
         self._tried = self._improved
         with self._stage("interface"):
@@ -173,7 +157,7 @@ class RigidPart:
                 self.fluid.state.x.array[:] += change @ self._response.changes
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which the body meets something on the way it has taken."""
+        """The length, or a shorter one after which the body makes contact."""
         if self._room is None or self._motion is None:
             return length
         left, close = self._room(self.end.state), CLOSE * self._extent
@@ -181,13 +165,13 @@ class RigidPart:
         if left >= -close:
             return length
         first = self._motion.first(self._room)
-        # Already within at the start of the step: nothing is shorter than the step itself.
+        # In contact from the start of the step: keep its length.
         return (
             length if first is None else max(first.time - self.state.time, TOUCHING_STEP * length)
         )
 
     def accept(self) -> None:
-        """The end of the attempt is the last state now."""
+        """Accept the trial end."""
         self.mean_load = self.mean_load.accept(self.end.load, self.end.length)
         self.state = self.end.state
         self.past = [self.state, *self.past[:2]]
@@ -197,19 +181,19 @@ class RigidPart:
         self.mean_load, self.end, self.past = was.mean_load, was.end, list(was.past)
 
     def restore(self) -> None:
-        """Put the body back to the last state."""
+        """Restore the last state."""
         self.end = replace(self.end, state=self.state)
 
     def forget(self) -> None:
-        """Drop the flow's response. Not collective."""
+        """Discard the flow's response. Not collective."""
         self._response = None
 
     def velocities(self) -> Floats:
-        """(k,) velocity, and spin times the body's largest arm, at the end of the last attempt."""
+        """Velocity, and spin times the largest arm, (k,), at the end of the last attempt."""
         return self.end.state.velocities * self._unit()
 
     def predicted(self, length: float, order: int) -> BodyState:
-        """The body at the end of a step, with velocities extrapolated as the fluid's are. Not collective."""
+        """Body at the end of a step, with velocities extrapolated as the fluid's. Not collective."""
         start, free = self.state, self.body.mask
         if not free.any():
             self._motion = self.body.motion(start, length, np.zeros(self.body.size))
@@ -238,7 +222,7 @@ class RigidPart:
             return end, 0.0
         with self._stage("interface"):
             resistance = self._responded(before, self.end).resistance
-            stiffness = self._stiffness(end, load - flow_load, length) if self.added_mass else 0.0
+            stiffness = self._stiffness(end, load - flow_load, length)
             added = self.mean_load.added(resistance + stiffness, length)
             improved = self._moved(length, self.mean_load.mean(load, length), added, end.velocities)
             change = improved.velocities - end.velocities
@@ -246,12 +230,12 @@ class RigidPart:
             return improved, self._relative(missed / length, resistance)
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
-        """The end of a step under a mean load (k,), with an added mass (k, k) linearised about a guess (k,)."""
+        """End of a step under a mean load (k,), with an added mass (k, k) linearised about velocities (k,)."""
         self._motion = self.body.motion(self.state, length, mean, added, guess)
         return self._motion.end
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
-        """A residual load relative to the loads of the flow, of other forces, and of the resistance to the motion."""
+        """Residual load relative to the largest of flow, other and resistance loads."""
         end, free = self.end, self.body.mask
         unit = self._unit()
         loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
@@ -262,14 +246,11 @@ class RigidPart:
     # -- the derivative ---------------------------------------------------------------------------
 
     def _responded(self, before: End, end: End) -> Response:
-        """The present response, updated by the last iteration, or a new one.
+        """Present response with Broyden's update, or a new one after a change of factorisation or step length.
 
-        New after a change of the factorisation or of the step's length. Otherwise Broyden's update, the smallest that
-        explains the last change of the load with the velocities. It accounts for the change of the load with the
-        body's position, which A_u neglects, and for an old factorisation.
+        Broyden's update accounts for an old factorisation and for the dependence of the load on
+        position, which A_u neglects.
         """
-        if not self.added_mass:
-            return self._no_response(end.length)
         factors, known = self.fluid.solver.statistics.factorisations, self._response
         if (
             known is None
@@ -282,12 +263,6 @@ class RigidPart:
             known = self._response = self._corrected(known, before, end)
         return known
 
-    def _no_response(self, length: float) -> Response:
-        size = self.body.size
-        return Response(
-            np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size)), length
-        )
-
     def _corrected(self, known: Response, before: End, end: End) -> Response:
         step = end.state.velocities - before.state.velocities
         scaled = step * self._unit() ** 2
@@ -298,7 +273,7 @@ class RigidPart:
         return replace(known, resistance=known.resistance + np.outer(missed, scaled) / size)
 
     def _unit(self) -> Floats:
-        """(k,) lengths that turn spins into velocities: one, and the body's largest arm."""
+        """Lengths (k,) that turn spins into velocities: one, and the largest arm."""
         d = self.body.gdim
         return np.concatenate([np.ones(d), np.full(self.body.size - d, self._extent)])
 
@@ -330,9 +305,9 @@ class RigidPart:
     def _of_displacements(
         self, end: BodyState, length: float, free: NDArray[np.intp]
     ) -> dict[int, Floats]:
-        """Derivatives of the fluid's residual by velocities of the body, at given velocities of the fluid.
+        """Derivatives of the fluid's residual with respect to the body's velocities, at fixed fluid velocities.
 
-        They arise from the position of the mesh at the end, and directly along a law of the wall.
+        They arise from the mesh position and along a law of the wall.
         """
         before, derivatives = self.fluid.residual(), {}
         for k in free:
@@ -343,10 +318,10 @@ class RigidPart:
         return derivatives
 
     def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
-        """The end of a step with a perturbed velocity, and the perturbation."""
+        """End of a step with a perturbed velocity, and the perturbation."""
         way, d = np.zeros(self.body.size), self.body.gdim
         way[k] = NUDGE * self._extent / self._unit()[k]
-        # At the end of a step the body has gone half the step's length times its velocity there.
+        # The end velocity contributes half the step length to the displacement.
         change = way / (0.5 * length)
         placement = end.placement.moved(way[:d], way[d:])
         return BodyState.at(placement, end.velocities + change, end.time), float(change[k])
@@ -367,9 +342,8 @@ class RigidPart:
         return np.asarray((self.end.flow_load - moved) / change)
 
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
-        """Minus the derivative (k, k) of the load that is not the flow's by the body's velocities; not collective.
-
-        It arises from the position at the end as in `_of_displacements`, and directly; zero for a constant load.
+        """Minus the derivative (k, k) of the non-hydrodynamic load with respect to the body's
+        velocities; not collective.
         """
         changes = np.zeros((self.body.size, self.body.size))
         for k in np.flatnonzero(self.body.mask):
@@ -378,7 +352,6 @@ class RigidPart:
         return changes
 
     def _load_of(self, resultant: Resultant) -> Floats:
-        """Force and torque as the body takes them, (k,)."""
         d = self.body.gdim
         return np.concatenate(
             [resultant.force[:d], resultant.torque[2:] if d == 2 else resultant.torque]

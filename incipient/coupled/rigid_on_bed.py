@@ -1,4 +1,4 @@
-"""A rigid body in a fluid that touches a bed: the impulses of contact act within each iteration of the interface."""
+"""Rigid body in a fluid and on a bed: contact impulses act within each coupling iteration."""
 
 from __future__ import annotations
 
@@ -11,11 +11,7 @@ from .rigid import RigidPart
 
 
 class RigidPartOnBed(RigidPart):
-    """A rigid body that rolls, slides or rests where it touches a bed.
-
-    Attributes:
-        contact: its motion in contact; contacts: those at the end of the last step.
-    """
+    """Rigid body that rolls, slides or rests on a bed; `contacts` are those at the end of the last step."""
 
     def __init__(self, *others: Any, contact: ContactMotion, **named: Any):
         super().__init__(*others, **named)
@@ -25,11 +21,11 @@ class RigidPartOnBed(RigidPart):
         self._length = 0.0
 
     def accept(self) -> None:
-        """The end of the attempt is the last state now."""
+        """Accept the trial end and its contacts."""
         super().accept()
         if self._step is not None:
             self.contacts = self._step.contacts
-        self._step = None  # a resumed run has none, either
+        self._step = None  # as in a resumed run
 
     def take_over(self, was: RigidPart) -> None:
         """Continue from the body on another mesh."""
@@ -38,7 +34,7 @@ class RigidPartOnBed(RigidPart):
         self.contacts = was.contacts
 
     def predicted(self, length: float, order: int) -> BodyState:
-        """The body at the end of a step, moved out of the bed. Not collective."""
+        """Body at the end of a step, moved out of the bed. Not collective."""
         return self.contact.kept_out(super().predicted(length, order))
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:

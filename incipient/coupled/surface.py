@@ -1,16 +1,14 @@
-"""A free surface as a part of a coupling: the kinematic condition (337) in weak form, by backward differences.
+"""Free surface as a part of a coupling: the weak kinematic condition (337) in backward differences.
 
-With h the elevation, a0 h + a1 h(n) + a2 h(n-1) its backward difference and n . up ds the area below the surface,
-which never changes, the condition is int q (a0 h + a1 h(n) + a2 h(n-1)) n . up ds = int q v . n ds for every q of the
-space of h. In the flow's equations the velocity raises the surface already within the step (`forms.surface.load`): the
-iteration only moves the mesh to the surface, a correction of second order in the slope.
+int q (a0 h + a1 h(n) + a2 h(n-1)) n . up ds = int q v . n ds for every q, with the elevation h and
+the constant area n . up ds below the surface; the velocity raises the surface within the step
+(`forms.surface.load`), so that iterating on the mesh corrects second order in the slope only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from typing import Any
+from contextlib import nullcontext
 
 import dolfinx
 import numpy as np
@@ -19,20 +17,19 @@ from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, extrapolated
-from ..compat import PETSc, petsc
+from ..compat import petsc
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..forms.surface import crossing, flux, potential
 from ..mesh.elevation import RisingDisplacement
 from .drift import Drift
+from .part import Stage
 
-Stage = Callable[[str], AbstractContextManager[Any]]
-
-# Speed, relative to that of long waves, below which what moves the surface is round-off.
+# Speed, relative to that of long waves, that counts as round-off.
 ROUND_OFF = 1e-14
-# Slope beyond which the surface is no graph any more that these elements can carry.
+# Largest slope of a surface as a graph.
 STEEPEST = 2.0
-# What must be left above the bed, of the largest depth.
+# Smallest depth relative to the largest.
 NEAREST = 0.02
 TOUCHING = (
     "the free surface touches {below}: end before it does, or use a lower wave or deeper water"
@@ -44,18 +41,16 @@ STEEP = (
 
 
 class SurfacePart:
-    """The free surface of a fluid as a part of a coupling (see `part.Part`). Every method is collective.
+    """Free surface of a fluid as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
-        fluid: with a `FreeSurface` among its conditions and `FlowModel.moving_mesh`.
-        displacement: displacement of the mesh by the surface.
+        fluid: with a `FreeSurface` condition and `FlowModel.moving_mesh`.
         elevation: (local nodes,) at the fluid's time, zero off the surface.
-        depths: (local nodes,) from the still level to bed or grain below each node of the surface.
-        below: the name of that boundary.
-        stage: context managers by name that take the time.
+        depths: (local nodes,) from the still level to bed or grain, the boundary named `below`.
+        stage: context managers by name, for timing.
 
     Attributes:
-        past: elevations at the last state and before, the newest first, at `times`.
+        past: last and earlier elevations at `times`, newest first.
     """
 
     name = "free surface"
@@ -95,15 +90,15 @@ class SurfacePart:
     # -- the step, as the coupling sees it --------------------------------------------------------
 
     def join(self, follow: Callable[[], None]) -> None:
-        """Enter a coupling, which the surface does not use."""
+        """Do nothing."""
 
     def predict(self, length: float, order: int) -> None:
-        """Extrapolate the elevation from the past ones. The fluid's backward difference is that of the step."""
+        """Extrapolate the elevation; the fluid has the backward difference of the step."""
         time = self.times[0] + length
         count = min(order + 1, len(self.past))
         self._tried = extrapolated(self.times[:count], self.past[:count], time)
         a0, *others = (float(one.value) for one in self.fluid.rate)
-        if a0 == 0.0:  # looked ahead before the first step of a resumed run
+        if a0 == 0.0:  # before the first step of a resumed run
             return
         known = np.zeros_like(self._tried)
         for a, h in zip(others, [*self.past[:2], self.past[-1]], strict=False):
@@ -117,7 +112,7 @@ class SurfacePart:
             self._drift.prepare(a0)
 
     def displacement(self) -> Floats:
-        """(n, 3) displacements of the mesh's nodes by the elevation tried."""
+        """Displacement (n, 3) of the mesh's nodes by the trial elevation."""
         return self.mesh.at(self._tried)
 
     def place(self) -> None:
@@ -133,10 +128,9 @@ class SurfacePart:
         self.mesh.destroy()
 
     def residual(self, length: float, order: int) -> float:
-        """Distance of the mesh from the surface convected by the flow, as a velocity over that of the flow.
+        """Distance of the mesh from the convected surface, as a velocity relative to the flow's.
 
-        Raises:
-            ConvergenceError: the elevation diverges.
+        Raises ConvergenceError if the elevation diverges.
         """
         with self._stage("free surface"):
             a0 = float(self.fluid.rate[0].value)
@@ -149,52 +143,52 @@ class SurfacePart:
         return missed / max(self.fluid.speed(), 1e-300)
 
     def correct(self) -> None:
-        """Try the elevation computed from the flow."""
+        """Update the trial elevation."""
         if self._drift is None:
             self._tried = self._improved
         else:
             self._tried = self._tried + self._drift.correction(self._improved - self._tried)
 
     def allowed(self, length: float) -> float:
-        """The whole length: a surface that meets something does so in `residual`."""
+        """The length: contact is detected in `ends`."""
         return length
 
     def accept(self) -> None:
-        """Make the flow's elevation, which conserves volume to round-off, the last state."""
+        """Accept the flow's elevation, which conserves volume to round-off."""
         self._load.elevation.x.array[:] = self._improved
         self.past = [self._improved, *self.past[:2]]
         self.times = [self.fluid.time, *self.times[:2]]
 
     def restore(self) -> None:
-        """Go back to the last state."""
+        """Restore the last state."""
         self._tried = self._improved = self.past[0]
         self._load.elevation.x.array[:] = self.past[0]
 
     def forget(self) -> None:
-        """Do nothing: no data is kept from step to step."""
+        """Do nothing."""
 
     def velocities(self) -> Floats:
-        """None: the velocities of the surface are the flow's, whose errors are known."""
+        """Empty: the surface moves with the flow."""
         return np.empty(0)
 
     # -- reported ----------------------------------------------------------------------------------
 
     @property
     def elevation(self) -> Floats:
-        """(local nodes,) the elevation at the last state."""
+        """Elevation (local nodes,) at the last state."""
         return self.past[0]
 
     def largest(self) -> float:
-        """The largest size of an elevation at the nodes of the surface."""
+        """Largest absolute elevation."""
         mine = float(np.abs(self.past[0]).max(initial=0.0))
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def volume(self) -> float:
-        """Volume above the still level less what is missing below it; of the whole domain where half is meshed."""
+        """Net volume above the still level, of the whole domain."""
         return self._whole * self.mesh.mean(self.past[0])
 
     def risen(self) -> float:
-        """Root mean square over the nodes of the surface of the elevation's change in the last step."""
+        """Root-mean-square change of elevation in the last step."""
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:
@@ -202,16 +196,13 @@ class SurfacePart:
         return self._whole * self._sum(self._potential)
 
     def crossed(self) -> float:
-        """(v - v_mesh) . n on the surface, root mean square: it should be small compared with the velocity."""
+        """Root-mean-square (v - v_mesh) . n on the surface."""
         return float(np.sqrt(self._sum(self._crossing) / self._sum(self._area)))
 
     # -- parts ------------------------------------------------------------------------------------
 
     def ends(self) -> str:
-        """The reason to stop before the next step: the surface is no graph, or touches the bed.
-
-        A reason with a remedy; empty if the run continues.
-        """
+        """Reason and remedy if the run must stop: steep or touching surface; otherwise ""."""
         slope, nodes = self._steepness(self.elevation), self.mesh.nodes
         left = float((self._depths + self.elevation)[nodes].min(initial=np.inf))
         if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest():
@@ -223,14 +214,10 @@ class SurfacePart:
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def _raised(self) -> Floats:
-        """(local nodes,) the rate of the elevation that the flow makes, in its space.
-
-        Without an open end the volume grows by the inflow: the remainder due to unfinished iterations is removed.
+        """Rate of elevation (local nodes,) by the flow, without an open end corrected to the volume
+        of the inflow.
         """
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, self._flux)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        compat.vector_of(self._flux, self._vector)
         if self._drift is None:
             elevation = self.mesh.elevation_of(self._vector)
         else:
@@ -249,7 +236,7 @@ class SurfacePart:
 
 
 class _Steepness:
-    """The steepest slope of an elevation between the nodes of the surface's facets."""
+    """Largest slope of an elevation between nodes of the surface's facets."""
 
     def __init__(self, displacement: RisingDisplacement):
         space, domain = displacement.space, displacement.domain

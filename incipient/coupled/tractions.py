@@ -1,11 +1,7 @@
-"""Force, torque and traction of the fluid on a boundary.
+"""Force, torque and traction of the fluid on a boundary, without hydrostatic pressure (buoyancy is separate).
 
-The force on a body is the integral of sigma n over its surface with n out of the body, into the fluid.
-The consistent (residual) method reads it off the assembled momentum residual: tested with the extension
-of a rigid motion from the surface, the residual is minus the power of the traction in that motion. It
-converges at twice the rate of integrating sigma n, which is kept as a cross-check.
-
-Hydrostatic pressure is not in the flow's pressure (see docs/explanation/flow.md): buoyancy is a force of its own.
+The momentum residual tested with a rigid motion of the surface is minus the power of the traction,
+and converges at twice the rate of integrating sigma n (n into the fluid), the cross-check.
 """
 
 from __future__ import annotations
@@ -22,7 +18,6 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats, cross, spatial
 from ..body.state import turned
-from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
@@ -31,13 +26,13 @@ from ..meshes import SYMMETRY
 from ..symmetric import solve_symmetric
 from .enclosed import EnclosedPressure
 
-ACROSS = 1  # the component across a plane of symmetry
-# Force and torque of a whole body over those of half of it, cut in a plane of constant y: what is odd cancels.
+ACROSS = 1  # component normal to a plane of symmetry
+# Force and torque of a whole body relative to half of it, cut at constant y: odd components cancel.
 WITH_MIRROR_IMAGE = np.array([2.0, 0.0, 2.0, 0.0, 2.0, 0.0])
 
 
 def shares_of_the_whole(domain: Domain) -> np.ndarray:
-    """(k,) force and torque, k = 3 or 6, of a whole body over those of what is meshed of it. Not collective."""
+    """Force and torque (3,) or (6,) of a whole body relative to its meshed part. Not collective."""
     if domain.halved:
         return WITH_MIRROR_IMAGE
     return np.ones(3 if domain.gdim == 2 else 6)
@@ -46,7 +41,9 @@ def shares_of_the_whole(domain: Domain) -> np.ndarray:
 def rigid_motion(
     fluid: Fluid, boundary: str, about: Sequence[float] | Floats, motion: Floats
 ) -> Floats:
-    """(local unknowns,) a velocity and a spin (3 or 6,) of a boundary about a point, zero elsewhere. Not collective."""
+    """Velocity and spin (3 or 6,) of a boundary about a point, as (local unknowns,), zero
+    elsewhere. Not collective.
+    """
     space, gdim = fluid.space, fluid.space.gdim
     blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
     arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)
@@ -57,10 +54,7 @@ def rigid_motion(
 
 @dataclass(frozen=True)
 class Resultant:
-    """Force (3,) and torque (3,) about a point (3,), in scene units; in 2D the torque is along the third axis.
-
-    Where half of a symmetric domain is meshed they are those of the whole body, cut by the plane of symmetry.
-    """
+    """Force and torque (3,) on the whole body about a point (3,), in scene units."""
 
     force: np.ndarray
     torque: np.ndarray
@@ -68,14 +62,13 @@ class Resultant:
 
 
 class TractionProbe:
-    """Reads the traction of one fluid on one of its boundaries. Every method is collective.
+    """Traction of a fluid on one of its boundaries. Every method is collective.
 
     Args:
-        fluid: the solved flow.
-        boundary: name of the boundary, such as "body". Where it meets another one (a wall and the inflow),
-            the residual force includes the end nodes' fraction of the traction of the other boundary.
-        about: point that torques refer to, (gdim,).
-        enclosed: of a body part of which no flow reaches: the pressure there, which is in the resultants.
+        boundary: where it meets another one, the residual force includes the end nodes' fraction of
+            that traction.
+        about: reference point (gdim,) of torques.
+        enclosed: pressure that resultants include where no flow reaches.
     """
 
     def __init__(
@@ -96,7 +89,7 @@ class TractionProbe:
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
-        """Take torques about another point (gdim,), such as the centre of a body that has moved."""
+        """Set the reference point (gdim,) of torques."""
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
@@ -104,11 +97,11 @@ class TractionProbe:
         return self._with_enclosed(self._sum(self._nodal_forces()))
 
     def resultant_of(self, residual: np.ndarray) -> Resultant:
-        """Force and torque that a residual of the fluid (owned unknowns,), or a change of it, stands for."""
+        """Force and torque of a fluid residual, or its change, (owned unknowns,)."""
         return self._sum(-residual[self._unknowns()])
 
     def surface_resultant(self) -> Resultant:
-        """Force and torque by integrating sigma n over the boundary, or a law of the wall: the cross-check."""
+        """Force and torque by integrating sigma n, or a law of the wall."""
         space = self.fluid.space.velocity
         if self._surface_form is None and self.boundary in self.fluid.constraints.rubbing:
             w = ufl.TestFunction(space)
@@ -125,7 +118,7 @@ class TractionProbe:
         return self._with_enclosed(self._integrated(self._surface_form))
 
     def viscous_resultant(self) -> Resultant:
-        """Part of `surface_resultant` due to viscous stress, or to the friction of a law of the wall."""
+        """Part of `surface_resultant` due to viscous stress or wall friction."""
         _, p = ufl.split(self.fluid.state)
         w, n = ufl.TestFunction(self.fluid.space.velocity), -ufl.FacetNormal(self.fluid.domain.mesh)
         pressure = -p * surface_vector(n, self.fluid.reference_map)
@@ -135,12 +128,8 @@ class TractionProbe:
         return Resultant(whole.force - part.force, whole.torque - part.torque, self.about)
 
     def _integrated(self, form: Any) -> Resultant:
-        """Force and torque of the linear form of a traction."""
-        vector = petsc.assemble_vector(form)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        forces = vector.array_r.reshape(-1, self.fluid.space.gdim)[self._blocks].copy()
-        vector.destroy()
-        return self._sum(forces)
+        forces = compat.owned_entries(form).reshape(-1, self.fluid.space.gdim)
+        return self._sum(forces[self._blocks])
 
     def _with_enclosed(self, exposed: Resultant) -> Resultant:
         if self.enclosed is None:
@@ -149,10 +138,9 @@ class TractionProbe:
         return Resultant(exposed.force + force, exposed.torque + torque, exposed.about)
 
     def field(self) -> Any:
-        """The traction as a velocity-space function, zero off the boundary; its integral is the residual force.
+        """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces; zero elsewhere.
 
-        The function t with (t, w) over the boundary equal to the nodal forces for every w. Where half of a symmetric
-        domain is meshed, t and w have no component across the plane of symmetry in that plane, as the velocity.
+        In a plane of symmetry it has no normal component.
         """
         space = self.fluid.space.velocity
         traction = dolfinx.fem.Function(space, name="traction")
@@ -162,14 +150,14 @@ class TractionProbe:
         values.reshape(-1, self.fluid.space.gdim)[self._blocks] = self._nodal_forces()
         right.setArray(values)
         across = self._across_symmetry()
-        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are also empty
+        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are empty as well
         right.setValues(across, np.zeros(len(across)))
         right.assemble()
         solve_symmetric(mass, right, traction)
         return traction
 
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, gdim) of the boundary and the traction there (n, gdim), those of all ranks on each of them."""
+        """Points (n, gdim) of the boundary and tractions (n, gdim), of all ranks."""
         gdim = self.fluid.space.gdim
         traction = self.field()
         nodal = traction.x.array.reshape(-1, gdim)[self._blocks]
@@ -178,7 +166,7 @@ class TractionProbe:
         return points, tractions
 
     def _across_symmetry(self) -> np.ndarray:
-        """Global numbers, in the velocity's space, of owned components across a plane of symmetry in it."""
+        """Global numbers of owned velocity components normal to a plane of symmetry."""
         domain, space = self.fluid.domain, self.fluid.space.velocity
         if not domain.halved:
             return np.empty(0, dtype=PETSc.IntType)
@@ -187,11 +175,11 @@ class TractionProbe:
         return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
     def _nodal_forces(self) -> np.ndarray:
-        """(owned nodes on the boundary, gdim): minus the momentum residual there."""
+        """Minus the momentum residual, (owned nodes on the boundary, gdim)."""
         return -self._residual()[self._unknowns()]
 
     def _residual(self) -> np.ndarray:
-        """(owned unknowns,) residual, right at the boundary's nodes."""
+        """Residual (owned unknowns,), valid at the boundary's nodes."""
         return (
             self.fluid.residual()
             if self._near_form is None
@@ -199,10 +187,10 @@ class TractionProbe:
         )
 
     def _made_near(self, blocks: np.ndarray) -> Any:
-        """The compiled form of the residual at the nodes; None: the residual of all cells is used.
+        """Compiled residual of the cells at the nodes in unsteady flow; None: of all cells.
 
-        An unsteady flow integrates it at every step, over the cells at the nodes only. Along a boundary with a law of
-        the wall the velocity is free and the flow's residual vanishes: the term of the law alone is the wall's force.
+        With a law of the wall the flow's residual vanishes at the free boundary velocity, and the
+        law's term is the force.
         """
         fluid, (w, q) = self.fluid, ufl.TestFunctions(self.fluid.space.mixed)
         if self.boundary in fluid.constraints.rubbing:
@@ -212,7 +200,6 @@ class TractionProbe:
         return compat.form(fluid.residual_form(w, q, fluid.space.cells_at(blocks)))
 
     def _unknowns(self) -> np.ndarray:
-        """(owned nodes on the boundary, gdim): numbers of their velocities in the fluid's state."""
         return self.fluid.space.unknowns_at_nodes[self._blocks]
 
     def _sum(self, forces: np.ndarray) -> Resultant:
@@ -244,6 +231,4 @@ class TractionProbe:
             scale = ufl.sqrt(ufl.inner(normal, normal))
             ds = self.fluid.domain.measure(self.boundary)
             self._mass_form = compat.form(scale * ufl.inner(t, w) * ds)
-        mass = petsc.assemble_matrix(self._mass_form)
-        mass.assemble()
-        return mass
+        return compat.matrix_of(self._mass_form)

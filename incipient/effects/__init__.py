@@ -1,1 +1,1 @@
-"""The physical effects of a scene, one folder or file each; everything else walks their list."""
+"""Physical effects of a scene, a folder or file each, listed in `known`."""

@@ -1,4 +1,4 @@
-"""Interface of a physical effect, as planning, runs and results use it."""
+"""Interface of a physical effect for planning, runs and results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A computed flow of which effects were left out: loads and verdict are None where there are none."""
+    """Computed flow with omitted effects; loads and verdict may be missing."""
 
     run: Solving
     force: Forces | None
@@ -33,11 +33,10 @@ class Solved:
 
 @dataclass(frozen=True)
 class SlowestFlow:
-    """The slowest flow in which an effect can be simulated in a scene.
+    """Slowest flow in which an effect can be simulated in a scene.
 
-    factor: of the scene's flow; why: the reason, after its name; remedy: where a slower one is needed
-    start: factor of the flow that a search begins with where it holds the grain; 0: with the slowest one
-    expected: expense of a search, reported before it
+    factor: of the scene's flow. why, remedy: for messages. start: factor with which a search begins
+    if that flow holds the grain; 0: the slowest. expected: expense of a search.
     """
 
     factor: float
@@ -48,39 +47,31 @@ class SlowestFlow:
 
 
 class Effect:
-    """One physical effect. The default methods do nothing.
+    """One physical effect, imported only where present. The default methods do nothing.
 
-    Callers iterate over `known.EFFECTS`. The modules of an effect are imported only where the effect is present.
-
-    Attributes:
-        quantities: numbers that a run's outcome has where the effect is present; history, result, text, page and tables
-            walk them.
+    `quantities`: output quantities of a run with the effect.
     """
 
     name: EffectName
     quantities: tuple[OutputQuantity, ...] = ()
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Whether the scene calls for the effect, and the reason. Not collective."""
+        """Decide whether the scene calls for the effect, with the reason. Not collective."""
         raise NotImplementedError
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The model of the flow with the effect's terms, for a plan that has the effect. Not collective.
-
-        `unsteady` distinguishes an unsteady flow from the steady one that it may start from.
-        """
+        """Add the effect's terms to the flow model, of the `unsteady` flow or its steady start. Not collective."""
         return model
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """Features of the scene that make the result less certain where the effect is present. Not collective.
+        """Features of the scene that make the result less certain. Not collective.
 
-        Raises:
-            SceneError: the effect cannot be simulated in the scene.
+        Raises SceneError if the effect cannot be simulated in the scene.
         """
         return iter(())
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
-        """Unknowns that are also solved with a steady flow, made before its fluid. Collective."""
+        """Unknowns solved with a steady flow, created before its fluid. Collective."""
         return None
 
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> RunPart | None:
@@ -88,9 +79,9 @@ class Effect:
         return None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB that the effect adds to a flow with so many unknowns. Not collective."""
+        """Additional memory [MiB] for a flow with so many unknowns. Not collective."""
         return 0.0
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Estimated changes by the effect, which the plan leaves out. Collective."""
+        """Estimated changes by the omitted effect. Collective."""
         return iter(())

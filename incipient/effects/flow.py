@@ -1,4 +1,4 @@
-"""Effects of the fluid: its flow, inertia, rate of change, third dimension, and the moving mesh."""
+"""Effects of the fluid: flow, inertia, unsteadiness, third dimension, moving mesh."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from .run_part import Solving
 if TYPE_CHECKING:
     from ..fluid import FlowModel
 
-# A cylinder in a uniform flow sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
-# Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
-# wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
-# within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
+# Critical Reynolds number of vortex shedding from a cylinder in a uniform flow (Heil, Rosso, Hazel & Brøns 2017, J.
+# Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1), and distance from a
+# wall, in diameters, within which shedding is suppressed (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; square
+# cylinder: 0.35, Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
 SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
 SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
 
@@ -37,14 +37,14 @@ class FlowEffect(Effect):
     quantities = FLOW
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Present unless the fluid is at rest and stays so."""
+        """Present unless the fluid remains at rest."""
         scene = setup.scene
         return Decision(
             self.name, scene.flow.kind != "still" or scene.has_surface, _reason_of_flow(setup)
         )
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The force of the fluctuations of a turbulent base flow on its mean profile."""
+        """Force of the turbulent fluctuations on the mean profile."""
         if setup.scene.flow.kind != "log-law":
             return model
         from ..planning.mean_force import sustaining_force
@@ -88,18 +88,18 @@ class InertiaEffect(Effect):
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Repeat the setup's decision, on which the elements depend."""
+        """Decision of the setup, on which the elements depend."""
         return setup.inertia
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """Convection, stabilised where cells need it; the steady start of unsteady flow is upwinded for its solver."""
+        """Convection with stabilisation; the steady start of unsteady flow is upwinded for its solver."""
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
         return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Convection weighted with the dual solutions; without error bars Oseen's term."""
+        """Dual-weighted convection, or Oseen's term without error bars."""
         if decision.expected == 0.0:
             return
         remedy = "set fluid.inertia = true and effects.inertia = true"
@@ -141,7 +141,7 @@ class UnsteadinessEffect(Effect):
         return Decision(self.name, True, reason, scene.effects.unsteadiness is True, change)
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The rate of change at fixed points of the mesh, and the form of unsteady convection."""
+        """The time derivative, and the form of unsteady convection."""
         if not unsteady:
             return model
         base_flow = setup.base_flow
@@ -153,7 +153,7 @@ class UnsteadinessEffect(Effect):
         return replace(model, driven=driven(base_flow, setup.geometry.grain))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """A risk of vortex shedding; the rate of quasi-steady flow weighted with the dual solutions."""
+        """Risk of vortex shedding, or the dual-weighted time derivative of quasi-steady flow."""
         run = solved.run
         if run.scene.time is None:
             _, _, risk = decision.reason.partition("; ")
@@ -177,7 +177,7 @@ class UnsteadinessEffect(Effect):
 
 
 def shedding(setup: Setup, numbers: Numbers) -> str:
-    """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
+    """Warn of probable vortex shedding in a steady flow; "" otherwise."""
     reynolds, scene = numbers.grain_reynolds, setup.scene
     inert = scene.fluid.inertia and scene.effects.inertia is not False
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
@@ -192,12 +192,11 @@ def shedding(setup: Setup, numbers: Numbers) -> str:
 
 
 def expected_of_changes(setup: Setup) -> float | None:
-    """Relative change of the drag on a held grain as the base flow changes, at most one; None: it is steady.
+    """Relative change of the drag on a fixed grain in an unsteady base flow, at most one; None if steady.
 
-    It is the force of an unsteady base flow on a fixed sphere, over the drag of Stokes: the history force,
-    a/sqrt(nu T), and the pressure that accelerates base flow and displaced fluid with the added mass, a^2/(3 nu T).
-    Here a is the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids 26, 883; the history
-    force is that in a flow that oscillates: one that grows steadily for a time T has 2/sqrt(pi) times as much).
+    Force on a fixed sphere over Stokes drag: history force a/sqrt(nu T), and pressure gradient with
+    added mass, a^2/(3 nu T), for radius a and time scale T (Maxey & Riley 1983, Phys. Fluids 26,
+    883; history force of oscillating flow, 2/sqrt(pi) times as large for steady growth).
     """
     base_flow, grain = setup.base_flow, setup.geometry.grain
     period = time_of_change(base_flow, setup.scene.time)
@@ -208,18 +207,18 @@ def expected_of_changes(setup: Setup) -> float | None:
 
 
 class MovingMeshEffect(Effect):
-    """The motion of the mesh, by parts of other effects."""
+    """The motion of the mesh with grain or surface."""
 
     name = EffectName.MOVING_MESH
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Present with a grain that moves or a free surface."""
+        """Present with a moving grain or a free surface."""
         scene = setup.scene
         there, forced = scene.moves or scene.has_surface, scene.effects.moving_mesh != "auto"
         return Decision(self.name, there, _reason_of_mesh(setup), forced)
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The velocity of the mesh, which convection is relative to."""
+        """The mesh velocity in convection."""
         return replace(model, moving_mesh=unsteady)
 
 
@@ -235,7 +234,7 @@ def _reason_of_mesh(setup: Setup) -> str:
 
 
 class ThirdDimensionEffect(Effect):
-    """3-D flow instead of 2-D, in half of the domain where the flow is mirror-symmetric."""
+    """3-D flow, in half of the domain if mirror-symmetric."""
 
     name = EffectName.THIRD_DIMENSION
 

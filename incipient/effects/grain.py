@@ -1,4 +1,4 @@
-"""Effects on the grain: the traction of the fluid, gravity, and contact with the bed."""
+"""Effects on the grain: traction, gravity, and contact with the bed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
 from .effect import Effect, Solved
 
-NEARER = 0.95  # of the gap that a released grain keeps: from where it may begin
+NEARER = 0.95  # smallest initial gap of a released grain relative to its contact gap
 
 
 class TractionEffect(Effect):
@@ -52,7 +52,7 @@ class GravityEffect(Effect):
         return Decision(self.name, True, reason, scene.effects.gravity is True)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Weight and buoyancy, which need no estimate."""
+        """Exact weight and buoyancy."""
         scene, force = solved.run.scene, solved.force
         if not decision.forced or scene.gravity is None or scene.grain is None or force is None:
             return
@@ -64,7 +64,7 @@ class GravityEffect(Effect):
 
 
 class ContactEffect(Effect):
-    """Contact forces between a grain at rest and its bed, on which both criteria are based."""
+    """Contact forces between a resting grain and its bed, for both criteria."""
 
     name = EffectName.CONTACT
     quantities = VERDICT
@@ -89,7 +89,7 @@ class ContactEffect(Effect):
         return Decision(self.name, True, reason, scene.effects.contact is True)
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """A wide gap between grain and bed, and a released grain that begins nearer to the bed than that."""
+        """A wide gap, and a released grain that starts within the contact gap."""
         scene = setup.scene
         gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
         if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
@@ -107,6 +107,6 @@ class ContactEffect(Effect):
             )
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """The verdict, which there is none of without contact."""
+        """The missing verdict."""
         if decision.forced:
             yield Omission(self.name, None, "there is no verdict without it", False)

@@ -23,7 +23,7 @@ from .grain import ContactEffect, GravityEffect, TractionEffect
 from .moving_grain import FreeBodyEffect
 from .turbulence import TurbulenceEffect
 
-# In the order in which plans and results show them; parts of a run are also solved in this order.
+# In the order of plans, results, and solution of the parts of a run.
 EFFECTS: tuple[Effect, ...] = (
     InertiaEffect(),
     UnsteadinessEffect(),
@@ -40,7 +40,7 @@ EFFECTS: tuple[Effect, ...] = (
 
 
 def decisions(setup: Setup, numbers: Numbers) -> tuple[Decision, ...]:
-    """The decisions on all effects. Not collective."""
+    """Decide on all effects. Not collective."""
     return tuple(effect.decide(setup, numbers) for effect in EFFECTS)
 
 
@@ -51,7 +51,7 @@ def quantities(plan: Plan | None = None) -> tuple[OutputQuantity, ...]:
 
 
 def omissions(solved: Solved) -> tuple[Omission, ...]:
-    """The effects of the plan that were left out though the scene has them, and what they would change. Collective."""
+    """Omitted effects that the scene has, with their estimated changes. Collective."""
     plan, accuracy = solved.run.plan, accuracy_asked(solved.run.scene.numerics)
     decided = {decision.name: decision for decision in plan.effects if not decision.present}
     return tuple(

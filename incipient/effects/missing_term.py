@@ -1,10 +1,8 @@
-"""First-order change of a computed flow by a term that is missing in the equations.
+"""First-order change of a computed flow by a term missing in the equations.
 
-A term T changes force and torque by -T(v)(z): the term at the computed flow v, tested with the solution z of the dual
-problem of force or torque (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182,
-496, for errors of models). On the same elements that is one assembly, and a linear solution for each of force and
-torque. Nothing is known of the second order in the term: an estimate that is not small says that the effect matters,
-not by how much.
+A term T changes force and torque by -T(v)(z), with the computed flow v and the dual solution z of
+force or torque (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput.
+Phys. 182, 496). A large estimate shows only that the effect matters.
 """
 
 from __future__ import annotations
@@ -17,7 +15,6 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
-from ..compat import PETSc, petsc
 from ..coupled.tractions import rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import EXACT
@@ -26,13 +23,13 @@ from .effect import Solved
 
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
-# Residual of the dual solutions of estimates of two digits: an error of a thousandth, measured in 3-D.
+# Residual of dual solutions, for an error of a thousandth, measured in 3-D.
 ROUGH = 1e-4
 
 
 def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
-    """The change of force and torque by a missing term; without a grain, that of the velocity. Collective."""
-    # The lower-order flow, whose matrix is assembled, is accurate enough to first order.
+    """Change of force and torque by a missing term, or of the velocity without a grain. Collective."""
+    # The lower-order flow, with an assembled matrix, is accurate enough.
     run, force, torque = solved.run, solved.force, solved.torque
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
@@ -42,7 +39,7 @@ def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     forces, torques = change_of_loads(
         fluid, term, "body", torque.about[: fluid.space.gdim].tolist()
     )
-    # A torque may vanish because of symmetry: it is then compared with half the grain's size times the force.
+    # A torque that vanishes by symmetry is scaled with half the grain's size times the force.
     arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
     relative_torque = float(np.linalg.norm(torques)) / max(
         float(np.linalg.norm(torque.flow)), arm, 1e-300
@@ -52,10 +49,7 @@ def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
 
 
 def with_factors_of_steady_flow(fluid: Fluid) -> None:
-    """Factorise the fluid's steady equations, linearised about its state. Collective.
-
-    The state stays; of an unsteady fluid the next step sets everything again.
-    """
+    """Factorise the fluid's steady equations, linearised about its unchanged state. Collective."""
     if fluid.model.linear and not fluid.model.unsteady:
         return
     state = fluid.state.x.array.copy()
@@ -68,12 +62,12 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
 def change_of_loads(
     fluid: Fluid, term: Term, boundary: str, about: Sequence[float]
 ) -> tuple[Floats, Floats]:
-    """The change of force (3,) and torque (3,) on a boundary by a missing term, to first order. Collective.
+    """First-order change of force and torque (3,) on a boundary by a missing term. Collective.
 
     Args:
         fluid: solved, with its steady equations factorised.
-        term: the integrand, on the left-hand side of the momentum equation.
-        about: point (gdim,) that the torque refers to.
+        term: integrand on the left-hand side of the momentum equation.
+        about: reference point (gdim,) of the torque.
     """
     tested, gdim = _tested(fluid, term), fluid.space.gdim
     shares = shares_of_the_whole(fluid.domain)
@@ -90,7 +84,7 @@ def change_of_loads(
 
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:
-    """The mean change of the velocity by a missing term, relative to it, to first order. Collective."""
+    """First-order relative change of the velocity by a missing term, root mean square. Collective."""
     matrix = fluid.solver.matrix
     right, change = matrix.createVecLeft(), matrix.createVecRight()
     right.setArray(_tested(fluid, term))
@@ -104,14 +98,10 @@ def change_of_velocity(fluid: Fluid, term: Term) -> float:
 
 
 def _tested(fluid: Fluid, term: Term) -> Floats:
-    """(owned unknowns,) the term at the fluid's state against every test function."""
+    """The term at the fluid's state, tested with every function, (owned unknowns,)."""
     v, _ = ufl.split(fluid.state)
     w, _ = ufl.TestFunctions(fluid.space.mixed)
-    vector = petsc.assemble_vector(compat.form(term(v, w) * fluid.space.quadrature()))
-    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    values = vector.array_r.copy()
-    vector.destroy()
-    return np.asarray(values)
+    return compat.owned_entries(compat.form(term(v, w) * fluid.space.quadrature()))
 
 
 def _ratio(change: Floats, whole: Floats) -> float:

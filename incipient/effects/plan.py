@@ -1,8 +1,4 @@
-"""The plan of a scene: which effects are simulated, which are left out and why, and how finely.
-
-The plan decides what is built. A sub-problem or a term that it does not name is never made: no space, no
-compiled form, no unknown.
-"""
+"""Plan of a scene: effects simulated and omitted, and resolution; only what it names is built."""
 
 from __future__ import annotations
 
@@ -25,16 +21,15 @@ GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
 
 
 def make_plan(scene: Scene) -> Plan:
-    """Decide from the scene alone; nothing is meshed or computed. Not collective.
+    """Plan a scene without meshing or computing. Not collective.
 
-    Raises:
-        SceneError: an effect that is present cannot be simulated in the scene.
+    Raises SceneError if a required effect cannot be simulated in the scene.
     """
     return plan_of(Setup(scene))
 
 
 def plan_of(setup: Setup) -> Plan:
-    """The plan of a scene whose parts have been made, as by `make_plan`. Not collective."""
+    """Plan a prepared scene, as `make_plan` does. Not collective."""
     scene = setup.scene
     numbers = setup.numbers
     effects = known.decisions(setup, numbers)
@@ -62,7 +57,7 @@ def plan_of(setup: Setup) -> Plan:
 
 
 def _sought(setup: Setup) -> str:
-    """The purpose for which the run chooses mesh and order and, if unsteady, the time steps."""
+    """Describe how the run chooses mesh, order and time steps."""
     scene, numerics = setup.scene, setup.scene.numerics
     if numerics.accuracy is None:
         return ""
@@ -84,7 +79,7 @@ def _sought(setup: Setup) -> str:
 
 
 def _geometry_order(setup: Setup) -> int:
-    """Straight cells where every boundary is straight, otherwise curved ones to match the velocity."""
+    """Straight cells if all boundaries are straight, otherwise curved ones to match the velocity."""
     scene, geometry = setup.scene, setup.geometry
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
@@ -95,13 +90,13 @@ def _geometry_order(setup: Setup) -> int:
     curves = list(geometry.grain.drawn()) if geometry.grain is not None else []
     if geometry.bed is not None:
         curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
-    # Cells in layers are of order two at most.
+    # Layers support second-order cells at most.
     order = 2 if setup.scene.resolves_walls else setup.order.number
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[order]
 
 
 def _has_flat_faces(geometry: Geometry) -> bool:
-    """Whether every boundary of a 3-D geometry is made of planes."""
+    """Whether all boundaries of a 3-D geometry are planes."""
     grain, bed = geometry.grain, geometry.bed
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0

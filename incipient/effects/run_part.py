@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
+from ..coupled.part import Stage as Stage
 from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.plan import Plan
@@ -22,11 +22,9 @@ if TYPE_CHECKING:
     from ..mesh.motion import MeshMotion
     from ..restart.checkpoint import Checkpoint
 
-Stage = Callable[[str], AbstractContextManager[Any]]
-
 
 class Solving(Protocol):
-    """Interface of a run, as its effects use it."""
+    """Interface of a run for its effects."""
 
     scene: Scene
     plan: Plan
@@ -35,32 +33,29 @@ class Solving(Protocol):
 
     @property
     def fluid(self) -> Fluid:
-        """The flow, on the newest mesh."""
+        """The flow on the newest mesh."""
 
     @property
     def probe(self) -> TractionProbe | None:
-        """Reads the traction on the grain; None without a grain."""
+        """Traction probe of the grain, or None."""
 
     @property
     def time_stepper(self) -> Transient | None:
-        """The time stepper; None for a steady flow, and before the first step."""
+        """Time stepper; None for steady flow and before the first step."""
 
     def count(self, **numbers: int) -> None:
-        """Add to the numbers of iterations by name. Not collective."""
+        """Add to iteration counts by name. Not collective."""
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """Begin a stage; a context manager that takes its time. Not collective."""
+        """Context manager that times a stage. Not collective."""
 
 
 class RunPart:
-    """Unknowns of an effect that are solved with the flow, within each step. Every method is collective.
+    """Unknowns of an effect solved with the flow in each step. Every method is collective.
 
-    The default methods add nothing. A part is made for a mesh, changes the model of the flow
-    (`within`), enters the fluid that is made with that model (`joined`), moves the mesh by what `moving` returns, and
-    wraps the solution of a step (`around`). On a new mesh another part of the kind takes over (`on`, `carry_over`).
-
-    Attributes:
-        effect: whose part it is.
+    The default methods add nothing. A part extends the flow model (`within`), enters the fluid
+    (`joined`), moves the mesh (`moving`) and wraps the solution of a step (`around`); after
+    remeshing another part takes over (`on`, `carry_over`).
     """
 
     effect: EffectName
@@ -68,36 +63,36 @@ class RunPart:
     # -- solution ---------------------------------------------------------------------------------
 
     def within(self, model: FlowModel) -> FlowModel:
-        """The model of the flow with the part's terms in it."""
+        """Add the part's terms to the flow model."""
         return model
 
     def joined(self, fluid: Fluid, before: Self | None = None) -> None:
-        """Enter the fluid, whose mesh is as it was made; `before` is the part on the mesh before, to take over from."""
+        """Enter the fluid on its original mesh; `before` is the part on the previous mesh."""
 
     def moving(self, motion: MeshMotion) -> tuple[Part, ...]:
-        """The boundaries that the part moves, and the mesh with them; the mesh goes to where they are at the start."""
+        """Boundaries moved by the part; the mesh moves to their initial positions."""
         return ()
 
     def around(self, interface: Interface | None) -> Interface | None:
-        """The interface solved together with the flow in a step, given that of the moving parts."""
+        """Wrap the interface of the moving parts that a step solves with the flow."""
         return interface
 
     def on(self, domain: Domain) -> Self:
-        """The part on a new mesh, not yet in a fluid."""
+        """The part for a new mesh, not yet in a fluid."""
         raise NotImplementedError(f"{type(self).__name__} has no new meshes")
 
     def carry_over(self, before: Self) -> None:
-        """Take the state over from the part on the mesh before; both meshes are where they are now."""
+        """Take over the state from the part on the previous mesh."""
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Solve the steady flow together with the part's unknowns; False: the flow does not depend on them.
+        """Solve the steady flow with the part's unknowns; False if the flow does not depend on them.
 
-        The flow may be faster than the scene's by a factor, and may be computed from the present state (`onwards`).
+        `factor`: speed relative to the scene's; `onwards`: from the present state.
         """
         return False
 
     def states(self) -> tuple[Any, ...]:
-        """Functions that are part of the state of a steady flow."""
+        """Functions that belong to the state of a steady flow."""
         return ()
 
     def accept_step(self, step: TimeStep) -> None:
@@ -106,15 +101,15 @@ class RunPart:
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        """Columns of the history after a step."""
+        """History columns of a step."""
         return {}
 
     def reported(self) -> dict[str, Any]:
-        """Fields of `results.result.Result` by their names."""
+        """Fields of `results.result.Result` by name."""
         return {}
 
     def functions(self) -> dict[str, Any]:
-        """Functions on the mesh by their names in files."""
+        """Functions on the mesh by file name."""
         return {}
 
     def unknowns(self) -> dict[str, int]:
@@ -124,8 +119,8 @@ class RunPart:
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """Fields of `restart.checkpoint.Checkpoint` by their names."""
+        """Fields of `restart.checkpoint.Checkpoint` by name."""
         return {}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Take the state from a checkpoint; the part and the coupling are made on the stored mesh."""
+        """Restore the state from a checkpoint, on the stored mesh."""

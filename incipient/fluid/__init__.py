@@ -1,4 +1,4 @@
-"""The fluid sub-problem: spaces, boundary conditions, steady solution; `transient` is for unsteady flow alone."""
+"""The fluid sub-problem: spaces, boundary conditions, steady and unsteady (`transient`) flow."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The force of a flow that changes faster than viscosity acts: that of the disturbance's potential with added mass.
+"""Force of a rapidly accelerating flow: inviscid pressure of the disturbance, with added mass.
 
-Where the base flow w changes at the rate of w in unit time, the fluid around bodies at rest gains w + grad(phi), with
-no flux through walls: n . grad(phi) = -n . w there. The pressure of the disturbance is -phi (fluid density one).
+If the base flow gains w in unit time, fluid around bodies at rest gains w + grad(phi) with n .
+grad(phi) = -n . w on walls; the pressure of the disturbance is -phi at unit density.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ def load_of_disturbance(
     outlet: str,
     centre: Sequence[float],
 ) -> Floats:
-    """Force and torque (2, 3) on the boundary "body" by the disturbance of an accelerating base flow. Collective.
+    """Force and torque (2, 3) of an accelerating base flow's disturbance on the boundary "body". Collective.
 
     Args:
-        velocity: of the base flow, (gdim, n) at positions (3, n), that it gains in unit time.
-        walls: boundaries that nothing crosses, "body" among them. Other boundaries count as far from the disturbance.
-        outlet: the other boundary where the potential is zero.
+        velocity: (gdim, n) at positions (3, n), gained by the base flow in unit time.
+        walls: impermeable boundaries, "body" among them; others are far from the disturbance.
+        outlet: boundary of zero potential.
         centre: (gdim,) of the torque.
     """
     mesh, gdim = domain.mesh, domain.gdim
@@ -52,7 +52,7 @@ def load_of_disturbance(
 
 
 def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats:
-    """Force and torque (2, 3) of the pressure -phi on the body; n points into it."""
+    """Force and torque (2, 3) of the pressure -phi; n points into the body."""
     x = ufl.SpatialCoordinate(domain.mesh)
     ds, arms = domain.measure("body"), x - ufl.as_vector([float(one) for one in centre])
     if domain.gdim == 2:
@@ -71,11 +71,8 @@ def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats
 
 
 def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
-    """Laplace's equation with a flux through walls and zero at the nodes held."""
+    """Solve Laplace's equation with a flux through walls and zero at the nodes `held`."""
     conditions = [dolfinx.fem.dirichletbc(PETSc.ScalarType(0.0), held, phi.function_space)]
-    matrix = petsc.assemble_matrix(stiffness, conditions)
-    matrix.assemble()
-    right = petsc.assemble_vector(flux)
-    right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    matrix, right = compat.matrix_of(stiffness, conditions), compat.vector_of(flux)
     petsc.set_bc(right, conditions)
     solve_symmetric(matrix, right, phi, 1e-10, multigrid=True)

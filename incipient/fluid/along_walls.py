@@ -1,4 +1,4 @@
-"""Wall quantities of a mean flow (distance, shear stress) at the nodes of the velocity."""
+"""Wall quantities of a mean flow (position, shear stress) at velocity nodes."""
 
 from __future__ import annotations
 
@@ -9,23 +9,21 @@ from typing import Any
 import numpy as np
 import ufl
 from mpi4py import MPI
-from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
 from .. import compat
-from ..compat import petsc
 from ..mesh.domain import Domain
 from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
-STEEP, CORNER = 0.7, 0.95  # of normals: from which streamwise fraction on, below which length
-ROUNDING = 1e-6  # of the length of a wall: how far apart places are that are one
+STEEP, CORNER = 0.7, 0.95  # streamwise component of steep normals, length of normals in corners
+ROUNDING = 1e-6  # relative to the length of a wall: distance of coincident positions
 
 
 @dataclass(frozen=True)
 class AlongWall:
-    """The flow next to a wall at nodes (n,), by ascending x, on all ranks.
+    """Flow along a wall at nodes (n,), by ascending x, on all ranks.
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
     lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
@@ -41,7 +39,7 @@ class AlongWall:
 
     @property
     def speeds(self) -> np.ndarray:
-        """(n,) of the flow along the wall."""
+        """Tangential speeds (n,)."""
         normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
@@ -56,7 +54,7 @@ class AlongWall:
 
     @property
     def _level(self) -> np.ndarray:
-        """Which places (n,) are no corners, and rather level than steep."""
+        """Mask (n,) of nodes off corners and steep faces."""
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
 
@@ -78,10 +76,10 @@ class AlongWall:
         return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
+        """Intervals of x with reverse flow along nearly level parts of the wall.
 
-        Corners do not count. Behind a face that falls an interval begins at the face, where the flow has left the
-        wall, although next to the face eddies of the corner may turn otherwise.
+        Behind a falling face the interval begins at the face, where the flow separates, despite
+        corner eddies.
         """
         level = self._level & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
@@ -96,7 +94,7 @@ class AlongWall:
 def _from_faces(
     spans: Iterable[tuple[float, float]], faces: np.ndarray
 ) -> list[tuple[float, float]]:
-    """Ascending intervals, each longer than its distance from a face behind which it is beginning there."""
+    """Extend ascending intervals back to a face that is closer than their length."""
     found: list[tuple[float, float]] = []
     for start, end in spans:
         face = float(faces[faces <= start].max(initial=-np.inf))
@@ -107,7 +105,7 @@ def _from_faces(
 
 
 def at_end(x: np.ndarray) -> np.ndarray:
-    """Which of places (n,) are the farthest, but for rounding, wherever the domain lies."""
+    """Mask of the largest coordinates (n,), to round-off."""
     return np.asarray(x >= x.max() - ROUNDING * np.ptp(x))
 
 
@@ -188,13 +186,12 @@ def along_no_slip_wall(fluid: Fluid, boundary: str) -> AlongWall:
 
 
 def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:
-    """Nodes on a named boundary that this rank owns."""
     nodes = boundary_blocks(space, domain.facets_of(boundary))
     return nodes[nodes < space.dofmap.index_map.size_local]
 
 
 def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
-    """Forms of the length, or area, that goes with each node of a boundary, in the first component, and its normal."""
+    """Forms of the length, or area, per boundary node (first component), and of its normal."""
     w, n = ufl.TestFunction(space), ufl.FacetNormal(fluid.domain.mesh)
     one = ufl.as_vector([1.0] + [0.0] * (len(w) - 1))
     measure = fluid.domain.measure(boundary)
@@ -206,27 +203,23 @@ def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
 
 
 def _on_all_ranks(domain: Domain, columns: list[np.ndarray]) -> np.ndarray:
-    """The rows of all ranks, the first columns being places, in the order of these. Collective."""
+    """Gather the rows of all ranks, sorted by position (first columns)."""
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
     return np.asarray(whole[np.lexsort(whole[:, : domain.gdim].T[::-1])])
 
 
 def _mean_of_facets(values: np.ndarray) -> np.ndarray:
-    """Sums (n, m) over the nodes of two facets about each node, ends as they are."""
+    """Sums (n, m) over the nodes of two facets about each node; ends are unchanged."""
     if len(values) < 7:
         return values
     padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
     found = 0.5 * padded[:-4] + padded[1:-3] + padded[2:-2] + padded[3:-1] + 0.5 * padded[4:]
     found[:2], found[-2:] = values[:2], values[-2:]
-    # Sums at the ends, where there is no second facet, would hold the corner of the domain.
+    # Sums next to the ends would include the corner of the domain.
     found[1], found[-2] = found[2], found[-3]
     return found
 
 
 def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:
-    """(n, gdim) entries of a vector tested with velocities, at owned nodes. Collective."""
-    vector = petsc.assemble_vector(form)
-    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    values = vector.array_r.reshape(-1, gdim)[nodes].copy()
-    vector.destroy()
-    return np.asarray(values)
+    """Entries (n, gdim) of an assembled vector at owned nodes."""
+    return compat.owned_entries(form).reshape(-1, gdim)[nodes]

@@ -13,7 +13,7 @@ Velocity = Callable[[np.ndarray, float], np.ndarray]
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Prescribed velocity on a boundary: a function of x (3, n) and t that returns (gdim, n)."""
+    """Prescribed velocity (gdim, n), a function of x (3, n) and t."""
 
     boundary: str
     velocity: Velocity
@@ -21,7 +21,7 @@ class Prescribed:
 
 @dataclass(frozen=True)
 class Slip:
-    """No flow through a boundary whose normal is a coordinate axis, and no shear on it."""
+    """Impermeable, shear-free boundary normal to a coordinate axis."""
 
     boundary: str
     axis: int
@@ -29,14 +29,12 @@ class Slip:
 
 @dataclass(frozen=True)
 class Friction:
-    """An impermeable boundary with the friction of a wall at a distance beyond it, from a law of the wall.
+    """Impermeable boundary with a law of the wall.
 
-    distance: of the wall
-    drag:     friction over the velocity: a function of the speed, of the shear velocity from k there,
-              of 1/Re and of the distance (UFL)
-    axis:     that of the normal of a plane boundary, which lies at that distance from the wall; None: a boundary
-              of any shape at the wall itself, where only the law has the distance
-    moves:    whether the wall, of any shape, moves as a rigid body: `friction.WallLoad.carry` sets its velocity
+    distance: of the wall beyond the boundary. drag: friction over velocity, a function of speed,
+    shear velocity from k, 1/Re and distance (UFL). axis: normal of a plane boundary at that
+    distance from the wall; None: a boundary of any shape at the wall itself. moves: whether the
+    wall moves as a rigid body, with the velocity set by `friction.WallLoad.carry`.
     """
 
     boundary: str
@@ -48,9 +46,9 @@ class Friction:
 
 @dataclass(frozen=True)
 class Open:
-    """An outflow boundary: -p n + nu dv/dn = 0.
+    """Outflow boundary, -p n + nu dv/dn = 0.
 
-    velocity: of backflow, as that of `Prescribed`; None: that of the flow
+    velocity: of backflow, as in `Prescribed`; None: that of the flow.
     """
 
     boundary: str
@@ -59,11 +57,7 @@ class Open:
 
 @dataclass(frozen=True)
 class IncomingWave:
-    """An incoming wave at an end with the base flow.
-
-    velocity:  of both, a function of present positions x (3, n) and t that returns (gdim, n)
-    elevation: a function of x (3, n), of which only horizontal coordinates matter, and t that returns (n,)
-    """
+    """Incoming wave with the base flow: velocity (gdim, n) and elevation (n,), functions of x (3, n) and t."""
 
     velocity: Velocity
     elevation: Callable[[np.ndarray, float], np.ndarray]
@@ -71,13 +65,11 @@ class IncomingWave:
 
 @dataclass(frozen=True)
 class Entering:
-    """An end below a free surface with a prescribed discharge, in or out (see `constraints.Entry`).
+    """End below a free surface with prescribed discharge (see `constraints.Entry`).
 
-    axis:     that of its normal
-    velocity: along the axis; a function of positions x (3, n) when the mesh was made, and t, that returns (n,)
-    level:    length of the zone next to the end in which the surface is made level
-    given:    whether the level there is the still level: for supercritical flow
-    wave:     the wave in `velocity`, with its velocity across and elevation; None: no wave
+    velocity: along the normal `axis`, (n,), a function of undeformed positions (3, n) and t. level:
+    length of the zone in which the surface is levelled. given: whether the still level is imposed,
+    for supercritical flow. wave: part of `velocity`.
     """
 
     boundary: str
@@ -90,19 +82,17 @@ class Entering:
 
 @dataclass(frozen=True)
 class Carried:
-    """The surface of a moving body; `Constraints.carry` sets its velocity in every coupling iteration."""
+    """Surface of a moving body; `Constraints.carry` sets its velocity in every coupling iteration."""
 
     boundary: str
 
 
 @dataclass(frozen=True)
 class Sponge:
-    """A zone before the end of a channel in which the flow is relaxed to the base flow, so that waves decay there.
+    """Zone from `start` to `end` of a channel (x) in which the flow relaxes to the base flow.
 
-    start: x at which it begins
-    end: x of the end of the channel
-    rate: at the end; it grows as the square of the distance from the start
-    base_flow: velocity (gdim, n) at positions x (3, n) and time t, here zero
+    rate: at the end; it grows quadratically from zero. base_flow: velocity (gdim, n) of x (3, n)
+    and t.
     """
 
     start: float
@@ -113,13 +103,12 @@ class Sponge:
 
 @dataclass(frozen=True)
 class FreeSurface:
-    """A boundary on top that moves with the fluid and is a graph over the plane; velocities there are free.
+    """Top boundary that moves with the fluid, a graph over the plane.
 
-    gravity:  acceleration (gdim,); its hydrostatic pressure acts on the surface where this is above the still level
-    origin:   a position (gdim,) of the still level, at which the flow's pressure is that above the surface
-    pressure: above the surface, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
-    pinned:   names of the boundaries at which its elevation stays; the fluid sticks to them
-    sponge:   zone at the end of a channel in which waves decay; None: there is none
+    gravity: acceleration (gdim,), whose hydrostatic pressure acts where the surface departs from
+    the still level. origin: position (gdim,) of the still level, at which the flow's pressure
+    equals that above the surface. pressure: above the surface over density, (n,), a function of x
+    (3, n) and t. pinned: no-slip boundaries at which the elevation is fixed.
     """
 
     boundary: str
@@ -134,5 +123,5 @@ Condition = Prescribed | Slip | Friction | Open | Entering | Carried | FreeSurfa
 
 
 def no_slip(boundary: str) -> Prescribed:
-    """A wall at rest."""
+    """Wall at rest."""
     return Prescribed(boundary, lambda x, t: np.zeros_like(x))

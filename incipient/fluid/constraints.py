@@ -1,4 +1,4 @@
-"""The boundary conditions of a flow within its mixed system: Dirichlet conditions, kept up to date with time."""
+"""Time-dependent Dirichlet conditions of a flow in its mixed system."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import ufl
 from mpi4py import MPI
 
 from .. import compat
-from ..compat import PETSc, petsc
 from ..mesh.domain import Domain
 from .conditions import (
     Carried,
@@ -27,10 +26,10 @@ from .space import TaylorHood, boundary_blocks
 
 
 class Constraints:
-    """The Dirichlet conditions of a flow, kept up to date with time.
+    """Time-dependent Dirichlet conditions of a flow.
 
-    Where two boundaries meet, the condition named later applies: with walls after moving lids the
-    corners are watertight. With `level` the pressure is zero at one node where no boundary gives it a level.
+    Where boundaries meet, the condition listed last applies: with walls after moving lids corners
+    are watertight. With `level`, an otherwise undetermined pressure is zero at one node.
     """
 
     def __init__(
@@ -64,31 +63,31 @@ class Constraints:
 
     @property
     def closed(self) -> bool:
-        """Whether no boundary gives the pressure a level, so that it is known up to a constant only."""
+        """Whether the pressure is determined up to a constant only."""
         return not self.open and self.surface is None
 
     @property
     def backflow(self) -> Any:
-        """The velocity prescribed for backflow through open ends; None: backflow keeps its own velocity."""
+        """Prescribed velocity of backflow through open ends, or None."""
         return self._values if self._returns else None
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Names of the boundaries with a law of the wall."""
+        """Names of boundaries with a law of the wall."""
         return tuple(one.boundary for one in self.friction)
 
     @property
     def crossings(self) -> tuple[str, ...]:
-        """Names of open ends, and of those at which only the velocity along the axis is prescribed."""
+        """Names of open ends and of ends with prescribed discharge."""
         return (*self.open, *(entry.boundary for entry in self.entries))
 
     @property
     def influx(self) -> float:
-        """Volume flux through all entries, at the last `update`."""
+        """Volume flux through all entries at the last `update`."""
         return sum(entry.influx for entry in self.entries)
 
     def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
-        """Local pressure nodes on outflow boundaries and on a surface. Collective."""
+        """Local pressure nodes on outflow boundaries and a surface. Collective."""
         names = self.open if surface is None else (*self.open, surface.boundary)
         nodes = [
             boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names
@@ -106,7 +105,7 @@ class Constraints:
             entry.update(t)
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
-        """Take the prescribed velocities among conditions; they hold from the next `update`. Not collective."""
+        """Replace the prescribed velocities from the next `update` on. Not collective."""
         self._prescribed = [
             (c.velocity, boundary_blocks(self.space.velocity, self._domain.facets_of(c.boundary)))
             for c in conditions
@@ -114,17 +113,17 @@ class Constraints:
         ]
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Give a carried boundary its velocity, a function of its nodes' positions (n, gdim)."""
+        """Set the velocity of a carried boundary, a function of node positions (n, gdim)."""
         gdim, blocks = self.space.gdim, self._carried[boundary]
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
     def carried_cells(self) -> np.ndarray:
-        """Local cells that have a node on a carried boundary, in ascending order."""
+        """Local cells with a node on a carried boundary, ascending."""
         blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
         return self.space.cells_at(blocks)
 
     def boundary_points_moved(self) -> None:
-        """Read the nodes' places again after the mesh has moved."""
+        """Update node positions after a mesh motion."""
         self.points = self.space.velocity_points()
 
     def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
@@ -155,12 +154,12 @@ class Constraints:
 
 
 def _first_node(space: Any) -> int:
-    """Global number of the node with the first coordinates, the same point on any number of ranks."""
+    """Global number of the node with the lowest coordinates, independent of the number of ranks."""
     index_map = space.dofmap.index_map
     points = space.tabulate_dof_coordinates()
     comm = space.mesh.comm
     size = comm.allreduce(float(np.abs(points).max(initial=0.0)), op=MPI.MAX)
-    # Rounded, so that round-off does not decide among nodes on a straight side.
+    # Rounded against round-off among nodes on a straight side.
     places = np.round(points[: index_map.size_local] / size, 9) + 0.0
     order = np.lexsort(places.T[::-1])[:1]
     mine = [(tuple(places[i]), index_map.local_range[0] + int(i)) for i in order]
@@ -172,21 +171,14 @@ def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
 
 
 class Entry:
-    """The velocity along the normal of an end, whose profile is stretched with the depth. Every method is collective.
+    """Prescribed discharge through an end, with the undeformed velocity profile stretched with the
+    depth. Collective.
 
-    A node has the velocity of its position when the mesh was made, times one factor for all nodes. With this factor the
-    discharge is that through the end as made, for any present depth.
-
-    Args:
-        domain: whose mesh is as it was made.
-        condition: of the end.
-        walls: names of boundaries at which the fluid sticks, also in the corners.
+    No-slip boundaries `walls` prevail in corners.
 
     Attributes:
-        boundary, axis, given, wave: those of the condition.
-        space: of a component of the velocity.
-        values: of it, with the velocity on the boundary.
-        influx: volume flux through the mesh as it was at the last `update`.
+        space, values: one velocity component, with values on the boundary.
+        influx: volume flux through the mesh at the last `update`.
     """
 
     def __init__(
@@ -215,7 +207,7 @@ class Entry:
         self._made = self._areas()
 
     def update(self, t: float) -> None:
-        """Evaluate the velocity at a time, where the mesh is now."""
+        """Evaluate the velocity at a time on the present mesh."""
         velocities, now = np.asarray(self._velocity(self._places, t)), self._areas()
         mine = velocities[: self._count]
         sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
@@ -225,18 +217,13 @@ class Entry:
         self.influx = factor * float(through)
 
     def zone(self, place: Any) -> Any:
-        """The length of the level zone at the end, which falls to zero along it, in UFL. Not collective."""
+        """Length of the level zone, quadratically decreasing to zero along it, in UFL. Not collective."""
         rest = 1 - abs(place[self.axis] - self._end) / self._level
         return self._level * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
 
     def rate(self, place: Any) -> Any:
-        """The zone's length over its square at the end, the weight of the prescribed level, in UFL. Not collective."""
+        """Weight of the prescribed level, in UFL. Not collective."""
         return self.zone(place) / self._level**2
 
     def _areas(self) -> np.ndarray:
-        """(own nodes of the boundary,) the integral of each one's function over it, counted inwards."""
-        vector = petsc.assemble_vector(self._form)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        areas = np.array(vector.array_r[self._own])
-        vector.destroy()
-        return areas
+        return compat.owned_entries(self._form)[self._own]

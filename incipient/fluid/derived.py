@@ -1,4 +1,4 @@
-"""Quantities derived from a computed flow: its vorticity, and the Reynolds number of its cells."""
+"""Quantities derived from a computed flow."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from .. import compat
-from ..compat import petsc
 from ..forms import vorticity as curl_of
 from ..symmetric import solve_symmetric
 from .flow import Fluid
@@ -19,18 +17,16 @@ from .space import cell_size
 
 
 def vorticity(fluid: Fluid) -> Any:
-    """curl v projected onto continuous elements of the pressure's order; a scalar in 2D. Collective."""
+    """Project curl v onto continuous elements of the pressure's order; a scalar in 2-D. Collective."""
     space, of_mass, of_curl = fluid.kept("vorticity", lambda: _forms(fluid))
     field = dolfinx.fem.Function(space, name="vorticity")
-    mass, right = petsc.assemble_matrix(of_mass), petsc.assemble_vector(of_curl)
-    mass.assemble()
-    right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    mass, right = compat.matrix_of(of_mass), compat.vector_of(of_curl)
     solve_symmetric(mass, right, field, rtol=1e-10)
     return field
 
 
 def measured_cell_reynolds(fluid: Fluid) -> float:
-    """The largest |v| h/(k nu) of all cells of a computed flow; h is the root of the doubled area. Collective."""
+    """Largest cell Reynolds number |v| h/(k nu); h is the root of twice the area. Collective."""
     mesh, order = fluid.domain.mesh, fluid.space.order
     space = compat.space(mesh, ("DG", order))
     size = cell_size(mesh) / order
@@ -43,7 +39,7 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any, Any]:
-    """The space of the field, the form of its mass matrix, and that of the curl."""
+    """Space of the field, mass form, and curl form."""
     gdim, order = fluid.space.gdim, fluid.space.order - 1
     space = compat.space(fluid.domain.mesh, ("Lagrange", order), (gdim,) if gdim == 3 else ())
     u, w = ufl.TrialFunction(space), ufl.TestFunction(space)

@@ -1,4 +1,4 @@
-"""The fluid sub-problem: build it once, then solve it steadily or advance it step by step."""
+"""The fluid sub-problem, solved steadily or advanced in time."""
 
 from __future__ import annotations
 
@@ -25,26 +25,20 @@ from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
 from .solvers.two_level import Action, PressureForce
 
 LOWEST_ORDER = 2  # of the velocity
-# Corrections of a time step after which the kept factors are too old.
+# Newton updates of a time step after which an LU factorisation is renewed.
 PATIENCE = 8
-# Residual, relative to the right-hand side, of corrections of a steady flow by factors, which cost little to be better.
+# Relative residual of Newton updates by LU factorisation in steady flow.
 INNER = 1e-6
-# Residual, relative to the right-hand side, of what stands for an exact solution: derivatives and dual solutions.
+# Relative residual of derivatives and dual solutions.
 EXACT = 1e-9
 
 
 class Fluid(Holder, FlowEquations):
-    """Incompressible flow on a domain in Taylor-Hood elements, scene units, fluid density one.
+    """Incompressible flow in Taylor-Hood elements (`FlowEquations`), scene units, unit density.
+    Every method is collective.
 
-    Holds PETSc objects: use it as a context manager, or call `destroy`. Every method is collective.
-
-    Args:
-        domain: mesh and named boundaries.
-        model: the terms present.
-        conditions: boundary conditions; where boundaries meet the later one holds.
-        reynolds: one over the viscosity of the molecules, in scene units.
-        coarse: the same flow solved in elements of lower order: linear systems are then solved matrix-free, with
-            the help of its solver (`solvers.TwoLevel`).
+    Use as a context manager, or call `destroy`. With `coarse`, the same flow in lower-order
+    elements, linear systems are solved matrix-free by `solvers.TwoLevel`.
     """
 
     def __init__(
@@ -77,19 +71,18 @@ class Fluid(Holder, FlowEquations):
         self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
 
     def at_order(self, order: int) -> Fluid:
-        """A copy of this flow in elements of another order; the caller destroys it. Collective."""
+        """Copy in elements of another order; the caller destroys it. Collective."""
         model = replace(
             self.model, order=order, solver="block" if self.coarse else self.model.solver
         )
         return Fluid(self.domain, model, self.conditions, self.reynolds)
 
     def _one_level(self) -> LinearSolver:
-        """The solver that the model names, for a matrix that is held."""
         self._matrix = self.holding(petsc.create_matrix(self._jacobian))
         return SOLVERS[self.model.solver](self._matrix, self._equations())
 
     def _two_level(self, coarse: Fluid) -> LinearSolver:
-        """The solver by the flow in elements of lower order. The action's quadrature is that of preconditioners."""
+        """Two-level solver; the action's quadrature is that of preconditioners."""
         equations = self._equations()
         measure = ufl.dx(
             domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order}
@@ -106,7 +99,6 @@ class Fluid(Holder, FlowEquations):
         return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
 
     def _equations(self) -> Equations:
-        """The data from which solvers assemble the Jacobian."""
         held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
@@ -115,7 +107,7 @@ class Fluid(Holder, FlowEquations):
         )
 
     def another_solver(self, matrix: Any) -> LinearSolver:
-        """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
+        """Solver of the same kind for the projection onto divergence-free velocities. Collective."""
         one = self.space.constant(1.0)
         free = self.constraints.open_pressures(self.constraints.surface)
         projection = replace(
@@ -133,11 +125,11 @@ class Fluid(Holder, FlowEquations):
         keep_factors: bool = False,
         remember: bool = True,
     ) -> newton.NewtonReport:
-        """Solve for the state with the parameters as they are, starting from the present state.
+        """Solve with the present parameters from the present state.
 
-        `watch`, or else what `Fluid.watch` has been set to, is called with the number, from zero, and the size of each
-        Newton update. Earlier factorisations are reused as long as possible in a time step, or with `keep_factors`;
-        with `remember` so is their contraction, see `newton.solve`.
+        `watch` (default `Fluid.watch`) receives number and size of each Newton update.
+        Factorisations are reused in time steps and with `keep_factors`; `remember` also keeps their
+        contraction.
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
@@ -157,7 +149,7 @@ class Fluid(Holder, FlowEquations):
         return report
 
     def correct(self) -> float:
-        """One Newton update from the present state with a fresh factorisation; its size relative to the state."""
+        """Apply one Newton update with a fresh factorisation; returns its relative size."""
         self.constraints.update(self.time)
         self._lift = True
         return self.correction(fresh=True)
@@ -167,11 +159,10 @@ class Fluid(Holder, FlowEquations):
         return dolfinx.fem.Function(self.space.mixed)
 
     def dual(self, boundary: np.ndarray, rtol: float = EXACT) -> np.ndarray:
-        """The dual solution with boundary values, of the Jacobian last assembled: (local unknowns,). Collective.
+        """Dual solution z (local unknowns,) of the last assembled Jacobian A with boundary values. Collective.
 
-        `boundary` (local unknowns,) vanishes off prescribed boundaries. The result z equals it there and makes
-        z . A change = 0 for every change of the state that leaves the boundary as it is, A the Jacobian, to a residual
-        of `rtol` times that of the boundary values alone.
+        z equals `boundary` on prescribed boundaries, and z . A change = 0 for changes within the
+        flow, to a residual of `rtol` relative to the boundary values alone.
         """
         self._completed(boundary, self.kept("transposed", self._transposed), 0.0, rtol, True)
         return np.asarray(self._direction.x.array.copy())
@@ -179,7 +170,7 @@ class Fluid(Holder, FlowEquations):
     def _completed(
         self, boundary: np.ndarray, action: Any, forcing: Any, rtol: float, transposed: bool = False
     ) -> None:
-        """Complete boundary values in the direction so that its action and the forcing vanish off the boundary."""
+        """Complete boundary values so that the direction's action plus the forcing vanishes off the boundary."""
         self._direction.x.array[:] = boundary
         self._vector.setArray(self.assembled(action) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
@@ -189,21 +180,19 @@ class Fluid(Holder, FlowEquations):
         self._direction.x.scatter_forward()
 
     def _transposed(self) -> Any:
-        """The transposed Jacobian times the direction: how the residual tested with it changes with the state."""
         tested = self.residual_form(*ufl.split(self._direction))
         return compat.form(ufl.derivative(tested, self.state, ufl.TestFunction(self.space.mixed)))
 
     def renew_factors(self) -> None:
-        """Request a new factorisation at the next step. Not collective, but to be called on every rank."""
+        """Request a new factorisation at the next step, on every rank. Not collective."""
         self._aged = True
 
     def correction(self, fresh: bool, rtol: float | None = None) -> float:
-        """Subtract a correction, by a new Jacobian if `fresh` or to a residual of `rtol` (see `newton.System`).
+        """Subtract a Newton update (see `newton.System`); returns its relative size.
 
-        Its size is relative to the flow: in steady flow the larger of velocity's and pressure's, of the latter's
-        relative to itself and the square of the speed. Without a new Jacobian the state takes its boundary values
-        before the residual is assembled: the columns for them would cost more than that residual, and change nothing
-        where the state already has them.
+        In steady flow the pressure's size, relative to pressure plus squared speed, also counts.
+        Without a new Jacobian the state takes its boundary values first, which costs less than
+        lifting.
         """
         renewed = self._jacobian is not None and (fresh or rtol is not None)
         if not renewed:
@@ -211,7 +200,7 @@ class Fluid(Holder, FlowEquations):
             self._lift = False
         self._assemble_constrained_residual()
         if renewed:
-            self._assemble_jacobian()
+            compat.matrix_of(self._jacobian, self.constraints.dirichlet, self._matrix)
         if rtol is not None:
             rtol = min(rtol, INNER) if self.solver.regular else rtol
             self.solver.solve(self._vector, self._correction, rtol, fresh)
@@ -225,16 +214,13 @@ class Fluid(Holder, FlowEquations):
         self._lift, size = False, self._relative_size()
         return size if self.model.unsteady else max(size, self._relative_pressure())
 
-    def _assemble_jacobian(self) -> None:
-        self._matrix.zeroEntries()
-        petsc.assemble_matrix(self._matrix, self._jacobian, self.constraints.dirichlet)
-        self._matrix.assemble()
-
     def _assemble_constrained_residual(self) -> None:
         conditions = self.constraints.dirichlet
-        self._assemble_local(self._residual)
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, self._residual)
         if self._lift:
-            # Only the first correction changes boundary values; later ones vanish there.
+            # Only the first update changes boundary values.
             petsc.apply_lifting(
                 self._vector, [self._jacobian], [conditions], [self._state_view], -1.0
             )
@@ -244,20 +230,19 @@ class Fluid(Holder, FlowEquations):
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The flow's response to a change of boundary velocities, to a residual of `rtol`. Collective.
+        """Linear response of the flow to a change of boundary velocities. Collective.
 
-        `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
-        change of the residual (owned unknowns,) that has other causes. Returns the change of the
-        state completed so that the residual within the flow stays as it is, and the change of the residual on
-        carried boundaries (owned unknowns,), of the tractions: exact to `rtol` where the Jacobian was assembled at
-        the present state. Off these boundaries the latter has no meaning.
+        `boundary` (local unknowns,): change of state on carried boundaries; `forcing` (owned
+        unknowns,): change of the residual from other causes. Returns the change of state that keeps
+        the residual within the flow, to `rtol`, and the change of the residual (owned unknowns,),
+        on carried boundaries that of the tractions.
         """
         whole, near = self.kept("actions", self._actions)
         self._completed(boundary, whole, forcing, rtol)
         return self._direction.x.array.copy(), self.assembled(near) + forcing
 
     def _actions(self) -> tuple[Any, Any]:
-        """The Jacobian times the direction: whole, and from the cells at carried boundaries only."""
+        """Jacobian times the direction: whole, and from cells at carried boundaries only."""
         w, q = ufl.TestFunctions(self.space.mixed)
         near = self.constraints.carried_cells()
         forms = (self.residual_form(w, q), self.residual_form(w, q, near))
@@ -266,26 +251,18 @@ class Fluid(Holder, FlowEquations):
         )
 
     def residual(self) -> np.ndarray:
-        """Residual of the present state against every test function, conditions not applied: (owned unknowns,).
+        """Unconstrained residual of the present state, (owned unknowns,).
 
-        Its momentum entries on a boundary are the consistent nodal tractions there.
+        Its momentum entries on a boundary are the consistent nodal tractions.
         """
         return self.assembled(self._residual)
 
     def assembled(self, form: Any) -> np.ndarray:
-        """A compiled linear form against every test function of the mixed space: (owned unknowns,)."""
-        self._assemble_local(form)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        return self._vector.array_r.copy()
-
-    def _assemble_local(self, form: Any) -> None:
-        """Assemble a linear form into the vector, without contributions of other ranks."""
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, form)
+        """Assemble a compiled linear form, (owned unknowns,)."""
+        return np.asarray(compat.vector_of(form, self._vector).array_r.copy())
 
     def _relative_pressure(self) -> float:
-        """The change of the pressure over itself and the square of the speed, by root mean squares. Collective."""
+        """Size of the pressure update relative to pressure plus squared speed."""
         nodes = self.space.pressure.dofmap.index_map
         owned = self.space.pressure_map[: nodes.size_local]
         parts = [values[owned] for values in (self._correction.array_r, self.state.x.array)]
@@ -308,10 +285,7 @@ class Fluid(Holder, FlowEquations):
 def build_fluid(
     domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
 ) -> Fluid:
-    """The fluid of a model, and the second-order one where its systems are solved by two levels. Collective.
-
-    The latter is `Fluid.coarse`, is freed with it, and counts for the same statistics.
-    """
+    """Build the fluid of a model, with a second-order `Fluid.coarse` for the two-level solver. Collective."""
     if model.solver != "two-level":
         return Fluid(domain, model, conditions, reynolds)
     coarse = Fluid(domain, replace(model, order=LOWEST_ORDER, solver="block"), conditions, reynolds)
@@ -326,7 +300,7 @@ def build_fluid(
 
 @contextmanager
 def lowered(fluid: Fluid) -> Iterator[Fluid]:
-    """The second-order flow of a fluid, or a temporary one, with the fluid's state. Collective."""
+    """Second-order flow with the fluid's state, temporary unless the fluid has one. Collective."""
     if fluid.coarse is not None:
         fluid.coarse.interpolate(fluid)
         yield fluid.coarse
@@ -338,10 +312,10 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
 
 
 def enriched(fluid: Fluid) -> Fluid:
-    """A copy of a solved flow in next-higher-order elements; the caller destroys the copy first. Collective.
+    """Copy of a solved flow in next-higher-order elements, to be destroyed first. Collective.
 
-    An iterative solver of the flow serves the solver of the copy. The copy's Jacobian is then upwinded as the flow is,
-    its residual is not: it consists of the discretisation error of the flow's elements and the effect of upwinding.
+    Its Jacobian is upwinded, its residual not: it consists of the discretisation error and the
+    effect of upwinding. An iterative solver is shared.
     """
     order, model = fluid.model.order, fluid.model
     if isinstance(fluid.solver, Direct):

@@ -1,4 +1,4 @@
-"""The flow as equations: its unknowns, the parameters that a step sets, and its residual as a UFL form."""
+"""Unknowns, parameters and UFL residual of the flow."""
 
 from __future__ import annotations
 
@@ -28,22 +28,14 @@ from .space import (
 
 
 class FlowEquations:
-    """Unknowns, parameters and residual of an incompressible flow in Taylor-Hood elements. Every method is collective.
+    """Unknowns, parameters and residual of an incompressible flow in Taylor-Hood elements. Every
+    method is collective.
 
     Args:
-        domain: mesh and named boundaries.
-        model: the terms present.
-        conditions: boundary conditions; where boundaries meet the later one applies.
-        reynolds: one over the viscosity of the molecules, in scene units.
-        level: whether one pressure is held where no boundary gives it a level.
-        coarse: the same flow in elements of lower order, whose parameters are kept the same.
-
-    Attributes:
-        reference_map: of (338) and (339).
-        space: of velocity and pressure.
-        state: function of both; history: states of two steps before, without a rate of change none.
-        rate: coefficients of the backward difference.
-        surface, walls: loads of a free surface and of walls with friction; None without.
+        conditions: where boundaries meet the later one applies.
+        reynolds: one over the molecular viscosity, in scene units.
+        level: whether to pin an otherwise undetermined pressure.
+        coarse: the same flow in lower-order elements, with synchronised parameters.
     """
 
     def __init__(
@@ -78,7 +70,7 @@ class FlowEquations:
         self._kept: dict[str, Any] = {}
 
     def let_in(self, conditions: Sequence[Condition]) -> None:
-        """Prescribe other velocities, by conditions of the same kinds on the same boundaries."""
+        """Replace prescribed velocities, by conditions of the same kinds on the same boundaries."""
         self.conditions = tuple(conditions)
         self.constraints.prescribe(conditions)
         if self._below is not None:
@@ -109,31 +101,31 @@ class FlowEquations:
         measure: Any = None,
         upwind: bool = True,
     ) -> Any:
-        """The residual of the present state as a UFL form, tested with velocity w and pressure q.
+        """Residual of the present state in UFL, tested with w and q.
 
-        Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
+        Integrated over all cells, local `cells`, or another measure.
         """
         flow = (*ufl.split(self.state), w, q)
         return self._integrated(flow, measure or self.quadrature(cells), upwind)
 
     def pressure_force(self, measure: Any, upwind: bool = True) -> Any:
-        """The pressure term of the momentum residual, a bilinear form of both spaces; `upwind` or not."""
+        """Pressure term of the momentum residual, a bilinear form of both spaces."""
         w, p = ufl.TestFunction(self.space.velocity), ufl.TrialFunction(self.space.pressure)
         flow = (ufl.split(self.state)[0], p, w, ufl.as_ufl(0))
         return ufl.lhs(self._integrated(flow, measure, upwind))
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
-        """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
+        """Measure of all cells, or of local `cells`, for the terms of this flow. Collective."""
         return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
     def kept(self, name: str, make: Callable[[], Any]) -> Any:
-        """The object cached under a name, such as a form, whose analysis by UFL takes time. Collective."""
+        """Cache an object under a name, such as a form that UFL analyses slowly. Collective."""
         if name not in self._kept:
             self._kept[name] = make()
         return self._kept[name]
 
     def _integrated(self, flow: Sequence[Any], dx: Any, upwind: bool) -> Any:
-        """Weak residual of momentum and continuity, (338) and (339), of v, p tested with w, q: the model's terms."""
+        """Weak residual of momentum and continuity, (338) and (339), of v, p tested with w, q."""
         (v, p, w, q), model, at = flow, self.model, self.reference_map
         viscosity, force = self.viscosity, self._body_force()
         rate, carrier = self._rate_of_change(v), self.carrier(v)
@@ -141,12 +133,12 @@ class FlowEquations:
         if rate is not None:
             residual += terms.inertia(rate, w, at)
         if carrier is not None:
-            residual += self._convection(v, carrier, w)
+            residual += terms.convection(v, carrier, w, at)
         if model.inertia and model.stabilisation:
             size = cell_size(self.domain.mesh) / model.order
             residual += terms.grad_div(v, carrier, w, viscosity, size, at)
         if model.inertia and model.upwind and upwind:
-            # A Jacobian used for Newton updates only costs half without the terms that vanish with the residual.
+            # Terms that vanish with the residual double the cost of a Jacobian and do not help Newton updates.
             along = self._frozen_velocity() if model.exact else carrier
             known = None if model.exact or model.viscosity is not None else viscosity
             strong = terms.momentum(v, p, carrier, known, rate, force, at)
@@ -161,11 +153,7 @@ class FlowEquations:
             residual += self.walls.integral(v, p, rate, w, q)
         return residual if self.surface is None else residual + self.surface.integral(v, carrier, w)
 
-    def _convection(self, v: Any, carrier: Any, w: Any) -> Any:
-        return terms.convection(v, carrier, w, self.reference_map)
-
     def _at_crossings(self, v: Any, carrier: Any, w: Any) -> Any:
-        """The terms of outflow boundaries, and of inflow boundaries with a prescribed discharge."""
         n, at, backflow = (
             ufl.FacetNormal(self.domain.mesh),
             self.reference_map,
@@ -188,7 +176,6 @@ class FlowEquations:
         return driving if force is None else force + driving
 
     def _frozen_velocity(self) -> Any:
-        """The velocity as data, which no derivative sees."""
         return ufl.split(dolfinx.fem.Function(self.state.function_space, self.state.x))[0]
 
     def _upwind_size(self) -> Any:
@@ -204,7 +191,7 @@ class FlowEquations:
         return sum(a * u for a, u in zip(self.rate, velocities, strict=True))
 
     def carrier(self, v: Any) -> Any:
-        """The convecting velocity relative to the mesh."""
+        """Convecting velocity relative to the mesh."""
         model = self.model
         carrier = None
         if model.inertia and model.unsteady and model.convection == "extrapolated":
@@ -213,12 +200,12 @@ class FlowEquations:
             carrier = v
         if not model.moving_mesh:
             return carrier
-        # The mesh velocity by the same backward difference, past positions being x - shift.
+        # The same backward difference gives the mesh velocity; past positions are x - shift.
         of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], self._shifts, strict=True))
         return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:
-        """UFL expression of the position x = X + d."""
+        """Position x = X + d in UFL."""
         return ufl.SpatialCoordinate(self.domain.mesh) + self.reference_map.displacement
 
     # -- parameters -----------------------------------------------------------------------------
@@ -230,13 +217,14 @@ class FlowEquations:
 
     @reynolds.setter
     def reynolds(self, value: float) -> None:
+        """One over the molecular viscosity, in scene units; setting it needs no recompilation."""
         self._reynolds.value = value
         if self._below is not None:
             self._below.reynolds = value
 
     @property
     def viscosity(self) -> Any:
-        """The kinematic viscosity as a UFL expression."""
+        """Kinematic viscosity in UFL."""
         of_molecules = 1 / self._reynolds
         return of_molecules if self.model.viscosity is None else self.model.viscosity(of_molecules)
 
@@ -247,6 +235,7 @@ class FlowEquations:
 
     @time.setter
     def time(self, value: float) -> None:
+        """Time of the state."""
         self._time.value = value
 
     def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
@@ -258,29 +247,29 @@ class FlowEquations:
 
     @property
     def acceleration(self) -> float:
-        """The rate of change of the factor of a base flow that changes in time [1/time]."""
+        """Rate of change of the base flow's factor [1/time]."""
         return float(self._acceleration.value)
 
     def load_on_displaced(self, placement: Placement) -> Floats:
-        """(2, 3) force and torque of a base flow that changes on the fluid that a grain displaces. Not collective."""
+        """Force and torque (2, 3) of an accelerating base flow on the fluid that a grain displaces.
+        Not collective.
+        """
         driven = self.model.driven
         if driven is None or driven.displaced is None:
             return np.zeros((2, 3))
         return self.acceleration * driven.displaced(placement)
 
     def drive(self, *times: float) -> None:
-        """Set the rate of change of the base flow's factor from the present time and those of past states.
-
-        The backward difference is that of the flow, so that both rates of change agree.
-        """
+        """Set the rate of the base flow's factor from present and past times, by the flow's backward difference."""
         if (driven := self.model.driven) is not None:
             pairs = zip(self.rate, times, strict=True)
             self._acceleration.value = sum(float(a.value) * driven.factor(t) for a, t in pairs)
 
     def mesh_moved(self, *past: np.ndarray) -> None:
-        """Update for a moved mesh: `past` are its positions (n, 3) at the last state and the one before.
+        """Update for a moved mesh with `past` positions (n, 3), newest first, in the order of
+        `compat.geometry_dofs`.
 
-        Not collective; `compat.geometry_dofs` numbers the positions. Give a single past state twice.
+        Not collective. Give a single past state twice.
         """
         places = self.domain.mesh.geometry.x
         for function, before in zip(self._shifts, past, strict=True):
@@ -291,12 +280,12 @@ class FlowEquations:
 
     @property
     def velocity(self) -> Any:
-        """The velocity as a function of its own (a copy)."""
+        """Copy of the velocity as a function."""
         return self._part(self.space.velocity, self.space.velocity_map, "velocity")
 
     @property
     def pressure(self) -> Any:
-        """The pressure as a function of its own (a copy); without the hydrostatic part."""
+        """Copy of the non-hydrostatic pressure as a function."""
         return self._part(self.space.pressure, self.space.pressure_map, "pressure")
 
     def _part(self, space: Any, places: np.ndarray, name: str) -> Any:
@@ -305,7 +294,7 @@ class FlowEquations:
         return part
 
     def interpolate(self, other: FlowEquations) -> None:
-        """Take the state of a flow on the same mesh, of any order. Collective."""
+        """Copy the state of a flow of any order on the same mesh. Collective."""
         parts = (
             (self.velocity, other.velocity, self.space.velocity_map),
             (self.pressure, other.pressure, self.space.pressure_map),
@@ -316,12 +305,12 @@ class FlowEquations:
         self.state.x.scatter_forward()
 
     def speed(self) -> float:
-        """Root mean square of the speed over the velocity nodes. Collective."""
+        """Root-mean-square speed over the velocity nodes. Collective."""
         return float(
             np.sqrt(self.squared_velocities(self.state.x.array) / self.space.velocity_nodes())
         )
 
     def squared_velocities(self, values: np.ndarray) -> float:
-        """Sum over all ranks of the squares of the velocities in a state, or a change of it. Collective."""
+        """Sum of squared velocities in a state or its change. Collective."""
         mine = values[self._owned_velocities]
         return float(self.domain.comm.allreduce(float(mine @ mine)))

@@ -1,4 +1,4 @@
-"""Friction of walls with a law of the wall; imported only where there are any."""
+"""Friction of walls with a law of the wall."""
 
 from __future__ import annotations
 
@@ -23,11 +23,7 @@ HELD = 10.0
 
 
 class WallMotion:
-    """The rigid motion of a wall, as a velocity in UFL whose values change without recompilation.
-
-    Attributes:
-        velocity: at points of the mesh.
-    """
+    """Rigid velocity of a wall in UFL, changed without recompilation."""
 
     def __init__(self, mesh: Any):
         x = ufl.SpatialCoordinate(mesh)
@@ -39,24 +35,19 @@ class WallMotion:
         self.velocity = rigid_velocity(velocity, spin, x - place)
 
     def give(self, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray) -> None:
-        """Take a velocity (gdim,), spin (1,) or (3,), and the point (gdim,) with that velocity."""
+        """Set velocity (gdim,) at a point `place` (gdim,), and spin (1,) or (3,)."""
         for constant, values in zip(self._parts, (velocity, spin, place), strict=True):
             constant.value[:] = values
 
     def at(self, places: np.ndarray) -> np.ndarray:
-        """(n, gdim) velocities at positions (n, gdim)."""
+        """Velocities (n, gdim) at positions (n, gdim)."""
         velocity, spin, centre = (part.value for part in self._parts)
         arms = places - centre
         return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
 
 
 class WallLoad:
-    """The load of walls on the flow. Making it is collective.
-
-    Args:
-        viscosity: molecular, and total, which may vary, UFL.
-        shear_velocity: in the law of the wall, next to the tangential speed (`FlowModel.shear_velocity`), UFL.
-    """
+    """Loads of walls on the flow, with molecular and total viscosity (UFL). The constructor is collective."""
 
     def __init__(
         self,
@@ -74,9 +65,8 @@ class WallLoad:
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
 
     def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:
-        """The walls' terms in the residual of velocity and pressure, tested with w and q, in UFL. Not collective.
-
-        `rate` is the rate of change of the velocity; None in steady flow.
+        """Wall terms of the residual, tested with w and q, in UFL; `rate` is None in steady flow.
+        Not collective.
         """
         return sum(
             self._of(wall, distance, (v, p, rate), (w, q))
@@ -93,23 +83,23 @@ class WallLoad:
     def carry(
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
     ) -> None:
-        """Set the velocity, spin and centre of a moving wall, see `Motion.give`. Not collective."""
+        """Set the rigid motion of a wall, see `WallMotion.give`. Not collective."""
         self._motions[boundary].give(velocity, spin, place)
 
     def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
-        """(n, gdim) of the wall at a boundary, at positions (n, gdim) of it. Not collective."""
+        """Velocities (n, gdim) of a wall at positions (n, gdim). Not collective."""
         motion = self._motions.get(boundary)
         return np.zeros_like(places) if motion is None else motion.at(places)
 
     def relative(self, v: Any, boundary: str) -> Any:
-        """A velocity relative to the wall's at a boundary, in UFL: v itself where it is at rest. Not collective."""
+        """Velocity relative to a wall, in UFL. Not collective."""
         motion = self._motions.get(boundary)
         return v if motion is None else v - motion.velocity
 
     def through(self, v: Any, q: Any, own: bool = True) -> Any:
-        """(v . n) q, integrated over impermeable walls of any shape, in UFL. Not collective.
+        """(v . n) q over impermeable walls of any shape, the walls' part of continuity, in UFL. Not collective.
 
-        v is relative to the walls, or absolute with `own` false. This and `terms.continuity` are the flow's continuity.
+        v is relative to the walls, or absolute with `own` false.
         """
         n = self._normal
         return sum(
@@ -121,15 +111,15 @@ class WallLoad:
         )
 
     def work(self, state: Any) -> Any:
-        """The power of moving walls on the flow, in UFL; None where none moves. Not collective."""
+        """Power of moving walls on the flow in UFL, or None. Not collective."""
         terms = [-self.power(state, one.velocity, name) for name, one in self._motions.items()]
         return sum(terms[1:], terms[0]) if terms else None
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
-        """Power of the traction on a wall of any shape for the boundary velocity w, as a UFL form. Not collective.
+        """Power of the wall traction for the boundary velocity w, as a UFL form. Not collective.
 
-        For rigid motions w it is minus the power of the flow's residual without its walls. Without
-        the impermeability term it is that of pressure, viscous normal stress and the law's friction.
+        For rigid w, minus the power of the flow's residual without its walls; with `held` false
+        without the impermeability term.
         """
         v, p = ufl.split(state)
         v = self.relative(v, boundary)
@@ -148,7 +138,6 @@ class WallLoad:
         return next(one for one in self._walls if one[0].boundary == boundary)
 
     def _of(self, wall: Friction, distance: Any, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
-        """The integrand at one wall; a rigid motion of it has no strain, so that the velocity relative to it does."""
         (v, p, rate), (w, q) = flow, tests
         v = self.relative(v, wall.boundary)
         of_molecules, whole = self._viscosity

@@ -13,12 +13,10 @@ from ..geometry.placement import Placement
 
 @dataclass(frozen=True)
 class Driven:
-    """A base flow times a factor of time, driven by a force per unit mass: its rate of change.
+    """Base flow times a factor of time, driven by a force per unit mass.
 
-    velocity:  function of position (UFL) giving the base flow at factor one
-    factor:    function of time
-    displaced: function of a grain's placement giving the load (2, 3), force and torque about its centroid, on the
-               fluid that it displaces at unit rate of the factor; None without a grain
+    `velocity`: base flow at unit factor, of position (UFL). `displaced`: load (2, 3) about a
+    grain's centroid on the fluid it displaces per unit rate of the factor, of its placement.
     """
 
     velocity: Callable[[Any], Any]
@@ -30,23 +28,20 @@ class Driven:
 class FlowModel:
     """The terms of the flow and their discretisation.
 
-    order:         order of the velocity; the pressure has one less
+    order:         of the velocity; the pressure has one less
     inertia:       False omits convection (Stokes)
-    unsteady:      whether there is a time derivative
     convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
-    body_force:    function of position and time (UFL) giving a force per unit mass, or None; without gravity,
-                   since a potential force only shifts the pressure
-    driven:        an unsteady base flow, and its driving force; None: there is none
-    reference_map: map of a reference domain that stays; None: the reference is renewed at each step
-    moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
-                   straight; its reference is renewed
-    stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    upwind:        whether the stabilisation is streamline upwinding (`forms.terms.streamline_upwind`), as `Block` needs
-    exact:         whether upwinding is in the Jacobian alone, not in the residual
-    upwind_order:  order of the elements in the upwinding; 0: that of the flow
-    solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`flow.build_fluid`)
-    viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
-    shear_velocity: friction velocity by k (UFL), for walls with a law of friction; None without a model of k
+    body_force:    per unit mass, of position and time (UFL), without gravity, which only shifts the pressure
+    driven:        unsteady base flow and its driving force
+    reference_map: map of a fixed reference domain; None: renewed at each step
+    moving_mesh:   whether the mesh moves between steps (`Fluid.mesh_moved`); straight cells remain straight
+    stabilisation: of convection on coarse cells (`forms.terms.grad_div`)
+    upwind:        streamline upwinding (`forms.terms.streamline_upwind`), which `Block` needs
+    exact:         upwinding in the Jacobian alone, not in the residual
+    upwind_order:  element order in the upwinding; 0: that of the flow
+    solver:        a name in `solvers.SOLVERS`, or "two-level" (`flow.build_fluid`)
+    viscosity:     kinematic, of 1/Re (UFL); None: 1/Re
+    shear_velocity: from k (UFL), for walls with friction
     """
 
     order: int = 2
@@ -67,12 +62,12 @@ class FlowModel:
 
     @property
     def linear(self) -> bool:
-        """Whether one linear solve is the whole solution."""
+        """Whether a single linear solve suffices."""
         return not self.inertia or (self.unsteady and self.convection == "extrapolated")
 
     @property
     def polynomial(self) -> bool:
-        """Whether what is integrated is a polynomial on cells that are straight, and stay so where the mesh moves."""
+        """Whether integrands are polynomial on cells that are and remain straight."""
         stay = self.reference_map is None
         forced = self.body_force is not None or self.driven is not None
         return stay and not self.stabilisation and not forced and self.viscosity is None

@@ -1,4 +1,4 @@
-"""Newton's method on an assembled system, with the remaining error estimated from the contraction of the updates."""
+"""Newton's method, with the remaining error estimated from the contraction of the updates."""
 
 from __future__ import annotations
 
@@ -12,32 +12,31 @@ import numpy as np
 from ..errors import UnsolvedError
 
 WORST_CONTRACTION = 0.3
-# Residual, relative to the right-hand side, to which iterations solve for a correction that is still far off.
+# Relative residual of the linear systems of early Newton updates.
 ROUGHEST = 1e-3
-# Solves by one correction with the same factors, after which a second one measures the contraction again.
+# Solves with one update by the same LU factorisation, before a second update measures the contraction again.
 MEASURED_EVERY = 8
-MUCH = 0.05  # of the state: a change after which an older preconditioner would not help
+MUCH = 0.05  # relative change of the state that makes an older preconditioner useless
 
 
 class System(Protocol):
-    """Interface of a discretised problem for Newton's method; all methods are collective."""
+    """Discretised problem for Newton's method; all methods are collective."""
 
     def correction(self, fresh: bool, rtol: float | None) -> float:
-        """Subtract a Newton update, `fresh` with a new factorisation or preconditioner; its size relative to the state.
+        """Subtract a Newton update, `fresh` with a new factorisation or preconditioner; returns its relative size.
 
-        Its linear system, by a new Jacobian, is solved to a residual of `rtol`; None: the Jacobian is that of the
-        factorisation, and the solution is as accurate as that.
+        `rtol`: residual of the system with a new Jacobian; None: with the Jacobian of the
+        factorisation.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Contraction:
-    """The contraction of Newton updates with the present LU factorisation, as far as it is known.
+    """Contraction of Newton updates with the present LU factorisation.
 
-    ratio:    second update of a solve over its first, as last measured
-    measured: number of the solve, since the factorisation, in which the ratio was measured
-    solves:   number of solves with this factorisation after that for which it was made
+    ratio: of the second to the first update, last measured; measured, solves: numbers of that and
+    the latest solve.
     """
 
     ratio: float = np.inf
@@ -45,30 +44,26 @@ class Contraction:
     solves: int = 0
 
     def error_left(self, size: float) -> float:
-        """Remaining error after a first update of this size; infinite where the ratio is uncertain.
-
-        The factorisation ages with each solve: the ratio is assumed to grow in proportion to its age.
-        """
+        """Remaining error after a first update, if the ratio grows with the age of the factorisation."""
         if not self.measured or self.solves - self.measured >= MEASURED_EVERY:
             return np.inf
         ratio = self.ratio * (self.solves + 1) / self.measured
         return size * ratio / (1 - ratio) if ratio < 0.5 else np.inf
 
     def after(self, sizes: list[float]) -> Contraction:
-        """The contraction after another solve with Newton updates of these sizes."""
+        """Contraction after another solve with updates of these sizes."""
         number = self.solves + 1
         if len(sizes) < 2 or sizes[0] == 0.0:
             return replace(self, solves=number)
-        # The first two tell how a first correction contracts; later ones are nearer to round-off.
+        # The first two updates count; later ones are closer to round-off.
         return Contraction(sizes[1] / sizes[0], number, number)
 
 
 @dataclass(frozen=True)
 class NewtonReport:
-    """Report of an iteration: sizes of the Newton updates relative to the state, and the estimated remaining error.
+    """Sizes of the Newton updates relative to the state, and the estimated remaining error.
 
-    `contraction` is that of the present factorisation, for its next solve. `failure` says why the linear system of
-    the next update was not solved; empty: it was.
+    `failure`: why the next linear system was not solved, or "".
     """
 
     converged: bool
@@ -79,7 +74,7 @@ class NewtonReport:
 
     @property
     def iterations(self) -> int:
-        """Number of corrections."""
+        """Number of updates."""
         return len(self.corrections)
 
 
@@ -94,19 +89,18 @@ def solve(
 ) -> NewtonReport:
     """Iterate until the remaining error, about d r/(1 - r) with r = d/d_previous, is below `tolerance`. Collective.
 
-    A Jacobian and its factorisation are kept while they contract well: an update then costs one residual and one
-    back-substitution. New ones are made at the start if `fresh`, and whenever an update is more than
-    `WORST_CONTRACTION` of the one before. With the `contraction` of earlier solves one update is enough
-    where it leaves at most the tolerance; every `MEASURED_EVERY` solves a second one checks that. With `inexact`
-    every update has a new Jacobian, its system is solved only to the accuracy of the update, and the linear residual
-    counts; the preconditioner is renewed after an update of more than `MUCH` of the state.
+    A Jacobian and its factorisation are renewed at the start if `fresh` and when an update exceeds
+    `WORST_CONTRACTION` times the previous one. With the `contraction` of earlier solves a single
+    update may suffice, checked every `MEASURED_EVERY` solves. With `inexact` every update has a new
+    Jacobian whose linear residual counts, and the preconditioner is renewed after an update above
+    `MUCH`.
 
-    Stops when updates have grown three times in a row by half or more, are not finite, or when a linear system
-    is not solved, and reports `converged=False`: the caller decides what to do.
+    `converged=False`: updates have grown three times in a row by half or more, are not finite, or a
+    linear system is not solved.
     """
     known = None if inexact else contraction or Contraction()
     sizes: list[float] = []
-    kept: list[float] = []  # sizes since the Jacobian was made
+    kept: list[float] = []  # sizes since the last new Jacobian
     error = np.inf
     for iteration in range(max_iterations):
         if fresh and not inexact:
@@ -136,7 +130,7 @@ def _error_left(sizes: list[float]) -> float:
     if sizes[-1] == 0.0:
         return 0.0
     if len(sizes) < 2:
-        # One correction tells nothing about contraction, unless it is at round-off.
+        # A single update shows no contraction, unless it is at round-off.
         return 0.0 if sizes[-1] < 1e-13 else np.inf
     contraction = sizes[-1] / sizes[-2]
     if contraction >= 0.5:
@@ -145,10 +139,10 @@ def _error_left(sizes: list[float]) -> float:
 
 
 def _inner_tolerance(sizes: list[float], tolerance: float) -> float:
-    """The tolerance of the linear iterations: no finer than the gain of the Newton update, or than needed.
+    """Tolerance of the linear solver: 0.9 times the squared ratio of the last updates.
 
-    The gain is 0.9 times the square of the last, after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16 (choice
-    2), the sizes of Newton updates instead of residuals. It is also the expected ratio of the update to the last.
+    Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16 (choice 2), with update sizes instead of
+    residuals.
     """
     if len(sizes) < 2 or 0.0 in sizes[-2:]:
         return ROUGHEST

@@ -16,7 +16,7 @@ from ..mesh.cells import straight_cells
 
 @dataclass(frozen=True)
 class TaylorHood:
-    """The mixed space and its parts, with the maps from each part's unknowns into the mixed vector."""
+    """Mixed space and its parts, with maps of their unknowns into the mixed vector."""
 
     mixed: Any
     velocity: Any
@@ -32,7 +32,7 @@ class TaylorHood:
 
     @property
     def unknowns_at_nodes(self) -> np.ndarray:
-        """Unknowns (n, gdim) of the velocity at nodes of this rank."""
+        """Velocity unknowns (n, gdim) at local nodes."""
         return self.velocity_map.reshape(-1, self.gdim)
 
     @property
@@ -41,7 +41,7 @@ class TaylorHood:
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
     def constant(self, value: float) -> Any:
-        """A number in forms that may change without recompilation. Not collective."""
+        """UFL constant that may change without recompilation. Not collective."""
         return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
 
     def velocity_nodes(self) -> int:
@@ -49,10 +49,10 @@ class TaylorHood:
         return int(self.velocity.dofmap.index_map.size_global)
 
     def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
-        """Measure of the cells, exact for convection on straight ones.
+        """Measure of all cells, or of local `cells` (ascending), exact for convection on straight ones. Collective.
 
-        Its degree grows by two with every order of curvature, only on curved cells if the integrand is
-        `polynomial` on straight ones. On request of some local cells only, in ascending order. Collective.
+        The degree grows by two per order of curvature; for integrands `polynomial` on straight
+        cells, on curved cells only.
         """
         mesh = self.mixed.mesh
         exact = 3 * self.order - 1
@@ -72,10 +72,7 @@ class TaylorHood:
         return sum(others, first)
 
     def boundary_quadrature(self, facets: Any) -> Any:
-        """Measure of the whole boundary, exact for convection through straight facets.
-
-        `facets` are the tags of the domain: all measures of the boundary in one form must hold the same ones.
-        """
+        """Boundary measure, exact for convection through straight facets; `facets` are the domain's tags."""
         metadata = {"quadrature_degree": 3 * self.order + self._for_curvature()}
         return ufl.Measure("ds", domain=self.mixed.mesh, subdomain_data=facets, metadata=metadata)
 
@@ -83,13 +80,13 @@ class TaylorHood:
         return 2 * (compat.geometry_degree(self.mixed.mesh) - 1)
 
     def cells_at(self, blocks: np.ndarray) -> np.ndarray:
-        """Local cells that have a velocity node among the local ones given, in ascending order. Not collective."""
+        """Local cells with a velocity node among `blocks`, ascending. Not collective."""
         return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(
             np.int32
         )
 
     def velocity_points(self) -> np.ndarray:
-        """(n, 3) position of each local velocity node, in the present geometry of the mesh."""
+        """Positions (n, 3) of the local velocity nodes in the present mesh."""
         return self.velocity.tabulate_dof_coordinates()
 
 
@@ -104,10 +101,10 @@ def taylor_hood(mesh: Any, order: int) -> TaylorHood:
 
 
 def _places(part: Any, within: Any) -> np.ndarray:
-    """The number of each unknown of a space in the mixed space of which `within` is the corresponding part.
+    """Number of each unknown of a space in the mixed space with part `within`.
 
-    `within.collapse()` would give both, but in dolfinx 0.5.2 a collapsed space of order three or more is
-    not continuous on general meshes: the unknowns along an edge are not turned with the edge.
+    dolfinx 0.5.2's `within.collapse()` is discontinuous for order three or more, since unknowns
+    along edges are not oriented.
     """
     block = part.dofmap.index_map_bs
     own = compat.cell_dofs(part)[:, :, None] * block + np.arange(block)
@@ -118,28 +115,28 @@ def _places(part: Any, within: Any) -> np.ndarray:
 
 
 def cell_size(mesh: Any) -> Any:
-    """UFL expression of a cell's size: the root of its doubled area, in 3-D the cubic root of its sixfold volume."""
+    """Cell size in UFL: root of twice the area, in 3-D cubic root of six times the volume."""
     return abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim)
 
 
 def size_along(mesh: Any, direction: Any) -> Any:
-    """UFL expression of a cell's size along a vector, along an edge its length over that of the reference cell."""
+    """Cell size along a vector in UFL; along an edge, its length over that of the reference cell."""
     back = ufl.dot(ufl.inv(ufl.Jacobian(mesh)), direction)
     return ufl.sqrt((ufl.inner(direction, direction) + 1e-30) / (ufl.inner(back, back) + 1e-30))
 
 
 def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
-    """Local nodes (blocks) of a Lagrange space on the given facets; collective, ranks agree on shared nodes."""
+    """Local nodes of a Lagrange space on facets; collective, ranks agree on shared nodes."""
     return compat.nodes_on(space, facets)
 
 
 def geometry_function(mesh: Any) -> Any:
-    """A vector function on the nodes of the mesh's own geometry, such as a displacement of the mesh. Collective."""
+    """Vector function on the mesh's geometry nodes. Collective."""
     return dolfinx.fem.Function(compat.function_space(mesh, compat.coordinate_element(mesh)))
 
 
 def geometry_rows(function: Any) -> np.ndarray:
-    """The row in `mesh.geometry.x` of each node of a function made by `geometry_function`."""
+    """Row in `mesh.geometry.x` of each node of a `geometry_function`."""
     space = function.function_space
     rows = np.zeros(len(function.x.array) // space.mesh.geometry.dim, dtype=np.int64)
     rows[compat.cell_dofs(space)] = compat.geometry_dofs(space.mesh)
@@ -149,7 +146,7 @@ def geometry_rows(function: Any) -> np.ndarray:
 def set_geometry_function(
     function: Any, values: np.ndarray, rows: np.ndarray | None = None
 ) -> None:
-    """Give a function made by `geometry_function` its values (n, 3) at the rows of `mesh.geometry.x`."""
+    """Set a `geometry_function` to values (n, 3) in the order of `mesh.geometry.x`."""
     gdim = function.function_space.mesh.geometry.dim
     chosen = geometry_rows(function) if rows is None else rows
     function.x.array.reshape(-1, gdim)[:] = values[chosen, :gdim]

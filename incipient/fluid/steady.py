@@ -1,4 +1,4 @@
-"""Steady flow: higher-order elements from second-order ones, large Reynolds numbers from smaller ones."""
+"""Steady flow by continuation: higher order from second order, large Reynolds numbers from smaller ones."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ..errors import ConvergenceError
 from .flow import LOWEST_ORDER, Fluid, lowered
 from .newton import NewtonReport
 
-# A step on the way is only a better start for the next one.
+# Intermediate steps only improve the next initial guess.
 TOLERANCE_ON_THE_WAY = 1e-2
 ITERATIONS_ON_THE_WAY = 8
 SMALLEST_STEP = 1e-3
-# Reynolds number below which a flow is as good as Stokes flow, whose pressure goes as 1/Re.
+# Reynolds number below which flow counts as Stokes flow, whose pressure scales as 1/Re.
 STOKES = 1e-3
-# Fraction of the Reynolds number from which on a known solution is a better start than a second-order one: in the demo
-# reynolds_sweep at Re 200 two iterations lead from 0.97, none from order two (tests/end_to_end/test_critical_flow.py).
+# Fraction of the Reynolds number above which a known solution is a better start than a second-order one: in the demo
+# reynolds_sweep at Re 200 two iterations suffice from 0.97 (tests/end_to_end/test_critical_flow.py).
 NEAR = 0.9
-# The same for the second-order flow below a flow of two levels, whose loads estimate the error.
+# Tolerance of the second-order flow of the two-level solver, whose loads estimate the error.
 TOLERANCE_BELOW = 1e-7
 
 Watch = Callable[[float, int, float], Any]
@@ -30,7 +30,7 @@ Watch = Callable[[float, int, float], Any]
 
 @dataclass(frozen=True)
 class Step:
-    """One solve: order of the velocity, fraction of the Reynolds number, report of Newton's method."""
+    """One solve: velocity order, fraction of the Reynolds number, Newton report."""
 
     order: int
     share: float
@@ -48,18 +48,12 @@ def solve_steady(
 ) -> tuple[Step, ...]:
     """Solve steadily at the fluid's Reynolds number from its present state. Collective.
 
-    Higher-order elements start from the solution in second-order elements on the same mesh, which costs less. Without
-    such a solution, and for second order, the Reynolds number is approached from `first_share` of it. From a solution
-    that is `NEAR` higher-order elements start directly: at large Reynolds numbers the second-order flow may be farther
-    away, and is then the fallback. Flows of two levels always start from second order. `watch` is called with
-    (fraction, iteration, size of the Newton update).
+    Higher-order elements start from the second-order solution, which is approached from the
+    fraction `first_share` of the Reynolds number; if `reached`, the fraction solved by the present
+    state, is `NEAR` they start directly. `watch` receives (fraction, iteration, size of the Newton
+    update).
 
-    Args:
-        reached: fraction of the Reynolds number that the present state is the solution of; 0: of none.
-        smallest_step: fraction of the Reynolds number below which a step is no longer halved.
-
-    Raises:
-        ConvergenceError: the fluid then holds the last converged state, at the Reynolds number it belongs to.
+    Raises ConvergenceError; the fluid then holds the last converged state and its Reynolds number.
     """
     climb = partial(
         approach,
@@ -84,7 +78,7 @@ def solve_steady(
 def _from_order_two(
     fluid: Fluid, tolerance: float, climb: Callable[..., tuple[Step, ...]]
 ) -> tuple[Step, ...]:
-    """Solve in higher-order elements from the second-order solution; `climb` is `approach`. Collective."""
+    """Solve in higher-order elements from the second-order solution; `climb` is `approach`."""
     before = fluid.state.x.array.copy()
     on_the_way = TOLERANCE_ON_THE_WAY if fluid.coarse is None else TOLERANCE_BELOW
     with lowered(fluid) as coarse:
@@ -114,15 +108,10 @@ def approach(
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
-    """Approach the fluid's Reynolds number in adaptive steps. Collective.
+    """Approach the fluid's Reynolds number in adaptive steps from a solution at the fraction `reached`. Collective.
 
-    The step grows while Newton's method converges and halves when it does not; each start is extrapolated from the two
-    solutions before. From the solution at a fraction `reached` the full Reynolds number is tried first.
-
-    Raises:
-        ConvergenceError: the step became smaller than `smallest_step`, the first linear system was not solved, or the
-            memory is too small for a factorisation; the fluid then holds the last converged state at its Reynolds
-            number, or the start if there is none.
+    Steps are halved without convergence down to `smallest_step`. Raises ConvergenceError; the fluid
+    then holds the last converged state, or the start.
     """
     target, steps = fluid.reynolds, []
     path = _Path(fluid, reached)
@@ -145,7 +134,7 @@ def approach(
             path.accept(share)
             if last:
                 return tuple(steps)
-            # Steps grow faster where Newton's method converged quickly.
+            # Fast convergence allows larger steps.
             growth = float(np.clip(3.0 * 4 / max(report.iterations, 1), 1.5, 4.0))
             reached, stride = share, stride * growth
         else:
@@ -162,7 +151,6 @@ def approach(
 
 
 def _how(report: NewtonReport, share: float) -> str:
-    """The failure of Newton's method at a fraction of the Reynolds number."""
     number, at = report.iterations, f"at {100 * share:.3g}%"
     if report.failure:
         return f"{at} the linear system of correction {number + 1} is not solved"
@@ -170,25 +158,24 @@ def _how(report: NewtonReport, share: float) -> str:
 
 
 class _Path:
-    """The last two converged states along the continuation."""
+    """Last two converged states along the continuation."""
 
     def __init__(self, fluid: Fluid, reached: float):
         self.fluid, self.target = fluid, fluid.reynolds
         self.states: list[tuple[float, np.ndarray]] = [(reached, fluid.state.x.array.copy())]
 
     def accept(self, share: float) -> None:
-        """Keep the state at this fraction of the Reynolds number, and the one before it."""
         self.states = [*self.states[-1:], (share, self.fluid.state.x.array.copy())]
 
     def restore(self) -> None:
-        """Put back the last converged state, or the start, and the Reynolds number it belongs to."""
+        """Restore the last converged state, or the start, and its Reynolds number."""
         share, values = self.states[-1]
         self.fluid.state.x.array[:] = values
-        # The start belongs to no Reynolds number; zero would make the stress infinite.
+        # At the start, without a Reynolds number, zero would make the stress infinite.
         self.fluid.reynolds = self.target * (share or 1.0)
 
     def extrapolate(self, share: float) -> None:
-        """Secant through the two last states, in the logarithm of the Reynolds number."""
+        """Secant through the last two states, in the logarithm of the Reynolds number."""
         if len(self.states) < 2:
             self._scale_pressure(share)
             return
@@ -199,7 +186,7 @@ class _Path:
         self.fluid.state.x.array[:] = new + min(slope, 1.0) * (new - old)
 
     def _scale_pressure(self, share: float) -> None:
-        """Start from Stokes flow with its pressure at a fraction of the Reynolds number."""
+        """Scale the pressure of Stokes flow to another Reynolds number."""
         ((reached, start),) = self.states
         if 0.0 < self.target * reached < STOKES:
             pressures = self.fluid.space.pressure_map

@@ -1,4 +1,4 @@
-"""Load of a free surface on the flow within a time step; imported only where there is one."""
+"""Load of a free surface on the flow within a time step."""
 
 from __future__ import annotations
 
@@ -18,17 +18,10 @@ from .space import TaylorHood, cell_size
 
 
 class SurfaceLoad:
-    """The load of a free surface, by functions on the mesh's nodes that a step sets. The constructor is collective.
+    """Load of a free surface, with inflow and sponge, in functions that a step sets. The constructor is collective.
 
-    It includes the terms at an inflow and in the sponge.
-
-    Args:
-        rate: coefficient a0 of the present elevation in its backward difference, UFL.
-
-    Attributes:
-        space: scalar functions on the mesh's own nodes.
-        known, elevation, unfelt: see `forms.surface.SurfaceTerms`.
-        measure: of the surface, exact for convection through straight facets.
+    `rate`: coefficient a0 of the present elevation in its backward difference, UFL. `known`,
+    `elevation`, `unfelt`: see `forms.surface.SurfaceTerms`.
     """
 
     def __init__(self, domain: Domain, flow: TaylorHood, held: Constraints, rate: Any):
@@ -56,7 +49,7 @@ class SurfaceLoad:
         self._sponge = None if condition.sponge is None else _Sponge(flow, condition.sponge)
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
-        """The part in the residual of momentum, tested with w, in UFL. Not collective."""
+        """Momentum residual tested with w, in UFL. Not collective."""
         residual = load(v, w, self.place, self.normal, self._acting()) * self.measure
         if carrier is not None:
             brought = v if self._wave is None else v - self._wave
@@ -67,7 +60,7 @@ class SurfaceLoad:
         )
 
     def of_pressure(self, p: Any, q: Any) -> Any:
-        """The surface's term in the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
+        """Surface term in the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
         return (
             pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
         )
@@ -79,7 +72,7 @@ class SurfaceLoad:
         )
 
     def update(self, time: float) -> None:
-        """Evaluate the incoming wave and the pressure above at the present mesh. Not collective."""
+        """Evaluate the incoming wave and the pressure above the surface on the present mesh. Not collective."""
         if self._wave is not None and self._coming is not None:
             points = self._held.points
             self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T
@@ -89,7 +82,7 @@ class SurfaceLoad:
 
 
 class _Sponge:
-    """A sponge and the base flow in it, at the nodes of the mesh as it was made."""
+    """Sponge and its base flow on the undeformed mesh."""
 
     def __init__(self, flow: TaylorHood, sponge: Sponge):
         self._given, self._base_flow = sponge, dolfinx.fem.Function(flow.velocity)

@@ -1,4 +1,4 @@
-"""Time-dependent flow: backward differences of first and second order with variable steps."""
+"""Unsteady flow: first- and second-order backward differences with variable steps."""
 
 from __future__ import annotations
 
@@ -15,24 +15,18 @@ from .newton import NewtonReport
 
 LEAST = 1e-9  # tolerance of a time step
 MOST_REJECTED = 11  # attempts at one step: ten halvings
-# Shortest step of a run over its first one: a flow that diverges would else halve step after step without end.
+# Shortest step of a run relative to its first: a diverging flow must not halve steps without end.
 SHORTEST = 0.5**MOST_REJECTED
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
-# Fraction of a first step that does not converge from the state before it: Newton's method converges for this fraction,
-# set off at once and nothing else, and from there that of the whole step.
+# Fraction of an impulsive first step from which Newton's method converges where it fails from the initial state.
 IMPULSE = 0.01
-# Fixed steps that begin short or had to be halved, each over the one before.
+# Growth of fixed steps that begin short or had to be halved.
 GROWTH = 1.25
 
 
 @dataclass(frozen=True)
 class ShareOfError:
-    """The tolerance of a time step as a fraction of the local time error of the step before.
-
-    share:       fraction that the algebraic error may add to the error of a step
-    unknown:     tolerance while no step has an error estimate yet
-    least, most: between which the tolerance stays
-    """
+    """Tolerance of a time step as a fraction `share` of the previous local time error, within limits."""
 
     share: float = 0.1
     unknown: float = 1e-6
@@ -40,58 +34,52 @@ class ShareOfError:
     most: float = 1e-4
 
     def after(self, error: float | None) -> float:
-        """The tolerance of a step after one with this local error; None: unknown. Not collective."""
+        """Tolerance after a step with this local error, or None. Not collective."""
         if error is None:
             return self.unknown
         return float(np.clip(self.share * error, self.least, self.most))
 
 
 def of_steps(tolerance: float | Literal["auto"]) -> float | ShareOfError:
-    """The tolerance of time steps, from `numerics.tolerance`. Not collective."""
+    """Tolerance of time steps from `numerics.tolerance`. Not collective."""
     return ShareOfError() if tolerance == "auto" else max(tolerance, LEAST)
 
 
 class Interface(Protocol):
-    """Interface of the moving parts that are solved together with the flow; all methods are collective."""
+    """Moving parts solved together with the flow; all methods are collective."""
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
-        """Solve for the end of a step of this length and order from the last state, the fluid's state included.
-
-        The tolerance is that of the step's algebraic equations.
-        """
+        """Solve a step from the last state, including the fluid's, to an algebraic `tolerance`."""
         ...
 
     def allowed(self, length: float) -> float:
-        """The admissible length of the attempted step: shorter if a part meets something on the way."""
+        """Admissible length of the attempted step: shorter if a part makes contact."""
         ...
 
     def accept(self) -> None:
-        """The attempt holds: it is the last state now."""
+        """Accept the attempt."""
         ...
 
     def restore(self) -> None:
-        """Go back to the last state."""
+        """Restore the last state."""
         ...
 
     def forget(self) -> None:
-        """Drop what earlier steps have taught about the iteration."""
+        """Discard convergence data of earlier steps."""
         ...
 
     def velocities(self) -> np.ndarray:
-        """(n,) velocities of the moving parts, whose error also limits the steps."""
+        """Velocities (n,) of the moving parts, whose error also limits the steps."""
         ...
 
     def complaint(self) -> str:
-        """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
+        """Reason and remedy of a failed attempt; empty if the fluid failed."""
         ...
 
 
 @dataclass(frozen=True)
 class TimeStep:
-    """One accepted step: the time reached, its length, the local error (None: not enough history yet).
-
-    `tolerance` is that of its algebraic solution.
-    """
+    """An accepted step; `error` is None without enough history, `tolerance` algebraic."""
 
     number: int
     time: float
@@ -107,8 +95,8 @@ def backward_difference(
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Coefficients (a0, a1, a2) of dv/dt and (e1, e2) of the extrapolation.
 
-    `ratio` is this step over the one before. Second order: a0 v + a1 v(n) + a2 v(n-1) is exact for
-    quadratics, e1 v(n) + e2 v(n-1) for linear functions of time.
+    `ratio`: this step over the previous one. Second order: exact for quadratics, the extrapolation
+    for linear functions of time.
     """
     if order == 1:
         return (1 / step, -1 / step, 0.0), (1.0, 0.0)
@@ -119,7 +107,7 @@ def backward_difference(
 
 @dataclass(frozen=True)
 class Past:
-    """A past state: its time, the fluid's unknowns, and the velocities of the moving parts."""
+    """A past state: time, the fluid's unknowns, velocities of the moving parts."""
 
     time: float
     state: np.ndarray
@@ -127,14 +115,11 @@ class Past:
 
 
 class Transient:
-    """Advances an unsteady fluid. All methods are collective.
+    """Time stepping of an unsteady fluid. All methods are collective.
 
-    Args:
-        fluid: built with `FlowModel(unsteady=True)`; its present state is the initial one.
-        order: 1 (the paper's backward difference) or 2.
-        tolerance: relative, for the algebraic solution within a step; or its fraction of the step's error.
-        accuracy: local error of the velocity a step may make, relative; None keeps the steps as given.
-        interface: the moving parts, or None.
+    order: 1 (the paper's backward difference) or 2. tolerance: relative, algebraic, or its fraction
+    of the step's error. accuracy: admissible relative local error of the velocity; None: fixed
+    steps.
     """
 
     def __init__(
@@ -148,25 +133,23 @@ class Transient:
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
         self.interface = interface
         self._past: list[Past] = []
-        self._count, self.next_length = 0, 0.0
+        self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
         self._new_mesh = (
             -np.inf
-        )  # when the present mesh began: states up to then come from another one
+        )  # time of the last remeshing: earlier states come from another mesh
         self._length_kept: float | None = None
         self._shortest = 0.0
 
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
-        """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
+        """Advance to `end`, yielding accepted steps with lengths that follow `accuracy` if set.
 
-        The first steps then are much shorter than `step`: their error has no estimate yet. Without `accuracy` the
-        very first is of length `first` times `step`, and each next one a quarter longer up to `step`; so are those
-        after one that had to be halved, as differences of second order over steps 2.4 times as long each are unstable
-        (Grigorieff 1983, Numer. Math. 42, 359).
+        Adaptive runs start with much shorter steps, fixed ones with `first` times `step`; steps
+        below `step` grow by a quarter each, since second-order differences with ratios of 2.4 are
+        unstable (Grigorieff 1983, Numer. Math. 42, 359).
 
-        Raises:
-            ConvergenceError: a step failed even after ten halvings, or `SHORTEST` of the first; the fluid holds the
-                last good state.
+        Raises ConvergenceError if a step failed after ten halvings, or below `SHORTEST` of the
+        first; the fluid holds the last converged state.
         """
         start = self.fluid.time
         new = not self._past and self._length_kept is None
@@ -187,10 +170,9 @@ class Transient:
             yield taken
 
     def advance(self, length: float) -> TimeStep:
-        """One accepted step, at most `length` long: halved while it does not converge or its error is too large.
+        """Take one step of at most `length`, halved until it converges with acceptable error.
 
-        Raises:
-            ConvergenceError: as in `march`; the run can continue from the last good state.
+        Raises ConvergenceError as `march` does.
         """
         self._remember()
         try:
@@ -204,7 +186,7 @@ class Transient:
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
-        """Continue with a fluid on another mesh, which has the present state and its past there. Collective."""
+        """Continue with a fluid on another mesh, with transferred present and `past` states. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
         self._new_mesh = fluid.time
 
@@ -216,29 +198,23 @@ class Transient:
         last_error: float | None,
         new_mesh: float = -np.inf,
     ) -> None:
-        """Restore the history: `number` steps done, the `past` states newest first. Not collective.
+        """Restore the history after `number` steps, with `past` states newest first. Not collective.
 
-        The next `march` starts with `next_length` instead of its own. `last_error` is that of the last step,
-        `new_mesh` the time of the last new mesh.
+        The next `march` starts with `next_length`. `new_mesh`: time of the last remeshing.
         """
-        self._count, self._past, self.last_error = number, list(past), last_error
+        self.number, self._past, self.last_error = number, list(past), last_error
         self._new_mesh = new_mesh
         self._length_kept = next_length if number else None
 
     def forget(self) -> None:
-        """Discard factorisations and other data of earlier steps on the iteration: a resumed run has none either."""
+        """Discard factorisations and convergence data, so that a resumed run is identical."""
         self.fluid.renew_factors()
         if self.interface is not None:
             self.interface.forget()
 
     @property
-    def number(self) -> int:
-        """Number of accepted steps."""
-        return self._count
-
-    @property
     def past(self) -> tuple[Past, ...]:
-        """States before the present one, the newest first."""
+        """States before the present one, newest first."""
         return tuple(self._past[:2])
 
     def _accepted(self, length: float) -> TimeStep:
@@ -249,9 +225,9 @@ class Transient:
             allowed = self._allowed(length, good)
             if allowed >= length:
                 allowance, self.last_error = self._tolerance(), self._credible(error)
-                self._count += 1
+                self.number += 1
                 return TimeStep(
-                    self._count, self.fluid.time, length, error, rejected, report, allowance
+                    self.number, self.fluid.time, length, error, rejected, report, allowance
                 )
             self._restore()
             if not report.converged:
@@ -266,7 +242,7 @@ class Transient:
         )
 
     def _remedy(self) -> str:
-        """The remedy when the flow alone fails: steps with extrapolated convection are linear."""
+        """Remedy when the flow alone fails; steps with extrapolated convection are linear."""
         linear = (
             ', numerics.convection = "extrapolated"'
             if self.fluid.model.convection == "implicit"
@@ -275,13 +251,12 @@ class Transient:
         return f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
 
     def _allowed(self, length: float, good: bool) -> float:
-        """The length to accept: `length`, half of it after a failed attempt, or the time to contact."""
+        """Length to accept: `length`, half of it after a failed attempt, or the time to contact."""
         if not good:
             return 0.5 * length
         return length if self.interface is None else self.interface.allowed(length)
 
     def _remember(self) -> None:
-        """Put the present state at the head of the past, which holds at most three."""
         velocities = np.empty(0) if self.interface is None else self.interface.velocities()
         self._past = [
             Past(self.fluid.time, self.fluid.state.x.array.copy(), velocities),
@@ -289,7 +264,7 @@ class Transient:
         ]
 
     def _attempt(self, length: float) -> NewtonReport:
-        """Solve a step; an impulsively started flow begins, if necessary, from the end of a much shorter step."""
+        """Solve a step; an impulsive start begins, if necessary, with a much shorter step."""
         self._discretise(length)
         report = self._solved(length)
         if report.converged or len(self._past) > 1:
@@ -313,7 +288,7 @@ class Transient:
         return self.order == 2 and len(self._past) > 1
 
     def _discretise(self, length: float) -> None:
-        """Set the fluid's equations for a step of this length, and its state to an initial guess."""
+        """Set the fluid's equations for a step, and extrapolate its state."""
         fluid, past = self.fluid, self._past
         second = self._is_second
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
@@ -328,7 +303,6 @@ class Transient:
             fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
 
     def _tolerance(self) -> float:
-        """The tolerance of the algebraic solution in the step to come."""
         tolerance = self.tolerance
         return (
             tolerance.after(self.last_error) if isinstance(tolerance, ShareOfError) else tolerance
@@ -344,14 +318,14 @@ class Transient:
         return self.accuracy is not None and error is not None and error > 1.5 * self.accuracy
 
     def _error(self, length: float) -> float | None:
-        """Local error of the velocities relative to them, from divided differences over the past states."""
+        """Relative local error of the velocities, from divided differences of past states."""
         second = self._is_second
         needed = 3 if second else 2
         if len(self._past) < needed:
             return None
         past = self._past[:needed]
         times = [self.fluid.time, *(p.time for p in past)]
-        # (a0 times the) leading term of the truncation: v_tt/2 dt, and v_ttt/6 dt (dt + dt before).
+        # a0 times the leading truncation error: v_tt/2 dt, and v_ttt/6 dt (dt + previous dt).
         a0 = backward_difference(2 if second else 1, length, length / (times[1] - times[2]))[0][0]
         factor = np.prod([times[0] - t for t in times[1:-1]]) / a0
         states = [self.fluid.state.x.array, *(p.state for p in past)]
@@ -364,9 +338,8 @@ class Transient:
         return max(error, change / size if size else 0.0)
 
     def _credible(self, error: float | None) -> float | None:
-        """The error that sets the next tolerance: no larger than before while states come from another mesh.
-
-        Their differences then include the difference of both meshes.
+        """Error that sets the next tolerance, bounded by the previous one while states from another
+        mesh distort it.
         """
         if min(one.time for one in self._past[: self.order + 1]) > self._new_mesh:
             return error
@@ -391,11 +364,7 @@ class Transient:
 
 
 class QuasiSteady(Transient):
-    """Advances a steady fluid whose boundary values change in time. All methods are collective.
-
-    As `Transient`, for a fluid built with `FlowModel(unsteady=False)`: each step is steady, started from that
-    of the step before. There is no time error, and so no adaptive step.
-    """
+    """Time stepping of a steady fluid with time-dependent boundary values, without time error. Collective."""
 
     def _attempt(self, length: float) -> NewtonReport:
         self.fluid.time = self._past[0].time + length
@@ -406,7 +375,7 @@ class QuasiSteady(Transient):
 
 
 def _landing(left: float, step: float) -> float:
-    """The step, adjusted so that the last one reaches the end and is not much shorter."""
+    """Step adjusted to reach the end without a much shorter last one."""
     if left <= step * (1 + 1e-9):
         return left
     return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step

@@ -1,4 +1,4 @@
-"""Whether a bed of grains moves in a flume: an answer from stored and published thresholds, without a flow."""
+"""Whether a bed of grains moves in a flume, from stored and published thresholds, without a flow."""
 
 from .answer import FlumeAnswer, flume
 

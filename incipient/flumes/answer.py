@@ -1,4 +1,4 @@
-"""`flume`: the first answer to whether a bed of grains moves, from grain, water and flow in SI units."""
+"""`flume`: whether a bed of grains moves, from grain, water and flow in SI units."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class FlumeAnswer:
 
     @property
     def regime(self) -> str:
-        """Hydraulic regime of a bed of these grains, in words (Nikuradse 1933)."""
+        """Hydraulic regime of the bed (Nikuradse 1933)."""
         k = ROUGHNESS * self.shear_reynolds
         word = "smooth" if k < SMOOTH else "rough" if k > ROUGH else "between smooth and rough"
         return f"hydraulically {word}"
@@ -122,7 +122,7 @@ class FlumeAnswer:
 
     @property
     def sentence(self) -> str:
-        """Whether the bed moves, and how sure that is."""
+        """Whether the bed moves, and how certain that is."""
         answer = next(words for least, words in ANSWERS if self.observed >= least)
         text = (
             f"{answer}: {_bounded(self.observed, 0.01, 0.99)} of observed beds have a lower critical Shields number, "
@@ -135,7 +135,6 @@ class FlumeAnswer:
         return f"{text}; gusts move {_bounded(grains, 0.1, 0.9)} of its grains at least 1% of the time."
 
     def text(self) -> str:
-        """A page for the screen."""
         water = f"{self.viscosity:.4g} m2/s, {self.fluid_density:.5g} kg/m3"
         flow = (
             f"u* = {self.shear_velocity:.4g} m/s{self.source}, bed stress {self.bed_stress:.3g} Pa"
@@ -156,7 +155,6 @@ class FlumeAnswer:
         return "\n".join(f"{name:16}{words}" for name, words in rows)
 
     def _rows_of_bed(self) -> list[tuple[str, str]]:
-        """Rows of the text on the computed natural bed."""
         bed = self.natural_bed
         if bed is None:
             why = f"u* d/nu = {self.shear_reynolds:.3g} is beyond the computed range, 0 to 300"
@@ -176,7 +174,6 @@ class FlumeAnswer:
         return [*rows, ("median grain", entrainment)]
 
     def as_dict(self) -> dict[str, Any]:
-        """All numbers, for JSON."""
         bed = self.natural_bed
         names = (
             "diameter", "density", "fluid_density", "viscosity", "gravity", "shear_velocity", "depth",
@@ -213,7 +210,7 @@ def flume(
     fluid_density: float | None = None,
     gravity: float = 9.81,
 ) -> FlumeAnswer:
-    """Whether a bed of equal grains moves in a flume, from published and computed thresholds. Not collective.
+    """Determine whether a bed of equal grains moves, from published and computed thresholds. Not collective.
 
     Args:
         diameter: of the grains [m].
@@ -255,7 +252,6 @@ def flume(
 
 
 def _require_usual(numbers: dict[str, float | None]) -> None:
-    """Refuse numbers outside `RANGES`; raises SceneError."""
     for name, value in numbers.items():
         low, high = RANGES[name]
         if value is not None and not low <= value <= high:
@@ -263,7 +259,6 @@ def _require_usual(numbers: dict[str, float | None]) -> None:
 
 
 def _require_one_flow(flow: dict[str, float | None], depth: float | None) -> None:
-    """Refuse a flow that is given in two ways or in none; raises SceneError."""
     known = [name for name, value in flow.items() if value is not None]
     if len(known) != 1 or (known != ["shear_velocity"] and depth is None):
         inputs = " and ".join(["depth"] * (depth is not None) + known)
@@ -273,7 +268,6 @@ def _require_one_flow(flow: dict[str, float | None], depth: float | None) -> Non
 
 
 def _shear_velocity(answer: FlumeAnswer, velocity: float) -> float:
-    """The u* [m/s] of a mean velocity; raises SceneError."""
     slowest, fastest = (_mean(answer, shear) for shear in (SLOWEST, FASTEST))
     if not slowest < velocity < fastest:
         raise SceneError(
@@ -283,7 +277,6 @@ def _shear_velocity(answer: FlumeAnswer, velocity: float) -> float:
 
 
 def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
-    """Mean velocity [m/s] over the depth of a wide flow over a bed of these grains."""
     assert answer.depth is not None
     roughness = ROUGHNESS * answer.diameter
     profile = MeanProfile(shear_velocity, answer.viscosity, roughness, answer.depth)
@@ -294,7 +287,6 @@ def _mean(answer: FlumeAnswer, shear_velocity: float) -> float:
 
 
 def _bounded(fraction: float, low: float, high: float) -> str:
-    """A fraction in per cent; at the ends of what is known, a bound."""
     if fraction <= low * (1.0 + 1e-6):
         return f"less than {100 * low:g}%"
     if fraction >= high * (1.0 - 1e-6):

@@ -80,7 +80,7 @@ error_bars = false          # they take five more flows
 
 
 def flume_scene(answer: FlumeAnswer) -> str:
-    """The scene's text (TOML); `incipient run` judges its grain in the flow of this shear velocity. Not collective.
+    """TOML scene of one grain in the flow of this shear velocity, for `incipient run`.
 
     The mean velocity of a turbulent flow is adjusted until the developed flow over the rough bed upstream has this u*.
     """

@@ -34,7 +34,7 @@ OFTEN, SELDOM = 0.5, 0.01  # fractions of time
 
 
 def soulsby_whitehouse(diameters: Floats | float) -> Any:
-    """Critical Shields numbers of beds of grains of dimensionless diameters D* = d (g (s - 1)/nu^2)^(1/3).
+    """Critical Shields numbers by dimensionless diameter D* = d (g (s - 1)/nu^2)^(1/3).
 
     Soulsby & Whitehouse (1997, Proc. Pacific Coasts and Ports, 149).
     """
@@ -89,8 +89,8 @@ class NaturalBed:
     def fraction_of_time(self, shields: float) -> float:
         """Fraction of time in which the median grain's threshold is exceeded at a Shields number.
 
-        The logarithm of the number is interpolated linearly over the normal quantile, as is exact for a lognormal
-        velocity of one intensity, and held at the ends of the table.
+        The logarithm is interpolated linearly over the normal quantile, which is exact for a lognormal velocity of one
+        intensity, and constant beyond the ends of the table.
         """
         order = np.argsort(self.medians)
         levels = np.log(self.medians[order]), ndtri(self.probabilities[order])
@@ -137,7 +137,6 @@ def _zanke() -> Mapping[str, Floats]:
 
 
 def _read(name: str) -> dict[str, Floats]:
-    """Columns of one of the tables beside this module."""
     lines = files(__package__).joinpath(name).read_text(encoding="utf-8").splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     return {column: np.array([float(row[column]) for row in rows]) for column in rows[0]}

@@ -1,9 +1,9 @@
 """Tables of cases, one per row, evaluated together.
 
 Columns (in 3-D with `_z`, and three of torque): force_x, force_y, couple (torque), weight_x, weight_y, centre_x,
-centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
-has fewer; optional are cohesion, about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x,
-inertia_y, inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
+centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty if a row has
+fewer; optional are cohesion, about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x, inertia_y,
+inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
 """
 
 from __future__ import annotations
@@ -48,7 +48,6 @@ class Verdicts:
     reasons: dict[int, str]
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         lines = [f"{'cases':<20}{self.cases}"]
         for mode, count in self.modes.items():
             lines.append(f"{mode:<19} {count} ({count / self.cases:.2%})")
@@ -75,15 +74,15 @@ def judge_table(
         jobs: number of threads.
 
     Raises:
-        SceneError: the table cannot be read, has no row or wrong columns, or a setting is not a number.
-        MissingError: it is a Parquet file, and pyarrow is not installed.
+        SceneError: an invalid table or setting.
+        MissingError: a Parquet file without pyarrow.
         OutputError: a file cannot be written.
         Interrupted: by Ctrl-C; verdicts so far are written.
     """
     table = read_table(path)
     cases, faults = _cases(table, dict(map(_setting, settings)))
     if not len(cases):
-        raise SceneError(f"{path}: has no row of a case; give one a line below the names")
+        raise SceneError(f"{path}: has no case; give one in each line below the names")
     make_directory(directory)
     progress.begin("verdicts")
     count, judged = len(cases), 0
@@ -119,7 +118,6 @@ def judge_table(
 
 
 def _judged(cases: Cases, jobs: int) -> Iterator[Batch]:
-    """Verdicts on chunks of the cases, in their order."""
     parts = (cases.part(slice(start, start + CHUNK)) for start in range(0, len(cases), CHUNK))
     # Compiled kernels let other threads compute; filters of warnings are common to all threads.
     with unwarned(), ThreadPoolExecutor(jobs) as pool:
@@ -134,12 +132,11 @@ def _setting(text: str) -> tuple[str, float]:
     with suppress(ValueError):
         if np.isfinite(number := decimal(value.strip())):
             return name.strip(), number
-    why = "is no finite number"
+    why = "is not a finite number"
     raise SceneError(f"--set {shortened(text)}: {why}; with --batch give COLUMN=NUMBER")
 
 
 def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
-    """The cases of a table, and the faults of invalid rows by index; raises SceneError for wrong columns."""
     if twice := table.columns.keys() & constants.keys():
         raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
     value = {**table.columns, **{key: np.full(len(table), one) for key, one in constants.items()}}
@@ -191,12 +188,10 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
 
 
 def _third(vectors: Floats) -> Floats:
-    """Vectors (n, 3) of vectors (n, 2) or (n, 3); a vector without any component has none."""
     return np.where(np.isnan(vectors).all(axis=1)[:, None], np.nan, spatial(vectors))
 
 
 def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
-    """Matrices (n, 3, 3), NaN in rows that have neither mass nor moments."""
     if "mass" not in value:
         return np.full((len(value["friction"]), 3, 3), np.nan)
     diagonal = np.stack([value[name] for name in moments], axis=1)

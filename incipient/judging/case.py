@@ -1,7 +1,7 @@
-"""Cases: a grain, its contacts and its load as numbers in a TOML file.
+"""Cases: a grain, its contacts and its load as numbers in a TOML file, in any consistent units.
 
-Any consistent units. In 2-D vectors have two components, and torques and the moment of inertia are numbers, torques
-positive counter-clockwise; in 3-D all have three, and the inertia is three moments or a matrix.
+In 2-D torques (positive counter-clockwise) and the moment of inertia are numbers; in 3-D the inertia is three moments
+or a matrix.
 """
 
 from __future__ import annotations
@@ -31,10 +31,7 @@ ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by han
 
 
 def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
-    """The validator of a number or of nested lists of numbers, of one of these shapes."""
-
     def nested_tuples(value: Any) -> Any:
-        """The numbers as tuples; raises for others, and for other shapes."""
         try:
             array = np.array(value)
         except ValueError:  # rows of different lengths
@@ -94,11 +91,11 @@ TorqueError = Annotated[Torque, AfterValidator(_not_negative)]
 class CaseLoad(Section):
     """The load on the grain without the forces of the bed."""
 
-    weight: Vector = key("all that acts at the centre of mass besides the flow, such as weight")
+    weight: Vector = key("force at the centre of mass besides that of the flow, such as the weight")
     flow_force: Vector = key("force of the flow on the grain")
     flow_couple: Torque = key("torque of the flow about the point `about`")
-    centre: Vector | None = key("centre of mass; left out where [body] has it", None)
-    about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
+    centre: Vector | None = key("centre of mass; default: that of [body]", None)
+    about: Vector | None = key("reference point of flow_couple; default: the centre of mass", None)
 
 
 def _as_many(name: str) -> Rule:
@@ -115,13 +112,12 @@ class CaseContacts(Section):
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
     friction: NotNegative = key("coefficient of static friction")
-    cohesion: NotNegative = key("largest pull of each contact, in the unit of force", 0.0)
+    cohesion: NotNegative = key("largest tensile force of each contact, in the unit of force", 0.0)
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
 
     @property
     def law(self) -> FrictionCone:
-        """The law of the contacts."""
         return FrictionCone.of(self.friction, self.cohesion)
 
 
@@ -141,7 +137,7 @@ class CaseErrors(Section):
     flow_couple: TorqueError | None = key("standard error of the flow's torque", None)
     friction: NotNegative = key("standard error of the coefficient of friction", 0.0)
     samples: int = key("number of cases drawn at random", 1000, ge=10, le=1_000_000)
-    seed: int = key("seed of the random numbers: the same seed gives the same answer", 0, ge=0)
+    seed: int = key("seed of the random numbers", 0, ge=0)
 
 
 class Case(Section):
@@ -151,7 +147,7 @@ class Case(Section):
     source: str = key("where the numbers come from", "")
     load: CaseLoad = key("load on the grain without the forces of the bed")
     contacts: CaseContacts = key("contacts of the grain and the bed")
-    grain: CaseGrain | None = key("mass and inertia, for how it begins to move", None)
+    grain: CaseGrain | None = key("mass and inertia, for the initial acceleration", None)
     body: Body | None = key("the grain's shape as in a scene, instead of [grain]", None)
     errors: CaseErrors | None = key("standard errors, for the probability of each mode", None)
 
@@ -164,23 +160,21 @@ class Case(Section):
 
     @property
     def gdim(self) -> int:
-        """2 or 3."""
         return len(self.load.weight)
 
     @property
     def centre(self) -> Floats:
-        """The centre of mass, (3,)."""
+        """Centre of mass (3,)."""
         own = None if self.body is None else self.body.centre
         return spatial(self.load.centre or own or ())
 
     @property
     def about(self) -> Floats:
-        """The point of the flow's torque, (3,)."""
+        """Reference point (3,) of the flow's torque."""
         return self.centre if self.load.about is None else spatial(self.load.about)
 
     @property
     def placement(self) -> Placement:
-        """Position and orientation of the body; for a case that has one."""
         assert self.body is not None
         return self.body.placed(self.centre[: self.gdim].tolist())
 
@@ -191,28 +185,25 @@ class Case(Section):
         return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
-        """The contacts, with normals scaled to unit length."""
+        """The contacts, with unit normals."""
         normals, areas = spatial(self.contacts.normals), self.contacts.areas
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         points = spatial(self.contacts.points)
         return Contacts(points, normals, None if areas is None else np.array(areas))
 
     def standard_errors(self) -> StandardErrors:
-        """The standard errors, zero where the case gives none."""
         errors = self.errors or CaseErrors()
         force, torque = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
         return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
-        """Mass and inertia (3, 3) about the centre of mass, if the case has them."""
+        """Mass and inertia (3, 3) about the centre of mass, if known."""
         if self.grain is not None:
             return self.grain.mass, _matrix(self.grain.inertia)
         return None if self.body is None else mass_and_inertia(self.body, self.placement)
 
 
 class _CaseWithoutFlow(Case):
-    """A case whose force and torque of the flow are zero unless they are given."""
-
     @model_validator(mode="before")
     @classmethod
     def _still(cls, data: Any) -> Any:
@@ -229,22 +220,22 @@ class _CaseWithoutFlow(Case):
 
 
 def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
-    """The case in a TOML file, changed by overrides such as ``"contacts.friction=0.4"``. Not collective.
+    """Read a case from a TOML file, changed by overrides such as ``"contacts.friction=0.4"``.
 
     Raises:
-        SceneError: one line that names the file, the key, why and the remedy.
+        SceneError: names the file, the key, the reason and the remedy.
     """
     return read(Case, path, overrides)
 
 
 def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
-    """The case in a file whose force and torque of the flow come from elsewhere; raises as `load_case`."""
+    """As `load_case`, with force and torque of the flow zero unless given."""
     text = read_text(path, "give the name of a case file")
     return parse(_CaseWithoutFlow, text, path.parent, overrides, str(path))
 
 
 def judge_case(case: Case) -> dict[str, Any]:
-    """The verdict of both criteria as plain data, and the probability of each mode for a case with standard errors."""
+    """Verdict of both criteria as plain data, and mode probabilities of a case with standard errors."""
     load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
     probabilities_data = None
@@ -262,7 +253,7 @@ def judge_case(case: Case) -> dict[str, Any]:
 
 
 def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, new or existing; raises OutputError. Not collective."""
+    """Write judgement.json into a directory, created if missing. Raises OutputError."""
     path = directory / "judgement.json"
     make_directory(directory, path)
     write_json(path, judgement)
@@ -279,7 +270,7 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
 
 
 def spatial_torque(torque: float | Sequence[float]) -> Floats:
-    """A torque (3,); one of 2-D is about the third axis."""
+    """Torque (3,); in 2-D about the third axis."""
     return np.array([0.0, 0.0, torque] if isinstance(torque, float) else torque, dtype=float)
 
 
@@ -304,7 +295,6 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
-    """Require vectors of two components and scalar torques and inertia in 2-D."""
     load, errors = case.load, case.errors or CaseErrors()
     values: dict[Key, Any] = {
         ("load", "flow_force"): load.flow_force,

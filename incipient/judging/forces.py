@@ -19,7 +19,7 @@ FRACTION = 0.5  # of the time, the last, over which a mean is taken by default
 
 @dataclass(frozen=True, eq=False)
 class JudgedForces:
-    """The verdict on the mean from the time `since` on, and on all times; flows that move the grain."""
+    """Verdicts on the mean from the time `since` on, and on all times; flows that move the grain."""
 
     case: Case
     since: float
@@ -29,7 +29,6 @@ class JudgedForces:
     threshold: FlowThreshold | None
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         sources = self.judgement["forces"]
         lines = [f"{'forces':<20}{', '.join(sources)}"] if sources else []
         lines.append(f"mean from time {self.since:.6g} on, {self.samples} samples:")
@@ -41,12 +40,12 @@ class JudgedForces:
 def judge_forces(
     case: Case, forces: ForcesInTime, density: float, since: float | None, law: str | None = None
 ) -> JudgedForces:
-    """Judge the forces of a run on a case, from which all but the flow's load is taken.
+    """Judge the forces of a run, with all but the flow's load from a case.
 
     Args:
         density: of the fluid, over that with which the other program computed the forces.
         since: start of the samples; None: all samples, and the mean of the last half of the time.
-        law: how loads grow with the velocity, one of `motion.LAWS`, for flows that move the grain.
+        law: growth of loads with the velocity, one of `motion.LAWS`, for flows that move the grain.
 
     Raises:
         SceneError: the density is not positive, or too few samples are left.
@@ -63,7 +62,7 @@ def judge_forces(
     mean, error = mean_in_time(loads[last], forces.times[last])
     if last.sum() < FEWEST:
         raise SceneError(
-            f"--forces: the mean would be of {last.sum()} samples from time {forces.times[last][0]:g} on, and takes "
+            f"--forces: the mean has {last.sum()} samples from time {forces.times[last][0]:g} on, and needs "
             f"{FEWEST} or more; give an earlier time with --since, or write forces more often"
         )
     about = tuple(forces.centre[: case.gdim].tolist())
@@ -91,7 +90,6 @@ def judge_forces(
 
 
 def _flow(gdim: int, values: Floats) -> dict[str, Any]:
-    """Force and moment (6,) as a case has them."""
     numbers = values.tolist()
     torque = numbers[5] if gdim == 2 else tuple(numbers[3:])
     return {"flow_force": tuple(numbers[:gdim]), "flow_couple": torque}

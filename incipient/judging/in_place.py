@@ -74,14 +74,12 @@ class ForcesBed(Section):
     )  # fmt: skip
 
     file: str = key("STL, PLY or OBJ file of the bed, or flat: a plane")
-    up: Direction | None = key(
-        "Direction in which the bed is seen from above; default: against gravity", None
-    )
+    up: Direction | None = key("Upward direction of the bed; default: against gravity", None)
     height: float | None = key(
         "Height of a plane along `up`; default: that of the grain's lowest point", None
     )
     cell: PositivePair | None = key(
-        "Distance between heights taken from a file, as of a scene's bed", None
+        "Spacing of the heights sampled from a file, as of a scene's bed", None
     )
 
 
@@ -89,12 +87,12 @@ class ForcesContact(Section):
     """The contact of grain and bed."""
 
     friction: NotNegative = key("Coefficient of static friction")
-    cohesion: NotNegative = key("Largest pull of each contact, in the unit of force", 0.0)
-    tolerance: Positive = key("Distance that counts as touching, over the grain's size", 1e-6)
+    cohesion: NotNegative = key("Largest tensile force of each contact, in the unit of force", 0.0)
+    tolerance: Positive = key("Distance that counts as contact, over the grain's size", 1e-6)
 
 
 class GrainInPlace(Section):
-    """Keys of --set that go with --grain and --bed."""
+    """Keys of --set with --grain and --bed."""
 
     rules = (
         Rule("body", lambda s: s.body.centre is None,
@@ -158,7 +156,6 @@ class GrainInPlace(Section):
         )
 
     def _bed(self, triangles: Floats | None, grain: Solid, above: Placement) -> HeightMap | Plane:
-        """The bed, upright: a plane, or the part of a file about the grain."""
         if triangles is None:
             height = self.bed.height
             return Plane(origin_z=clearance(grain, above, Plane())[0] if height is None else height)
@@ -203,7 +200,6 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
 def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
-    """Refuse a grain whose gap or overlap with the bed exceeds a tolerance, in grain sizes."""
     gap = clearance(grain, placement, bed)[0] / grain.size
     if abs(gap) <= tolerance:
         return
@@ -213,12 +209,12 @@ def _require_touching(
         why = f"in the bed, by {-gap:.3g} of its size"
         if float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]:
             why = "below the bed"
-            remedy = "turn gravity.direction round, or give bed.up, from where the bed is seen"
+            remedy = "reverse gravity.direction, or give bed.up"
     raise SceneError(f"--bed: the grain is {why}; {remedy}")
 
 
 def _narrowest(points: Floats) -> Floats:
-    """The rotation (3, 3) about z that aligns the smallest rectangle around points (n, 3), seen from above."""
+    """Rotation (3, 3) about z that aligns the smallest rectangle around points (n, 3), seen from above."""
     turn = np.eye(3)
     with suppress(QhullError):  # all are on one line
         turn[:2, :2] = oriented_bounds_2D(points[:, :2])[0][:2, :2]
@@ -226,7 +222,6 @@ def _narrowest(points: Floats) -> Floats:
 
 
 def _plane(bed: HeightMap, tolerance: float) -> Plane | None:
-    """The plane of all heights of a bed, to a tolerance, if there is one."""
     across, along = np.indices(bed.heights.shape).reshape(2, -1)
     x, y = bed.origin[0] + bed.cell[0] * along, bed.origin[1] + bed.cell[1] * across
     table, heights = np.column_stack([x, y, np.ones(len(x))]), bed.heights.ravel() + bed.origin[2]

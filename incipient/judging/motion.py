@@ -24,9 +24,8 @@ PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 class MotionInTime:
     """Motion in a part of a series.
 
-    probability: fraction of the time in which the load is not held; error: its standard error, None for too few
-    samples, or if all agree; rate: onsets of motion in unit time; low, high: the rate for one standard error
-    of the number of events
+    probability: fraction of time in motion; error: its standard error, None for too few samples, or if all agree
+    rate: onsets of motion in unit time; low, high: for one standard error of the number of events
     """
 
     since: float
@@ -40,7 +39,7 @@ class MotionInTime:
 
     @classmethod
     def of(cls, times: Floats, held: Booleans, since: float) -> MotionInTime:
-        """The motion from a time on, of samples (n,); raises SceneError where there are none."""
+        """Motion from a time on, of samples (n,). Raises SceneError without any."""
         kept = samples_from(times, since)
         times, moves = times[kept], ~held[kept]
         duration = float(times[-1] - times[0]) or 1.0
@@ -52,7 +51,6 @@ class MotionInTime:
         return cls(float(times[0]), duration, len(times), float(mean), spread_of_mean, *rates)
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         error = f", {self.samples} samples" if self.error is None else f" +- {self.error:.2g}"
         often = f"begins {self.rate:.3g} times in unit time ({self.low:.2g} to {self.high:.2g})"
         where = f"from time {self.since:.6g} on"
@@ -71,9 +69,9 @@ class VelocityQuantile:
 
 @dataclass(frozen=True)
 class FlowThreshold:
-    """Velocities, relative to that of the series, at which the grain moves, for loads that grow as a power of it.
+    """Velocities, relative to that of the series, at which the grain moves, for loads that are a power of it.
 
-    mean: by the mean load, with its range, if there is one; quantiles: by probabilities at an instant
+    mean: by the mean load, with its range, if there is one; quantiles: by fractions of time
     """
 
     law: str
@@ -84,9 +82,9 @@ class FlowThreshold:
     def of(
         cls, law: str, times: Floats, batch: Batch, since: float, mean: tuple[float, ...] | None
     ) -> FlowThreshold:
-        """The velocities for a law of `LAWS`.
+        """The velocities for a law of `LAWS`. Raises SceneError without samples.
 
-        mean: safety factor of the mean load, and its range. Raises SceneError where no samples are left.
+        mean: safety factor of the mean load, and its range
         """
         kept = samples_from(times, since)
         power, times = 1.0 / LAWS[law], times[kept]
@@ -109,7 +107,6 @@ class FlowThreshold:
         return cls(law, scaled, tuple(quantiles))
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         power = "U^2" if self.law == "U2" else "U"
         lines = [f"{'threshold':<20}where loads grow as {power}, in velocities of this run"]
         if self.mean is not None:
@@ -123,16 +120,18 @@ class FlowThreshold:
 
 
 def samples_from(times: Floats, since: float) -> Booleans:
-    """Mask (n,) of the samples from a time on; raises SceneError where there are none."""
+    """Mask (n,) of the samples from a time on. Raises SceneError without any."""
     kept = times >= since
     if not kept.any():
         last = f"{times.max():g}" if len(times) else "missing"
-        raise SceneError(f"--since: nothing is there from {since:g} on; the last time is {last}")
+        raise SceneError(
+            f"--since: there are no samples from {since:g} on; the last time is {last}"
+        )
     return np.asarray(kept)
 
 
 def steps_of(times: Floats) -> Floats:
-    """Time (n,) for which each sample stands: half of the gaps to its neighbours."""
+    """Time (n,) that each sample represents: half of the gaps to its neighbours."""
     if len(times) == 1:
         return np.ones(1)
     gaps = 0.5 * np.diff(times)

@@ -1,9 +1,9 @@
 """Forces and moments on a grain in time, as OpenFOAM's function object `forces` writes them.
 
-Formats differ in header and number of columns: `force.dat` and `moment.dat` of openfoam.com (total, pressure, viscous,
-and porous if there is any), `forces.dat` of openfoam.org and foam-extend (pressure and viscous force, then moments,
-with porous ones in between). A folder holds a folder for each start, named by its time; a run that finds a file in its
-folder adds its start to the name (`force_5.dat`). A later start replaces what an earlier one has from that time on.
+`force.dat` and `moment.dat` of openfoam.com have total, pressure, viscous and possibly porous columns; `forces.dat` of
+openfoam.org and foam-extend pressure and viscous force, then moments, possibly with porous ones. A folder has one
+folder for each start, named by its time; a run that finds a file adds its start to the name (`force_5.dat`). Later
+starts replace earlier ones.
 """
 
 from __future__ import annotations
@@ -40,13 +40,12 @@ class ForcesInTime:
     sources: tuple[str, ...] = ()
 
     def only(self, which: Booleans) -> ForcesInTime:
-        """The samples of a mask (n,)."""
         chosen = {name: getattr(self, name)[which] for name in ("times", "forces", "moments")}
         return replace(self, **chosen)
 
 
 def read_forces(path: Path) -> ForcesInTime:
-    """The forces in a file or folder of OpenFOAM.
+    """Read the forces in a file or folder of OpenFOAM.
 
     Raises:
         SceneError: there are none, a file is of no known format, moments or their centre are missing, or the files of
@@ -55,20 +54,17 @@ def read_forces(path: Path) -> ForcesInTime:
     if path.is_dir():
         return _joined(path, sorted(_runs(path), key=lambda run: (run.start, run.again)))
     if path.name.startswith("moment"):
-        raise _refusal(f"{path} has moments alone; give the force.dat next to it, or their folder")
+        raise _refusal(f"{path} has only moments; give the force.dat next to it, or their folder")
     return _of_file(path)
 
 
 @dataclass(frozen=True)
 class _Run:
-    """A file of forces; again: its name has the start, since an earlier run's file was in the folder."""
-
     start: float
     again: bool
     path: Path
 
     def is_older(self, later: _Run, overlap: bool) -> bool:
-        """Whether this run, of an earlier start, is the older by its name."""
         if self.again:
             return not overlap
         if self.path.parent == later.path.parent:
@@ -77,7 +73,6 @@ class _Run:
 
 
 def _runs(path: Path) -> Iterator[_Run]:
-    """The files in a folder, and in its folders that are named by times."""
     for folder in [path, *sorted(path.iterdir())]:
         if folder != path and not (folder.is_dir() and re.fullmatch(DECIMAL, folder.name)):
             continue
@@ -118,7 +113,7 @@ def _of_file(path: Path) -> ForcesInTime:
             why = (
                 f"the total at time {values[wrong.any(axis=1), 0][0]:g} is not the sum of its parts"
             )
-            raise _refusal(f"{name}: {why}; write it anew")
+            raise _refusal(f"{name}: {why}; write it again")
     return ForcesInTime(table[:, 0], table[:, 1:4], moments[:, 1:4], _centre(beside, header))
 
 
@@ -129,7 +124,6 @@ def _require_columns(path: Path, table: Floats, name: str, counts: tuple[int, in
 
 
 def _table(path: Path) -> tuple[Floats, str]:
-    """The numbers of a file (n, columns), and its heading in small letters."""
     with reading(path, f"give {FORMATS}", LARGEST_TABLE, name=f"--forces: {path}"):
         lines = path.read_text(encoding="utf-8").splitlines()
         header = "\n".join(line for line in lines if line.startswith("#"))
@@ -138,9 +132,9 @@ def _table(path: Path) -> tuple[Floats, str]:
             rows.pop()
         table = np.array(rows, dtype=float)
     if not len(table):
-        raise _refusal(f"{path} has no samples yet; let the run go on, or move it away")
+        raise _refusal(f"{path} has no samples yet; continue the run, or move the file away")
     if len(times := table[~np.isfinite(table).all(axis=1), 0]):
-        raise _refusal(f"{path} is not finite at time {times[0]:g}; take such lines out")
+        raise _refusal(f"{path} is not finite at time {times[0]:g}; remove such lines")
     if len(times := table[1:, 0][np.diff(table[:, 0]) <= 0.0]):
         why = f"has time {times[0]:g} twice or out of order"
         raise _refusal(f"{path} {why}; leave one line for each time")
@@ -148,7 +142,6 @@ def _table(path: Path) -> tuple[Floats, str]:
 
 
 def _centre(path: Path, header: str) -> Floats:
-    """The point (3,) of the moments."""
     centres = {tuple(map(float, re.findall(DECIMAL, text))) for text in CENTRE.findall(header)}
     if len(centres) > 1:
         raise _refusal(
@@ -157,12 +150,11 @@ def _centre(path: Path, header: str) -> Floats:
     centre = np.array(list(*centres))
     if len(centre) != 3 or not np.isfinite(centre).all():
         remedy = "add a line '# CofR : (x y z)' on top, or write it with a newer version"
-        raise _refusal(f"{path} does not say what point its moments are about; {remedy}")
+        raise _refusal(f"{path} does not name the point of its moments; {remedy}")
     return centre
 
 
 def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
-    """All runs one after the other; the later start wins where they overlap."""
     if not runs:
         remedy = f"give a folder with {FORMATS}, or with folders by time"
         raise _refusal(f"{folder} holds no forces; {remedy}")
@@ -173,7 +165,7 @@ def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
         before = np.ones(len(part.times), dtype=bool)
         for n in range(k + 1, len(runs)):
             if not run.is_older(runs[n], bool(part.times[-1] > parts[n].times[0])):
-                why = "have the same times, and which is the newer is not known"
+                why = "have the same times, and which is newer is not known"
                 raise _conflict(folder, names[k], names[n], why)
             before &= (part.times <= runs[n].start) & (part.times < parts[n].times[0])
         if before.any():

@@ -23,10 +23,10 @@ MOST_EVENTS = 10  # printed, the longest first
 
 @dataclass(frozen=True)
 class UnheldTime:
-    """An interval in which the grain is not held.
+    """An interval of motion.
 
-    impulse: integral of the excess of the flow's force over that which could be held; least: the smallest safety
-    factor; mode: the one that lasts longest
+    impulse: integral of the excess of the flow's force over the largest stable one; least: the smallest safety factor;
+    mode: the one that lasts longest
     """
 
     start: float
@@ -38,7 +38,7 @@ class UnheldTime:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Verdicts on a series: times (n,), the criterion's answers, fractions of the time by mode, events, motion."""
+    """Verdicts on a series: times (n,), the criterion's answers, fractions of time by mode, events, motion."""
 
     times: Floats
     batch: Batch
@@ -47,7 +47,6 @@ class Series:
     motion: MotionInTime
 
     def to_dict(self) -> dict[str, Any]:
-        """All but the samples as plain data."""
         return {
             "samples": len(self.times),
             "start": float(self.times[0]),
@@ -60,7 +59,6 @@ class Series:
         }
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
         lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
         lines += [f"{mode:<19} {share:.3%} of the time" for mode, share in self.shares.items()]
@@ -76,7 +74,7 @@ class Series:
 
 
 def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None = None) -> Series:
-    """Judge the loads of a series on a case, from which all else is taken.
+    """Judge the loads of a series, with all else from a case.
 
     Args:
         columns: arrays (n,) by name: time, force_x, force_y, couple (the torque), in 3-D force_z, couple_x, couple_y,
@@ -84,7 +82,7 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
         since: start of the part whose probability of motion is given; None: the first time.
 
     Raises:
-        SceneError: a column is missing, not known, or has numbers that are not finite; time does not grow.
+        SceneError: a missing or unknown column, numbers that are not finite, or time does not ascend.
     """
     cases, times = _cases(case, columns), columns["time"]
     batch = judge_many(cases).complete()
@@ -98,7 +96,7 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
 
 
 def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
-    """The columns of a CSV or Parquet file, from a time on; raises as `read_table`, and SceneError for a wrong row."""
+    """Columns of a CSV or Parquet file, from a time on. Raises as `read_table`, and SceneError for a wrong row."""
     table = read_table(path)
     for place, why in table.faults.items():
         raise SceneError(f"{path}: row {place + 1}: {why}")
@@ -109,7 +107,7 @@ def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
 
 
 def save_series(series: Series, directory: Path) -> None:
-    """Write series.csv (time, safety factor, mode) and series.json into a directory; raises OutputError."""
+    """Write series.csv (time, safety factor, mode) and series.json into a directory. Raises OutputError."""
     factors = series.batch.factors.tolist()
     rows = zip(series.times.tolist(), factors, series.batch.mode_names, strict=True)
     lines = (f"{time!r},{factor!r},{mode}\n" for time, factor, mode in rows)
@@ -153,8 +151,8 @@ def _check(columns: Mapping[str, Floats]) -> None:
                 f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out"
             )
     if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
-        why = "time does not grow from sample to sample"
-        raise SceneError(f"series: {why}; sort the samples and leave none twice")
+        why = "time does not increase from sample to sample"
+        raise SceneError(f"series: {why}; sort the samples and remove duplicates")
     if np.min(columns.get("friction", 0.0)) < 0.0:
         raise SceneError("series: friction is negative; give numbers of at least 0")
 

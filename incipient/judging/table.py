@@ -26,7 +26,7 @@ KINDS = (
 class Table:
     """The rows of a file.
 
-    columns: numbers (n,) by name, NaN where a cell is empty; labels: (n,) cells of the column `name`, if there is one;
+    columns: numbers (n,) by name, NaN in empty cells; labels: (n,) cells of the column `name`, if there is one;
     faults: reasons for unreadable rows, by index
     """
 
@@ -39,11 +39,11 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """The rows of a CSV file, or of a Parquet file (.parquet).
+    """Rows of a CSV file, or of a Parquet file (.parquet).
 
     Raises:
         SceneError: the file cannot be read, a column is there twice, or one of a Parquet file is not of numbers.
-        MissingError: it is a Parquet file, and pyarrow is not installed.
+        MissingError: a Parquet file without pyarrow.
     """
     return _parquet(path) if path.suffix == ".parquet" else _csv(path)
 
@@ -65,7 +65,7 @@ def _csv(path: Path) -> Table:
                 cells = next(csv.reader([line]), [])
                 flat.extend(_numbers(names, cells))
             except csv.Error as error:
-                faults[place] = f"is no line of CSV ({error}); shorten or correct it"
+                faults[place] = f"is not a line of CSV ({error}); shorten or correct it"
             except ValueError as error:
                 faults[place] = str(error)
             if place in faults:
@@ -79,7 +79,6 @@ def _csv(path: Path) -> Table:
 
 
 def _numbers(names: Sequence[str], row: Sequence[str]) -> list[float]:
-    """The numbers in the cells of a row; raises ValueError with the reason."""
     if len(row) != len(names):
         raise ValueError(f"has {len(row)} cells for {len(names)} columns; give one for each")
     cells = ["" if name == NAME else cell for name, cell in zip(names, row, strict=True)]
@@ -126,7 +125,7 @@ def _require_different(path: Path, names: Sequence[str]) -> None:
 def require_columns(
     kind: str, names: Collection[str], needed: Sequence[str], optional: Sequence[str], remedy: str
 ) -> None:
-    """Refuse a table with missing or unknown columns; raises SceneError."""
+    """Raise SceneError for a table with missing or unknown columns."""
     for name in needed:
         if name not in names:
             raise SceneError(f"{kind}: there is no column {name}; {remedy.format(name=name)}")

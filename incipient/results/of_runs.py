@@ -8,6 +8,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from .quantity import OutputQuantity, at
 
 # Parts of force and torque in results, with their labels.
@@ -46,6 +49,15 @@ def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:
     """The pressure part: surface integral less the viscous part; None without a grain."""
     whole, viscous = (at(stored, f"{unit}.{part}") for part in ("surface_integral", "viscous"))
     return None if whole is None else whole - viscous
+
+
+def _rotation(stored: Mapping[str, Any]) -> list[float] | None:
+    """Rotation vector (3,) of a 3-D grain."""
+    quaternion = at(stored, "grain.quaternion")
+    if quaternion is None:
+        return None
+    turned: list[float] = Rotation.from_quat(np.roll(quaternion, -1)).as_rotvec().tolist()
+    return turned
 
 
 def _parts(unit: str) -> Iterator[OutputQuantity]:
@@ -114,8 +126,14 @@ LOADS = (
         OutputQuantity(f"coefficients.{name}", name.replace("_", " "), heading="other numbers")
         for name in ("reference_velocity", "reference_length")
     ),
-    OutputQuantity("grain.size", "size of the grain", heading="other numbers"),
+    OutputQuantity(
+        "grain.size", "size of the grain", "length", column="grain_size", heading="other numbers"
+    ),
     OutputQuantity("grain.centre", "centre of the grain", "length", column="centre"),
+    OutputQuantity("grain.angle", "rotation of the grain", "rad", column="rotation"),
+    OutputQuantity(
+        "grain.rotation", "rotation of the grain", "rad", column="rotation", derive=_rotation
+    ),
 )
 
 FLOW = (

@@ -1,4 +1,4 @@
-"""Scenes, validated and complete: built from these classes, or read by `incipient.scene.file`."""
+"""Scenes as validated data."""
 
 from .domain import Domain
 from .file import dumps, example, load, loads, save, schema

@@ -1,4 +1,4 @@
-"""The region that the fluid may fill, in 2-D or in 3-D."""
+"""The section [domain]."""
 
 from typing import Annotated, Any, Literal
 
@@ -20,7 +20,7 @@ def _with_width(key: str) -> Rule:
 
 
 class Domain(Section):
-    """The region the fluid may fill."""
+    """The region that the fluid may fill."""
 
     rules = tuple(map(_with_width, ("sides", "symmetric")))
 
@@ -30,7 +30,7 @@ class Domain(Section):
     length: Positive = key("Extent along the flow [length]")
     height: Positive = key("Extent from the lower side to the top [length]")
     width: Positive | None = key(
-        "Extent across, which makes the scene three-dimensional, z upwards [length]",
+        "Width of a 3-D scene, with z upwards [length]",
         None,
         examples=[20.0],
     )
@@ -40,16 +40,16 @@ class Domain(Section):
         validate_default=True,
     )
     top: Top = key(
-        "Upper side; auto: by flow.kind; stream: it moves with the base flow; or see [surface]",
+        "Top; auto: from flow.kind; stream: moves with the base flow; free-surface: see [surface]",
         "auto",
     )
     sides: Sides | None = key(
-        "Both sides across the width; stream: they move with the base flow; by default slip, of a box wall",
+        "Lateral boundaries; stream: move with the base flow; default: slip, of a box wall",
         None,
         examples=["slip"],
     )
     symmetric: Choice | None = key(
-        "With width: true computes half of a scene that is its own mirror image; by default by the scene",
+        "In 3-D: true computes half of a symmetric scene; default: if it is symmetric",
         None,
         examples=["auto"],
     )
@@ -69,63 +69,58 @@ class Domain(Section):
 
     @property
     def gdim(self) -> int:
-        """Dimension of space: three with a width."""
         return 2 if self.width is None else 3
 
     @property
     def up(self) -> int:
-        """Index of the vertical coordinate, the last one."""
+        """Index of the vertical coordinate."""
         return self.gdim - 1
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """Limits of the coordinate along the flow, in 3-D also of y."""
+        """Limits of x, in 3-D also of y."""
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
 
     @property
     def left(self) -> float:
-        """Abscissa of the inflow, or of the left wall."""
+        """x of the inflow, or of the left wall."""
         return self.origin[0]
 
     @property
     def right(self) -> float:
-        """Abscissa of the outflow, or of the right wall."""
+        """x of the outflow, or of the right wall."""
         return self.origin[0] + self.length
 
     @property
     def bottom(self) -> float:
-        """Height of the lower side, which is the bed's base line."""
+        """Height of the bed's base line."""
         return self.origin[-1]
 
     @property
     def ceiling(self) -> float:
-        """Height of the top."""
         return self.origin[-1] + self.height
 
     @property
     def across(self) -> tuple[float, float]:
-        """The least and the largest y of a 3-D domain."""
         assert self.width is not None
         return self.origin[1], self.origin[1] + self.width
 
     def grid(self, *counts: int) -> Floats:
-        """Points (n, k) evenly over the domain, from end to end, of k counts: along the flow, across, and in height."""
+        """Equidistant points (n, k) of the whole domain, of k counts: along the flow, across, in height."""
         sides = (*self.spans, (self.bottom, self.ceiling))
         axes = [np.linspace(*ends, count) for ends, count in zip(sides, counts, strict=False)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
     @property
     def middle(self) -> float:
-        """y of the vertical plane through the middle of a 3-D domain."""
         return 0.5 * sum(self.across)
 
     @property
     def entrance(self) -> tuple[float, ...]:
-        """The lowest point of the inflow, in 3-D at mid-width."""
+        """Lowest point of the inflow, in 3-D at mid-width."""
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property
     def extents(self) -> tuple[float, ...]:
-        """Length, in 3-D width, and height."""
         return (self.length, *((self.width,) if self.width is not None else ()), self.height)

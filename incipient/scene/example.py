@@ -1,4 +1,4 @@
-"""The example scene, and the comments that explain a scene's keys."""
+"""Example scenes with comments on their keys."""
 
 import json
 from collections.abc import Iterator
@@ -17,17 +17,14 @@ from .solids import Sphere
 from .terrains import SphereBed
 
 _HEADING = """\
-A scene for incipient. Lengths and times are in any units that fit together, [in brackets] at each key.
+A scene for incipient. Lengths and times are in any consistent units, [in brackets] at each key.
 The fluid's density is 1; its viscosity follows from the Reynolds number.
-Lines with # in front show what else may be set; what has a default may be left out."""
+Lines that begin with # show further keys; keys with a default are optional."""
 _COLUMN = 26
 
 
 def grain_on_bed() -> Scene:
-    """A disc resting on a flat bed in linear shear.
-
-    The domain stands for an endless one, to about 1% of force and torque (docs/explanation/errors.md).
-    """
+    """Disc on a flat bed in linear shear; force and torque are within about 1% of those in an unbounded domain."""
     return Scene(
         title="A disc on a flat bed in shear flow",
         domain=Domain(kind="channel", length=24.0, height=20.0),
@@ -41,7 +38,7 @@ def grain_on_bed() -> Scene:
 
 
 def grain_in_pocket() -> Scene:
-    """A sphere in a pocket of a bed of spheres as large, in slow linear shear: the example in 3-D."""
+    """Sphere in a pocket of a bed of equal spheres, in creeping linear shear."""
     return Scene(
         title="A sphere in a pocket of a bed of spheres in shear flow",
         domain=Domain(kind="channel", length=20.0, width=20.0, height=10.0),
@@ -55,7 +52,7 @@ def grain_in_pocket() -> Scene:
 
 
 def commented(scene: Scene) -> str:
-    """A scene as TOML with its descriptions as comments; what it leaves out is commented out."""
+    """Scene as TOML with the keys' descriptions; keys without a value are commented out."""
     lines = [f"# {line}" for line in _HEADING.splitlines()]
     lines += ["", _assignment("title", scene.title)]
     for name, field in Scene.model_fields.items():
@@ -88,7 +85,6 @@ def _explained(line: str, comment: str) -> str:
 
 
 def _assignment(key: str, value: Any) -> str:
-    """A TOML assignment on one line; JSON writes numbers, text and lists the way TOML reads them."""
     if isinstance(value, dict):
         return f"{key} = {{{', '.join(_assignment(*one) for one in value.items())}}}"
     return f"{key} = {json.dumps(value, ensure_ascii=False)}"

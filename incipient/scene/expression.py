@@ -1,4 +1,4 @@
-"""Formulas in x, y, z and t from a scene, evaluated on arrays without executing code of the scene."""
+"""Formulas in x, y, z and t, evaluated on arrays without executing code of the scene."""
 
 import ast
 import math
@@ -47,14 +47,13 @@ _VOCABULARY = (
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula such as ``"where(y < 0.5, sin(pi*t)*y, 0)"``, vectorised over points.
+    """Formula such as ``"where(y < 0.5, sin(pi*t)*y, 0)"``, vectorised over points.
 
-    Known are numbers, ``x y z t pi``, ``+ - * / **``, ``sin cos tan exp log sqrt tanh abs min max``
-    and ``where(condition, a, b)`` whose condition is made of ``< <= > >=`` with ``and``, ``or``, ``not``.
-    Nothing else is accepted, so a formula from an untrusted scene can compute but not act. `key` is where the scene
-    has it, which a refused value names.
+    Numbers, ``x y z t pi``, ``+ - * / **``, ``sin cos tan exp log sqrt tanh abs min max`` and ``where(condition, a,
+    b)``, with ``< <= > >= and or not`` in the condition; nothing else, so that untrusted scenes are safe. `key`: named
+    in errors.
 
-    Raises SceneError if the text is not such a formula.
+    Raises SceneError for any other text.
     """
 
     text: str
@@ -67,10 +66,7 @@ class Expression:
             raise _refusal(self.text, "is too deeply nested", "simplify it") from None
 
     def __call__(self, x: np.ndarray, t: float = 0.0) -> np.ndarray:
-        """Values (n,) at points x (3, n) and time t. Not collective.
-
-        Raises SceneError if a value is infinite or not a number.
-        """
+        """Values (n,) at points x (3, n) and time t. Raises SceneError for values that are not finite."""
         value = self._at({"x": x[0], "y": x[1], "z": x[2], "t": t, "pi": math.pi})
         values = np.array(np.broadcast_to(value, x.shape[1:]), dtype=float)
         undefined = np.flatnonzero(~np.isfinite(values))
@@ -89,7 +85,7 @@ class Expression:
 
     @property
     def variables(self) -> frozenset[str]:
-        """The variables among x, y, z and t on which the formula depends."""
+        """Variables among x, y, z and t on which the formula depends."""
         names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
         return frozenset(names & set(VARIABLES))
 
@@ -122,18 +118,17 @@ def _refusal(text: str, why: str, remedy: str = _VOCABULARY, key: str = "") -> S
 
 
 def expressions(texts: Sequence[str], key: str) -> list[Expression]:
-    """The formulas of a list under a key."""
+    """Formulas of a list under a key."""
     return [Expression(text, f"{key}[{number}]") for number, text in enumerate(texts)]
 
 
 def of_time(texts: Sequence[str], key: str) -> Callable[[float], Floats]:
-    """The values (n,) at a time of formulas in t that a scene has in a list under a key."""
+    """Values (n,) over time of formulas in t."""
     formulas, origin = expressions(texts, key), np.zeros((3, 1))
     return lambda time: np.array([float(one(origin, time)[0]) for one in formulas])
 
 
 def _number(node: ast.AST, names: dict[str, Any], text: str) -> Any:
-    """The value of a node, a number or an array (n,). Raises SceneError for anything but the vocabulary."""
     match node:
         case ast.Name(id=name) if name in names:
             return names[name]
@@ -153,11 +148,10 @@ def _number(node: ast.AST, names: dict[str, Any], text: str) -> Any:
             raise _refusal(text, "contains ^", "write ** for a power")
         case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
             raise _refusal(text, "uses a comparison as a number", "write where(condition, a, b)")
-    raise _refusal(text, f'contains "{_source(node)}", which is not understood')
+    raise _refusal(text, f'contains "{_source(node)}", which is not allowed')
 
 
 def _condition(node: ast.AST, names: dict[str, Any], text: str) -> Any:
-    """Whether a comparison holds, a truth value or an array (n,) of them; raises SceneError for anything else."""
     match node:
         case ast.Compare(ops=operators) if all(type(one) in _OPERATORS for one in operators):
             sides = [_number(side, names, text) for side in (node.left, *node.comparators)]
@@ -173,7 +167,7 @@ def _condition(node: ast.AST, names: dict[str, Any], text: str) -> Any:
 
 def _constant(value: int | float, text: str) -> np.float64:
     if not abs(value) <= sys.float_info.max:
-        raise _refusal(text, "contains a number too large", "give a smaller number")
+        raise _refusal(text, "contains a number that is too large", "give a smaller number")
     return np.float64(value)
 
 

@@ -1,4 +1,4 @@
-"""Scenes as TOML files: reading, overriding, writing, an example with comments, a schema for editors."""
+"""Scenes as TOML files."""
 
 from __future__ import annotations
 
@@ -30,13 +30,12 @@ _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
 
 
 def load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = None) -> Scene:
-    """The scene in a TOML file, changed by overrides such as ``"fluid.reynolds=40"``.
+    """Read a scene from a TOML file, changed by overrides such as ``"fluid.reynolds=40"``.
 
-    Files that the scene names are read relative to the scene file. Collective over `comm`, of which the first rank
-    reads for all; without one, not collective: several ranks then need the files each.
+    Collective over `comm`, whose first rank reads the scene and the files that it names; without one, not collective.
 
     Raises:
-        SceneError: one line that names the file, or the override, the key, why and the remedy.
+        SceneError: names the file or the override, the key, the reason and the remedy.
     """
     if comm is None:
         return read(Scene, path, overrides)
@@ -46,23 +45,19 @@ def load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = No
 def loads(
     text: str, base: Path | str = ".", overrides: Sequence[str] = (), name: str = "scene"
 ) -> Scene:
-    """The scene in TOML text; files it names are relative to `base`, errors call it `name`. Not collective.
-
-    Raises:
-        SceneError: as `load`.
-    """
+    """Parse a scene; its files are relative to `base`, errors call it `name`. Not collective; raises as `load`."""
     return parse(Scene, text, base, overrides, name)
 
 
 def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
-    """The scene, or another model, in a TOML file; as `load`."""
+    """Read a scene or another model; as `load`."""
     path, kind = Path(path), model.__name__.lower()
     text = read_text(path, f"give the name of a {kind} file")
     return parse(model, text, path.parent, overrides, str(path))
 
 
 def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str], name: str) -> S:
-    """The scene, or another model, in TOML text; as `loads`."""
+    """Parse a scene or another model; as `loads`."""
     data = _parsed(text, name)
     data.pop("sweep", None)  # the section of `incipient sweep` is not part of the scene
     places = {_override(data, override): override for override in overrides}
@@ -75,7 +70,6 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
 
 
 def _dimension(model: type[Section], data: dict[str, Any]) -> int | None:
-    """The dimension of the scene in data; None for another model."""
     if model is not Scene:
         return None
     domain = data.get("domain")
@@ -83,28 +77,24 @@ def _dimension(model: type[Section], data: dict[str, Any]) -> int | None:
 
 
 def dumps(scene: Scene) -> str:
-    """The complete scene, defaults included, as TOML that `loads` reads back as an equal scene."""
+    """Complete scene, defaults included, as TOML that `loads` converts to an equal scene."""
     return tomli_w.dumps(_plain(scene))
 
 
 def save(scene: Scene, path: Path | str) -> None:
-    """Write the complete scene; the file stands for itself wherever it is moved. Not collective.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write the complete scene, independent of other files. Not collective. Raises OutputError."""
     path = Path(path)
     own(path)  # who calls this has named the file
     write_text_atomically(path, dumps(scene))
 
 
 def example(in_space: bool = False) -> str:
-    """A TOML scene with a comment on every key: a disc on a flat bed in shear flow, or a sphere on one of spheres."""
+    """Commented TOML scene: a disc on a flat bed, or a sphere on a bed of spheres, in shear flow."""
     return commented(grain_in_pocket() if in_space else grain_on_bed())
 
 
 def schema() -> dict[str, Any]:
-    """The JSON schema (draft 7, which TOML editors know) of scene files."""
+    """JSON schema of scene files (draft 7, as TOML editors require)."""
     document = Scene.model_json_schema(ref_template="#/definitions/{model}")
     document["definitions"] = document.pop("$defs")
     for section, key in (
@@ -134,11 +124,10 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
             f"{name}: is nested too deeply; a scene has sections and keys only"
         ) from None
     except ValueError:  # of Python's own reading of whole numbers
-        raise SceneError(f"{name}: has a whole number of thousands of digits; shorten it") from None
+        raise SceneError(f"{name}: has an integer with thousands of digits; shorten it") from None
 
 
 def _override(data: dict[str, Any], override: str) -> Key:
-    """Put the value of one override into the data; returns its key."""
     if override != (readable := override.encode(errors="replace").decode()):
         raise _wrong(readable, "is not UTF-8 text; write it in a terminal that is set to UTF-8")
     path, equals, text = override.partition("=")
@@ -158,7 +147,6 @@ def _override(data: dict[str, Any], override: str) -> Key:
 
 
 def _retitle(data: dict[str, Any], places: dict[Key, str]) -> None:
-    """Append the overrides of the scene to its title; a title that the user sets is kept."""
     changes = [override for key, override in places.items() if key[0] not in _NOT_THE_SCENE]
     title = data.get("title")
     if changes and ("title",) not in places and isinstance(title, str) and title:
@@ -187,7 +175,7 @@ def _wrong(override: str, why: str) -> SceneError:
 
 
 def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
-    """The override that a problem stems from, if it is plain; else the file with what was set and has a part in it."""
+    """The override that causes a problem, if known; otherwise the file with the relevant overrides."""
     key = problem.key
     for place, override in places.items():
         if key[: len(place)] == place or place[: len(key)] == key:
@@ -197,7 +185,6 @@ def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
 
 
 def _plain(section: Section) -> dict[str, Any]:
-    """A section as plain data: kind or shape first, then its own keys; keys without a value are left out."""
     values = {name: getattr(section, name) for name in ordered_keys(type(section))}
     return {
         name: _plain(value) if isinstance(value, Section) else value
@@ -207,7 +194,6 @@ def _plain(section: Section) -> dict[str, Any]:
 
 
 def _for_editors(node: Any) -> Any:
-    """This schema with kind and shape marked as needed and lists described as draft 7 does."""
     if isinstance(node, list):
         return [_for_editors(item) for item in node]
     if not isinstance(node, dict):

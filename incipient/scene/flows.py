@@ -1,4 +1,4 @@
-"""The flows of a scene: the kinds of the section [flow]."""
+"""The section [flow]."""
 
 import sys
 from typing import Annotated, Literal
@@ -38,24 +38,24 @@ class Profile(Section):
     """Common keys of flows with a given profile."""
 
     datum: Datum = key(
-        "Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "
+        "Origin of the profile: auto; effective height, crest or mean of the bed; or a height above its "
         "base line [length]",
         "auto",
     )
 
 
 class Driven(Profile):
-    """A flow of a given profile that a gust may multiply."""
+    """A flow with a given profile that a gust may multiply."""
 
     gust: Gust | None = key(
-        "A factor that multiplies the flow in time",
+        "Factor on the flow over time",
         None,
         examples=[{"start": 1.0, "duration": 0.5, "strength": 2.0}],
     )
 
 
 class Shear(Driven):
-    """Linear shear, u = rate (y - y of the datum); in 3-D with z instead of y."""
+    """Linear shear flow, u = rate (y - y of the datum); in 3-D with z instead of y."""
 
     kind: Literal["shear"] = key("Kind of flow", "shear")
     rate: Positive = key("Shear rate [1/time]; V = rate L", 1.0)
@@ -69,44 +69,42 @@ class Poiseuille(Driven):
 
 
 class OpenChannel(Driven):
-    """Half a parabola, without shear on top."""
+    """Half of a parabolic flow, without shear at the top."""
 
     kind: Literal["open-channel"] = key("Kind of flow", "open-channel")
     velocity: Positive = key("Mean velocity V [length/time]", 1.0)
 
 
 class Uniform(Driven):
-    """A uniform flow above the datum."""
+    """Uniform flow above the datum."""
 
     kind: Literal["uniform"] = key("Kind of flow", "uniform")
     velocity: Positive = key("Velocity V of the flow [length/time]", 1.0)
 
 
 class LogLaw(Profile):
-    """The logarithmic mean profile of channels, in a flow that is computed as a laminar one."""
+    """Logarithmic mean profile of channels, in a flow that is computed as laminar."""
 
     kind: Literal["log-law"] = key("Kind of flow", "log-law")
-    shear_velocity: Positive = key(
-        "V = u*, the root of the bed's shear stress over the density [length/time]", 1.0
-    )
+    shear_velocity: Positive = key("Shear velocity V = u* = sqrt(tau_b / rho) [length/time]", 1.0)
     roughness: NotNegative = key(
-        "Equivalent sand roughness k_s of the bed that the mean profile is over [length]", 0.0
+        "Equivalent sand roughness k_s of the bed under the mean profile [length]", 0.0
     )
 
 
 class Lid(Section):
-    """A box whose top slides."""
+    """Box with a sliding top."""
 
     kind: Literal["lid"] = key("Kind of flow", "lid")
     velocity: Positive = key("Velocity V of the lid [length/time]", 1.0)
 
 
 class ExpressionFlow(Section):
-    """A velocity given by formulas, on the inflow and on the top."""
+    """Velocity at the inflow and at the top, given by formulas."""
 
     kind: Literal["expression"] = key("Kind of flow", "expression")
     components: Words = key(
-        "Two formulas in x, y and t for the velocity; in 3-D three, in z as well [length/time]"
+        "Two formulas in x, y and t for the velocity; in 3-D three in x, y, z and t [length/time]"
     )
     velocity: Positive = key("Reference velocity V [length/time]", 1.0)
 
@@ -121,7 +119,6 @@ class ExpressionFlow(Section):
 
     @property
     def unsteady(self) -> bool:
-        """Whether a component depends on time."""
         return any("t" in Expression(text).variables for text in self.components)
 
 

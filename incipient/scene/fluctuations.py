@@ -1,4 +1,4 @@
-"""Velocity fluctuations about the mean, for the probability that a grain moves: `incipient entrainment`."""
+"""The section [gusts]: velocity fluctuations, for `incipient entrainment`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GIVEN = ("measured", "events")  # laws of data
 NEAR_WALL, MODEL = "near-wall", "model"
 ENDLESS = (
     "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
-    "give gusts.microscale, too",
+    "also give gusts.microscale",
 )
 
 
@@ -35,7 +35,6 @@ ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
 
 
 def _of_data(s: Any) -> str | None:
-    """The first key whose value the data have."""
     keys = ("intensity", "microscale", *(("integral_time",) if s.law == "events" else ()))
     return next((key for key in keys if s.law in GIVEN and getattr(s, key) is not None), None)
 
@@ -49,13 +48,11 @@ def _lasted(s: Any) -> float:
 
 
 def _flat(s: Any) -> bool:
-    """Whether a series has no mean or no fluctuation."""
     speeds = [speed for _, speed in s.points]
     return s.law == "measured" and (not math.fsum(speeds) > 0.0 or min(speeds) == max(speeds))
 
 
 def _too_short(s: Any) -> bool:
-    """Whether the integral time is less than a correlation of the microscale has."""
     times = (s.integral_time, s.microscale)
     return not any(isinstance(t, str) or t is None for t in times) and (
         s.integral_time < math.sqrt(2.0) * s.microscale
@@ -63,28 +60,28 @@ def _too_short(s: Any) -> bool:
 
 
 class Gusts(FromFile):
-    """A random factor, of mean one, that multiplies the velocity at the grain."""
+    """Random factor with mean 1 on the velocity at the grain."""
 
     rules = (
         Rule("points", lambda s: s.law not in GIVEN and (s.points or s.file),
              'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
         Rule("intensity", lambda s: s.law not in GIVEN and s.intensity is None,
              "is missing", 'give a number, "near-wall" or "model"'),
-        Rule(lambda s: str(_of_data(s)), _of_data, 'is that of the data with law = "{s.law}"', "leave it out"),
+        Rule(lambda s: str(_of_data(s)), _of_data, 'follows from the data with law = "{s.law}"', "leave it out"),
         Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
-             "is that of the series with a measured law", "leave it out"),
+             "follows from the series with a measured law", "leave it out"),
         Rule("points", lambda s: len(s.points) < _fewest(s),
              lambda s: f"are {len(s.points)}", lambda s: f"give {_fewest(s)} or more"),
         Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
              "have a strength or duration that is not above zero", "leave it out"),
         Rule("record", lambda s: s.record is not None and _lasted(s) > s.record,
-             lambda s: f"is {s.record:g}, less than the {_lasted(s):g} that the events last together",
+             lambda s: f"is {s.record:g}, less than the total duration of the events, {_lasted(s):g}",
              "enlarge it, or merge events that overlap"),
         Rule("points", lambda s: s.law == "measured" and not rises(s.points),
-             "their times do not rise", "give one after the other"),
+             "their times do not ascend", "sort them by time, each once"),
         Rule("points", _flat, "have no mean above zero, or no fluctuation", "give velocities downstream"),
         Rule("record", lambda s: s.law == "events" and s.record is None,
-             "is missing, the time in which the events came", "give it"),
+             "is missing: the duration in which the events were counted", "give it"),
         Rule("record", lambda s: s.law != "events" and s.record is not None,
              'is read only with law = "events"', "leave it out"),
         Rule("depth", lambda s: s.depth is not None and s.intensity != NEAR_WALL,
@@ -97,28 +94,29 @@ class Gusts(FromFile):
     )  # fmt: skip
 
     law: Literal["lognormal", "normal", "measured", "events"] = key(
-        "Distribution of the factor; measured: that of a series; events: of gusts that were counted",
+        "Distribution of the factor; measured: of a time series; events: of counted gusts",
         "lognormal",
     )
     intensity: Intensity = key(
-        "Root mean square of the velocity's fluctuation over its mean at the grain [-]; near-wall: by a law of the "
-        "wall region; model: by the inflow's k",
+        "Turbulence intensity relative to the mean velocity at the grain [-]; near-wall: from a law of the wall "
+        "region; model: from k of the inflow",
         None,
         examples=[0.3],
     )
     depth: Positive | None = key(
-        'Depth of the flow, for intensity = "near-wall"; by default much more than the grain\'s size [length]',
+        'Depth of the flow, for intensity = "near-wall"; default: much larger than the grain [length]',
         None,
         examples=[20.0],
     )
     microscale: ModelTime = key(
-        "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; model: by the inflow",
+        "Microscale lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; "
+        "model: from the inflow",
         None,
         examples=[0.5],
     )
     integral_time: ModelTime = key(
-        "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]; "
-        "model: by the inflow",
+        "Integral time scale, for gusts that last long enough; a measured series has its own [time]; "
+        "model: from the inflow",
         None,
         examples=[2.0],
     )
@@ -130,16 +128,14 @@ class Gusts(FromFile):
     )
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
         'With law = "measured": time and velocity at the grain, in any unit [time, -]; with "events": velocity over '
-        "its mean, and how long it stayed as high [-, time]",
+        "its mean, and duration of the gust [-, time]",
         (),
     )
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Laws of data."""
         return data.get("law") in GIVEN
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Rows of two numbers."""
         return {"points": read_points(path, 1, "Gusts")}

@@ -1,4 +1,4 @@
-"""Common keys of grains in 2-D and 3-D: density and motion, and their rules."""
+"""Common keys and rules of grains in 2-D and 3-D."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ Density = Annotated[
 Motion = Annotated[
     Literal["fixed", "free", "prescribed", "released"],
     Field(
-        description="How the grain moves: not, as flow and weight move it, as `course` says, or from its rest on the "
-        "bed as flow, weight and contact move it"
+        description="Motion of the grain; free: by flow and weight; prescribed: by `course`; released: from rest on "
+        "the bed, by flow, weight and contact"
     ),
 ]
 FRICTIONLESS = "frictionless"
@@ -39,7 +39,7 @@ READ_ONLY_BY = {
 }
 OfTime = Annotated[str, formula("t")]
 SETTLES = (
-    'on the bed, by contact.friction; "frictionless": without; "level": as if bed.slope were zero'
+    'on the bed, with contact.friction; "frictionless": without; "level": as if bed.slope were zero'
 )
 
 
@@ -53,8 +53,8 @@ Settle = Annotated[
 OnContact = Annotated[
     Literal["stop", "touch"],
     Field(
-        description="A grain that moves within contact.gap of a wall ends the run; a free one may touch the bed "
-        "and roll, slide or rest on it"
+        description="stop: the run ends when a moving grain is within contact.gap of a wall; touch: a free grain may "
+        "roll, slide or rest on the bed"
     ),
 ]
 
@@ -73,9 +73,9 @@ class BodySection(Section):
     """A grain, in 2-D or in 3-D.
 
     Attributes:
-        gdims: dimensions of the spaces it lives in.
-        shape_key: the key that is refused where there is no such grain.
-        made_of: the grain's geometry, and the keys that it is made of; without it a section has its own `new_grain`.
+        gdims: possible geometric dimensions.
+        shape_key: the key that is refused if the grain is not possible.
+        made_of: class of the geometry, and the keys that are its arguments; otherwise `new_grain` is overridden.
     """
 
     gdim: ClassVar[int]
@@ -84,15 +84,15 @@ class BodySection(Section):
     made_of: ClassVar[tuple[Any, ...]]
     rules = (
         Rule("course", lambda s: s.motion == "prescribed" and s.course is None,
-             "is missing though the motion is prescribed", "add it, or hold the grain"),
+             "is missing though the motion is prescribed", "add it, or set motion = \"fixed\""),
         Rule("x", lambda s: s.motion in ("free", "prescribed") and s.centre is None,
              "a moving grain starts away from the bed",
-             'give centre instead of x, or motion = "released" for one that starts from its rest'),
+             'give centre instead of x, or motion = "released" for a grain that starts from rest on the bed'),
         Rule("centre", lambda s: s.motion == "released" and s.x is None,
              "a released grain starts from its rest on the bed", "give x instead of centre"),
         *(_read_only(key, motion) for key, motion in READ_ONLY_BY.items()),
         Rule("mass", lambda s: s.density is not None and s.mass is not None,
-             "is given beside density, from which it follows", "leave one of them out"),
+             "is given with density, from which it follows", "leave one of them out"),
         Rule("density", lambda s: s.is_free and _weightless(s),
              "a {s.motion} grain needs a mass and a moment of inertia, which may be zero",
              "give density, or mass and inertia"),
@@ -101,7 +101,7 @@ class BodySection(Section):
         Rule("x", lambda s: s.x is None and s.centre is None,
              "neither x nor centre is given", "give x to rest on the bed, or centre"),
         Rule("x", lambda s: s.x is not None and s.centre is not None, "both x and centre are given", "leave one out"),
-        Rule("settle", lambda s: s.settle and s.x is None, "a grain held at its centre does not settle",
+        Rule("settle", lambda s: s.settle and s.x is None, "a grain with a given centre does not settle",
              "give x instead of centre, or leave settle out"),
     )  # fmt: skip
 
@@ -121,30 +121,29 @@ class BodySection(Section):
 
     @property
     def moves(self) -> bool:
-        """Whether the grain moves while the flow is computed."""
         return self.motion != "fixed"
 
     @property
     def is_free(self) -> bool:
-        """Whether flow and weight move the grain, from a place in the flow or from its rest."""
+        """Whether flow and weight move the grain."""
         return self.motion in ("free", "released")
 
     @property
     def touches(self) -> bool:
-        """Whether the grain rolls, slides and rests where it touches the bed, instead of ending the run."""
+        """Whether the grain may roll, slide and rest on the bed; otherwise contact ends the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
     @property
     def aside(self) -> float | None:
-        """The y over which a 3-D grain comes to rest; None: the middle of the width."""
+        """y at which a 3-D grain comes to rest; None: mid-width."""
         return None
 
     def placed(self, centre: Sequence[float]) -> Placement:
-        """The grain turned as the scene says, its centroid at a point (gdim,)."""
+        """Grain in the scene's orientation, with its centroid at a point (gdim,)."""
         raise NotImplementedError
 
     def grain(self) -> Any:
-        """The grain's shape in its body frame, lengths in scene units: a Grain of the plane, or a Solid."""
+        """Shape in the body frame, in scene units: a Grain of the plane, or a Solid."""
         return self._grain
 
     @cached_property  # an outline of many points takes time to check
@@ -152,6 +151,6 @@ class BodySection(Section):
         return self.new_grain()
 
     def new_grain(self) -> Shape:
-        """A new grain of this shape in its body frame, lengths in scene units."""
+        """New shape in the body frame, in scene units."""
         shape, *keys = self.made_of
         return shape(*(getattr(self, key) for key in keys))

@@ -1,4 +1,4 @@
-"""A gust: a factor of the time that multiplies the base flow."""
+"""The section [flow.gust]."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, whe
 
 
 class Gust(FromFile):
-    """A factor that multiplies the flow in time: 1 before and after a gust, `strength` in it."""
+    """Factor on the flow over time: 1 before and after the gust, `strength` at its maximum."""
 
     rules = (
         Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
-             "their times do not rise", "give two or more, one after the other"),
+             "their times do not ascend", "give two or more, sorted by time"),
         Rule("points", lambda s: s.shape != "points" and s.points,
              'are not read with shape = "{s.shape}"', 'set shape = "points"'),
         Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",
@@ -30,41 +30,38 @@ class Gust(FromFile):
     )  # fmt: skip
 
     shape: Literal["top-hat", "cosine", "points"] = key(
-        "Course in time: a plateau with smooth sides, half a cosine wave, or given points",
+        "Shape over time: a plateau with smooth ramps, a raised cosine, or given points",
         "top-hat",
     )
-    start: NotNegative = key("Time at which the gust begins [time]", 0.0)
+    start: NotNegative = key("Start of the gust [time]", 0.0)
     duration: Positive = key(
-        "Duration; of a top-hat from the start of its rise to that of its fall [time]", 1.0
+        "Duration; of a top-hat from the start of its rise to the start of its fall [time]", 1.0
     )
-    strength: NotNegative = key("Largest factor of the flow, relative to the flow without [-]", 2.0)
+    strength: NotNegative = key("Maximum of the factor on the flow [-]", 2.0)
     rise: Positive | None = key(
-        "Time in which a top-hat rises, and in which it falls; by default a tenth of the duration [time]",
+        "Rise and fall time of a top-hat; default: a tenth of the duration [time]",
         None,
         examples=[0.1],
     )
     file: str | None = file_key("CSV file of time, factor,", "points", "gust.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
-        'With shape = "points": time after the start and factor, straight between [time, -]', ()
+        'With shape = "points": time after the start and factor, linear in between [time, -]', ()
     )
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """A course of points."""
         return data.get("shape") == "points"
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Times and factors."""
         return {"points": read_points(path, 2, "Gust")}
 
     @property
     def rising(self) -> float:
-        """The time in which a top-hat rises."""
         return RISE * self.duration if self.rise is None else self.rise
 
     def knots(self) -> np.ndarray:
-        """Times (n,) that show its whole course."""
+        """Times (n,) that resolve the gust."""
         if self.shape == "points":
             return self.start + np.array([time for time, _ in self.points])
         whole = self.duration + (self.rising if self.shape == "top-hat" else 0.0)
@@ -74,7 +71,6 @@ class Gust(FromFile):
         )
 
     def factor(self, time: float) -> float:
-        """The factor on the flow at a time."""
         since = time - self.start
         if self.shape == "points":
             times, factors = zip(*self.points, strict=True)
@@ -82,7 +78,6 @@ class Gust(FromFile):
         return 1.0 + (self.strength - 1.0) * self._height(since)
 
     def _height(self, since: float) -> float:
-        """Between 0 before and after, and 1 at its highest."""
         if self.shape == "cosine":
             return (
                 0.5 - 0.5 * math.cos(2.0 * math.pi * since / self.duration)
@@ -93,5 +88,4 @@ class Gust(FromFile):
 
 
 def _smooth(share: float) -> float:
-    """A smooth rise from 0 to 1 between 0 and 1, with zero slope at both ends."""
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))

@@ -1,4 +1,4 @@
-"""Mass and moments of the grain of a scene, which have one source."""
+"""Mass and moments of inertia of the grain of a scene."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ if TYPE_CHECKING:
 
 
 def mean_density(body: BodySection) -> float | None:
-    """Mass over area relative to the fluid's density, None where neither density nor mass is given."""
+    """Density relative to the fluid; None without a density or mass."""
     return body.density if body.mass is None else body.mass / body.grain().volume
 
 
 def mass(body: BodySection) -> float | None:
-    """Mass (fluid density one), in 2-D per unit depth; None where neither it nor a density is given."""
+    """Mass (fluid density 1), in 2-D per unit depth; None without a density or mass."""
     if body.mass is not None:
         return body.mass
     return None if body.density is None else body.density * body.grain().volume
 
 
 def moment(body: BodySection) -> float | None:
-    """Moment of inertia about the centroid per unit depth, in 2-D; None without a mass. See `inertia_tensor`."""
+    """Moment of inertia about the centroid per unit depth, in 2-D; None without a mass."""
     tensor = inertia_tensor(body)
     return None if tensor is None else float(tensor[2, 2])
 
 
 def inertia_tensor(body: BodySection) -> Floats | None:
-    """Inertia (3, 3) about the centroid in the body frame: as given, otherwise of a uniform grain; None without a mass.
+    """Inertia (3, 3) about the centroid in the body frame: given, or of a uniform grain; None without a mass.
 
-    In 2-D, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
+    In 2-D the polar moment per unit depth fills the diagonal.
     """
     density = mean_density(body)
     if density is None:
@@ -49,10 +49,9 @@ def inertia_tensor(body: BodySection) -> Floats | None:
 def mass_and_inertia(
     body: BodySection, placement: Placement | None = None
 ) -> MassAndInertia | None:
-    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in 2-D per unit depth.
+    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in 2-D per unit depth; None without either.
 
-    None for a grain without one of them. The fluid that moves along (added mass) is left out: it changes neither
-    rest nor the safety factor.
+    Added mass is omitted: it changes neither equilibrium nor the safety factor.
     """
     heavy, inert = mass(body), inertia_tensor(body)
     if not heavy or inert is None or not inert.any():

@@ -43,7 +43,7 @@ _NAME = re.compile("'([^']*)'")
 
 @dataclass(frozen=True)
 class Problem:
-    """An invalid key of a scene, the reason, and the remedy."""
+    """An invalid key, the reason, and the remedy."""
 
     key: Key
     why: str
@@ -61,13 +61,13 @@ def problem(key: str, why: str, remedy: str) -> Problem:
 
 
 def key_text(key: Key) -> str:
-    """A key as the user writes it: ``body.centre[1]``; one that is too long is cut."""
+    """A key as users write it, such as ``body.centre[1]``, shortened if long."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def one_line(source: str, problems: Sequence[Problem]) -> str:
-    """The first problem with the name of the file it stands in, how many more there are, and the next of them."""
+    """The first problem with its source, and the next ones in parentheses."""
     more = " | ".join(map(str, problems[1 : MOST_SHOWN + 1]))
     suffix = f" (and {counted(len(problems) - 1, 'more error')}: {more})" if more else ""
     return " ".join(f"{source}: {problems[0]}{suffix}".split())
@@ -85,7 +85,7 @@ def either(names: Sequence[str]) -> str:
 
 
 def refusal(title: str, problems: Sequence[Problem], between: bool = False) -> ValidationError:
-    """The problems, of one section or `between` sections, as the exception that a pydantic validator raises."""
+    """Problems within a section, or `between` sections, as the exception of a pydantic validator."""
     kind = BETWEEN if between else WITHIN
     return ValidationError.from_exception_data(
         title,
@@ -103,25 +103,25 @@ def refusal(title: str, problems: Sequence[Problem], between: bool = False) -> V
 
 
 def split(message: str) -> tuple[str, str]:
-    """Why and remedy of a one-line error message."""
+    """Reason and remedy of a one-line error message."""
     why, _, remedy = message.partition("; ")
     return why, remedy or "see the guide"
 
 
 def variants(annotation: Any) -> tuple[type[BaseModel], ...]:
-    """The sections that may stand where a field has this annotation."""
+    """Sections that are possible for a field with this annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return (annotation,)
     return tuple(model for part in get_args(annotation) for model in variants(part))
 
 
 def discriminator(section: type[BaseModel]) -> str | None:
-    """The key, ``kind`` or ``shape``, that tells a section from its alternatives."""
+    """The key, ``kind`` or ``shape``, that distinguishes a section from its alternatives."""
     return next((name for name in ("kind", "shape") if _single_choice(section, name)), None)
 
 
 def tag(section: type[BaseModel]) -> str | None:
-    """The value of `discriminator`, such as ``"lid"``."""
+    """Value of the `discriminator`, such as ``"lid"``."""
     name = discriminator(section)
     return _single_choice(section, name) if name else None
 
@@ -129,9 +129,9 @@ def tag(section: type[BaseModel]) -> str | None:
 def problems_of(
     error: ValidationError, root: type[BaseModel], gdim: int | None = None
 ) -> list[Problem]:
-    """All problems in a validation error of the section `root`, unknown keys first, without repetitions.
+    """Problems in a validation error of the section `root`, unknown keys first.
 
-    gdim: dimension of the scene, whose grains and beds remedies name; None: those of all
+    gdim: dimension whose grains and beds remedies name; None: both
     """
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     places = [_place(root, e["loc"]) for e in details]
@@ -156,7 +156,7 @@ def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
 
 
 def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None]:
-    """The key the user wrote (pydantic lists the chosen alternative too), and the section it stands in."""
+    """The key as the user wrote it (without pydantic's tag of the chosen alternative), and its section."""
     key: list[str | int] = []
     section: type[BaseModel] | None = root
     inside: tuple[type[BaseModel], ...] = (root,)
@@ -177,7 +177,6 @@ def _dotted(key: Key) -> str:
 
 
 def _retired_value(detail: ErrorDetails, key: Key) -> Problem | None:
-    """The problem of a value, or of the kind of a section, that scenes no longer have."""
     context = detail.get("ctx", {})
     if detail["type"] == "union_tag_invalid":
         key, value = (*key, context["discriminator"].strip("'")), str(context["tag"])
@@ -223,7 +222,6 @@ def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Probl
 
 
 def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
-    """A missing key, or a wrong number of items in a list."""
     if detail["type"] == "missing" and isinstance(key[-1], str):
         field = section.model_fields.get(key[-1]) if section else None
         words = f": {field.description}" if field else ""
@@ -242,7 +240,6 @@ def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | Non
 
 
 def _what_to_add(name: str, field: FieldInfo | None) -> str:
-    """A section, one of the values that a key can have, or just the key."""
     if field is not None and variants(field.annotation):
         return f"a section [{name}]"
     choices = (
@@ -277,14 +274,13 @@ def _closest(word: str, known: list[str]) -> str | None:
 
 
 def _single_choice(section: type[BaseModel], name: str) -> str | None:
-    """The value of a field that can have only one."""
     field = section.model_fields.get(name)
     choices = get_args(field.annotation) if field else ()
     return str(choices[0]) if len(choices) == 1 else None
 
 
 def shown(value: Any) -> str:
-    """A value in the words of a TOML file, short."""
+    """Short form of a value as in TOML."""
     match value:
         case bool() | str():
             text = json.dumps(value, ensure_ascii=False)

@@ -1,8 +1,6 @@
-"""The sections of a scene as validated data.
+"""The sections of a scene.
 
-Scene units: lengths and velocities as written in the scene, fluid density 1. The kinematic viscosity follows
-from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene.file`;
-either way it is complete and free of contradictions once it exists.
+Lengths and velocities are in scene units, the fluid's density is 1, its viscosity follows from the Reynolds number.
 """
 
 from __future__ import annotations
@@ -81,30 +79,27 @@ class Contact(Section):
 
     friction: NotNegative = key("Coefficient of static friction [-]")
     cohesion: NotNegative = key(
-        "Largest pull of each contact, which adds to the normal force in friction's bound [force]",
+        "Largest tensile force of each contact, added to the normal force in the friction bound [force]",
         0.0,
     )
     gap: Positive = key(
-        "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
-        "2-D flow the width up to which the space next to contacts is closed [grain sizes]",
+        "Gap that represents contact in the flow, 0.1 at most; in turbulent 2-D flow past a fixed grain the "
+        "width up to which the space next to contacts is closed [grain sizes]",
         _DEFAULT_GAP,
     )
-    tolerance: Positive = key("Distance that counts as touching [grain sizes]", _DEFAULT_TOLERANCE)
+    tolerance: Positive = key("Distance that counts as contact [grain sizes]", _DEFAULT_TOLERANCE)
     kinetic_friction: NotNegative | None = key(
-        "Coefficient of friction of a contact that slides; by default that of static friction [-]",
+        "Coefficient of kinetic friction; default: that of static friction [-]",
         None,
     )
-    restitution: NotNegative = key(
-        "Normal velocity after an impact over that before it, reversed [-]", 0.0, le=1.0
-    )
+    restitution: NotNegative = key("Coefficient of normal restitution of impacts [-]", 0.0, le=1.0)
     rolling_resistance: NotNegative = key(
-        "Torque that resists rolling, over the normal force and half of the grain's size, at most [-]",
+        "Largest torque against rolling, over the normal force and half of the grain's size [-]",
         0.0,
     )
 
     @property
     def law(self) -> FrictionCone:
-        """The law of a contact at rest, which both criteria apply."""
         from ..contact.friction import FrictionCone
 
         return FrictionCone.of(self.friction, self.cohesion)
@@ -120,46 +115,46 @@ class Time(Section):
              "is for steps of a fixed length", "leave it out: with tolerance the first steps are short"),
     )  # fmt: skip
 
-    end: Positive = key("Time at which to stop [time]", examples=[10.0])
+    end: Positive = key("End time [time]", examples=[10.0])
     step: Positive = key("Time step, the first one if adaptive [time]", examples=[0.05])
     first_step: Positive = key(
-        "Length of the first step over `step`, the next are each a quarter longer [-]", 1.0, le=1.0
+        "First step over `step`; the next ones grow by a quarter each [-]", 1.0, le=1.0
     )
     scheme: Literal["bdf1", "bdf2"] = key("Backward differences of first or second order", "bdf2")
     start: Literal["rest", "stokes", "steady"] = key("Flow at time 0", "rest")
     tolerance: Positive | None = key(
-        "Relative error of a step; given, the step adapts to it [-]", None, examples=[1e-4]
+        "Relative error of a step, for adaptive steps [-]", None, examples=[1e-4]
     )
     until: Literal["end", "out-of-pocket", "at-rest"] = key(
-        "What ends the run before `end`: a grain that has left its pocket or rests again", "end"
+        "Event that ends the run before `end`: the grain has left its pocket, or rests again", "end"
     )
     until_steady: Positive | None = key(
-        "Relative change of the flow per unit of time at which the run ends before `end` [1/time]",
+        "Relative rate of change of the flow at which the run ends before `end` [1/time]",
         None,
         examples=[1e-5],
     )
 
 
 class Output(Section):
-    """What is written besides the result."""
+    """Additional output."""
 
     fields: bool = key("Write velocity, pressure and tractions for ParaView", True)
     pictures: bool = key("Draw pictures", False)
     every: int = key("Write fields every so many time steps; 0: the last only", 0, ge=0)
     checkpoint: int = key(
-        "Save all that a run needs to resume every so many steps; 0: only if it is cut short or at contact",
+        "Save a checkpoint every so many steps; 0: only if the run is interrupted or at contact",
         0,
         ge=0,
     )
 
 
 class Effects(Section):
-    """Effects to simulate: by default the plan decides from the scene and its dimensionless numbers."""
+    """Effects to simulate; by default chosen from the scene and its dimensionless numbers."""
 
-    inertia: Choice = key("Convection; auto: where it matters for the accuracy asked", "auto")
+    inertia: Choice = key("Convection; auto: if it matters at the requested accuracy", "auto")
     unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
     gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
-    contact: Choice = key("Contact forces and verdict; auto: where a grain rests on a bed", "auto")
+    contact: Choice = key("Contact forces and verdict; auto: if a grain rests on a bed", "auto")
     moving_mesh: Choice = key(
         "A mesh that follows grain and surface; auto: with body.motion or a free surface", "auto"
     )
@@ -179,15 +174,15 @@ Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
 
 
 class Scene(Section):
-    """A complete scene: its sections, free of contradictions between them, and what follows from them.
+    """A complete and consistent scene.
 
-    Raises SceneError, one line that names the key, why and the remedy.
+    Raises SceneError: names the key, the reason and the remedy.
     """
 
-    title: str = key("What this scene is about", "")
-    domain: Domain = key("The region the fluid may fill")
+    title: str = key("Title of the scene", "")
+    domain: Domain = key("The region that the fluid may fill")
     fluid: Fluid = key("The fluid, of density 1")
-    flow: Flow = key("What drives the fluid")
+    flow: Flow = key("The base flow")
     body: Body | None = key("The grain", None)
     bed: Bed | None = key("The bed, instead of the domain's lower side", None)
     gravity: Gravity | None = key(
@@ -205,12 +200,12 @@ class Scene(Section):
     time: Time | None = key("Time dependence; without this section the flow is steady", None)
     effects: Annotated[Effects, BeforeValidator(lambda value: {} if value == "auto" else value)] = (
         key(
-            "What to simulate; auto: decided from the scene and its dimensionless numbers",
+            "Effects to simulate; auto: chosen from the scene and its dimensionless numbers",
             Effects(),
         )
     )
     numerics: Numerics = key("How the equations are solved", Numerics())
-    output: Output = key("What is written besides the result", Output())
+    output: Output = key("Additional output", Output())
 
     @model_validator(mode="before")
     @classmethod
@@ -228,17 +223,14 @@ class Scene(Section):
 
     @property
     def scales(self) -> Scales | None:
-        """SI values of the scene's units; None without [units]."""
         return None if self.units is None else scales_of(self, self.units)
 
     @property
     def gdim(self) -> int:
-        """Dimension of space: three where the domain has a width."""
         return self.domain.gdim
 
     @property
     def up(self) -> int:
-        """Index of the vertical coordinate, the last one."""
         return self.gdim - 1
 
     @property
@@ -249,12 +241,12 @@ class Scene(Section):
 
     @property
     def has_centrelines(self) -> bool:
-        """Whether the velocities on the centrelines of a lid-driven box without a grain are of interest."""
+        """Whether the result includes velocities on centrelines: a lid-driven box without a grain."""
         return self.flow.kind == "lid" and self.body is None
 
     @property
     def has_separation(self) -> bool:
-        """Whether x of laminar separation and reattachment along the bed are of interest: in 2-D, without a grain."""
+        """Whether the result includes x of laminar separation and reattachment: along a bed in 2-D, without a grain."""
         flows = self.flow.kind not in ("still", "lid") and not (
             self.has_surface or self.is_averaged
         )
@@ -262,14 +254,13 @@ class Scene(Section):
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether error bars are requested and the result has quantities with error bars."""
         of = self.body is not None or self.has_surface or self.is_averaged
         steady = self.time is None and (self.has_centrelines or self.has_separation)
         return self.numerics.error_bars and (of or steady)
 
     @property
     def no_error_bars(self) -> str:
-        """Reason for missing error bars; empty if the result has them or none are requested."""
+        """Reason for requested but unavailable error bars, or ""."""
         if not self.numerics.error_bars or self.has_error_bars:
             return ""
         return (
@@ -279,23 +270,19 @@ class Scene(Section):
 
     @property
     def top(self) -> Top:
-        """The upper boundary; "auto" follows from the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
     @property
     def sides(self) -> Sides:
-        """Both sides across the width of a 3-D scene."""
         walled = self.domain.kind == "box" and not self.has_surface
         return self.domain.sides or ("wall" if walled else "slip")
 
     @property
     def has_surface(self) -> bool:
-        """Whether the top is a free surface."""
         return self.domain.top == FREE
 
     @property
     def accuracy_of(self) -> str:
-        """The quantity whose accuracy `numerics.accuracy` is."""
         quantity = self.numerics.accuracy_of
         if quantity != "auto" or self.body is not None:
             return quantity if quantity != "auto" else "force"
@@ -303,7 +290,6 @@ class Scene(Section):
 
     @property
     def no_gusts(self) -> str:
-        """Reason why critical gusts are not searched in the flow; empty if they are."""
         return (
             "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
@@ -312,61 +298,59 @@ class Scene(Section):
 
     @property
     def is_averaged(self) -> bool:
-        """Whether turbulence is simulated by a model of the mean flow."""
+        """Whether a turbulence model computes the mean flow."""
         return self.effects.turbulence is True
 
     @property
     def has_wall_layer(self) -> bool:
-        """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
+        """Whether walls have wall functions, over a layer outside the mesh."""
         return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)
 
     @property
     def resolves_walls(self) -> bool:
-        """Whether a model of the mean flow reaches the walls, which the mesh resolves."""
+        """Whether the turbulence model is integrated to the walls."""
         return self.is_averaged and not self.has_wall_layer
 
     @property
     def resolves_uneven_walls(self) -> bool:
-        """Whether in 3-D walls are resolved of which some are no planes: loads then scatter from mesh to mesh."""
+        """Whether in 3-D non-planar walls are resolved: loads then scatter from mesh to mesh."""
         uneven = self.body is not None or (self.bed is not None and self.bed.kind != "flat")
         return uneven and self.resolves_walls and self.domain.width is not None
 
     @cached_property
     def grain(self) -> Any:
-        """The grain's shape in its body frame, a Grain of the plane or a Solid; None without a grain."""
+        """Shape in the body frame, a Grain of the plane or a Solid; None without a grain."""
         return None if self.body is None else self.body.grain()
 
     @property
     def mass(self) -> float | None:
-        """Mass of the grain per unit depth (fluid density one), None where neither it nor a density is given."""
+        """Mass of the grain, in 2-D per unit depth (fluid density 1); None without a density or mass."""
         return None if self.body is None else mass(self.body)
 
     @property
     def density(self) -> float | None:
-        """Mass of the grain over its area, relative to the fluid's density; None where `mass` is."""
+        """Density of the grain relative to the fluid; None as `mass`."""
         return None if self.body is None else mean_density(self.body)
 
     @property
     def moves(self) -> bool:
-        """Whether there is a grain that moves while the flow is computed."""
         return self.body is not None and self.body.moves
 
     @property
     def rests(self) -> bool:
-        """Whether there is a grain that rests on the bed."""
         return self.body is not None and self.bed is not None and self.body.x is not None
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether the space about a grain's contacts is closed, so that no fluid passes them.
+        """Whether the space next to contacts is closed to the flow.
 
-        It is closed in 2-D turbulent flow. Laminar flow through a gap is so slow that the loads are near their limit.
+        Only in 2-D turbulent flow: laminar flow through a gap is so slow that loads are near their limit.
         """
         return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
 
     @cached_property
     def bed_shape(self) -> Any:
-        """The bed's shape, a Bed of the plane or a Terrain; None without a bed."""
+        """A Bed of the plane or a Terrain; None without a bed."""
         if self.bed is None:
             return None
         build = self.bed.surface if self.gdim == 2 else self.bed.terrain
@@ -374,10 +358,9 @@ class Scene(Section):
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
-        """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
+        """Placement of the grain in contact with the bed, settled with body.settle, or at a given centre.
 
-        With body.settle it then rolls and tips until it rests, by the scene's friction or none, or as on a level bed.
-        Raises SceneError if it does not.
+        Raises SceneError if it does not come to rest.
         """
         body = self.body
         if body is None:
@@ -415,7 +398,7 @@ class Scene(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: of shear rate times L, of a log-law u*, otherwise the velocity of the flow."""
+        """V of the Reynolds number: shear rate times L, u* of a log law, otherwise the flow's velocity."""
         if isinstance(self.flow, LogLaw):
             return self.flow.shear_velocity
         return (
@@ -426,19 +409,19 @@ class Scene(Section):
 
     @property
     def viscosity(self) -> float:
-        """Kinematic viscosity nu = V L / Re in scene units."""
+        """Kinematic viscosity V L / Re in scene units."""
         return self.reference_velocity * self.reference_length / self.fluid.reynolds
 
     @property
     def gravity_vector(self) -> np.ndarray:
-        """Gravitational acceleration (gdim,) in the scene's coordinates, zero where there is none or it is left out."""
+        """Gravitational acceleration (gdim,), zero without gravity."""
         felt = self.gravity is not None and self.effects.gravity is not False
         acceleration = self.gravity.acceleration if felt and self.gravity else 0.0
         return acceleration * self.gravity_direction
 
     @property
     def gravity_direction(self) -> np.ndarray:
-        """The unit vector (gdim,) of gravity in the scene's coordinates, turned by the slope of the bed."""
+        """Unit vector (gdim,) of gravity, turned by the slope of the bed."""
         slope = self.bed.slope_angle if self.bed else 0.0
         direction = np.zeros(self.gdim)
         direction[0], direction[self.up] = math.sin(slope), -math.cos(slope)
@@ -446,12 +429,12 @@ class Scene(Section):
 
     @property
     def contact_gap(self) -> float:
-        """The gap [length] that stands for contact while the flow is computed; zero without a grain."""
+        """Gap [length] that represents contact in the flow; zero without a grain."""
         return self._of_grain_size(self.contact.gap if self.contact else _DEFAULT_GAP)
 
     @property
     def contact_tolerance(self) -> float:
-        """The distance [length] that counts as touching; zero without a grain."""
+        """Distance [length] that counts as contact; zero without a grain."""
         return self._of_grain_size(self.contact.tolerance if self.contact else _DEFAULT_TOLERANCE)
 
     def _of_grain_size(self, fraction: float) -> float:
@@ -460,10 +443,9 @@ class Scene(Section):
 
 
 def register(section: type[Section]) -> None:
-    """Lets scenes have another kind of grain or bed, as if it stood in `kinds` (docs/contribute/adding.md).
+    """Add a kind of grain or bed to scenes (docs/contribute/adding.md).
 
-    Raises SceneError if its `shape` (of a grain) or `kind` (of a bed) does not have one value, or another section has
-    it.
+    Raises SceneError if its `shape` (grain) or `kind` (bed) is not a single value or is already used.
     """
     name = discriminator(section)
     field = Scene.model_fields["body" if name == "shape" else "bed"]

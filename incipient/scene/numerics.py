@@ -1,4 +1,4 @@
-"""How the equations of a scene are solved: orders, mesh, tolerances, accuracy and budget."""
+"""The section [numerics]."""
 
 from typing import Annotated, Literal
 
@@ -36,7 +36,7 @@ Order = Annotated[
 
 
 class Numerics(Section):
-    """How the equations are solved; every key may be left out."""
+    """How the equations are solved; every key is optional."""
 
     order: Order = key(
         "Order of the velocity, the pressure's less one; "
@@ -44,20 +44,21 @@ class Numerics(Section):
         "auto",
     )
     geometry_order: int | None = key(
-        "Order of curved cells, 1 to 3; without it: chosen", None, ge=1, le=3, examples=[2]
+        "Order of curved cells, 1 to 3; default: chosen", None, ge=1, le=3, examples=[2]
     )
     mesh_size: float = key(
         "Factor on the size of all cells; 0.5 halves them [-]", 1.0, ge=0.01, le=100.0
     )
-    max_cells: int = key("Triangles expected of a mesh above which it is not made", 1_000_000, ge=1)
+    max_cells: int = key("Largest expected number of triangles of a mesh", 1_000_000, ge=1)
     convection: Literal["implicit", "extrapolated"] = key(
         "Convection by Newton iteration, or linearised about earlier steps", "implicit"
     )
     stabilisation: Literal["auto", "on", "off"] = key(
-        "Stabilised convection on coarse cells; auto: where their Reynolds number asks it", "auto"
+        "Stabilised convection on coarse cells; auto: where the cell Reynolds number requires it",
+        "auto",
     )
     meshed_bed: Positive = key(
-        "Factor on the radius about the grain within which a 3-D bed is meshed as it is [-]",
+        "Factor on the radius about the grain within which the forms of a 3-D bed are meshed [-]",
         1.0,
     )
     error_bars: bool = key(
@@ -66,45 +67,45 @@ class Numerics(Section):
         True,
     )
     correction: bool = key(
-        "Correct force and torque on a grain by those of their estimated errors that have a sign; the "
-        "error bars are of what remains",
+        "Correct force and torque on a grain for estimated errors of known sign; error bars are then those "
+        "of the corrected values",
         True,
     )
     accuracy: Accuracy = key(
-        'Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
+        'Requested relative error, or "verdict": until the verdict is conclusive; mesh and order are then chosen',
         None,
         examples=[0.01],
     )
     accuracy_of: Literal[
         "auto", "force", "torque", "safety factor", "elevation", "level", "shear velocity"
     ] = key(
-        "The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation, "
-        "with turbulence shear velocity",
+        "Quantity to which `accuracy` applies; auto: force; without a grain elevation, with turbulence "
+        "shear velocity",
         "auto",
     )
     accuracy_includes: Literal["discretisation", "all"] = key(
-        "Errors that it is to include; all: gap and domain as well, which the run then chooses",
+        "Errors included in `accuracy`; all: also of gap and domain, which are then chosen",
         "discretisation",
     )
     budget_seconds: Positive | None = key(
-        "Wall time after which to stop seeking accuracy [s]", None, examples=[60.0]
+        "Wall time of the search for `accuracy` [s]", None, examples=[60.0]
     )
     budget_mib: Positive | None = key(
-        "Memory beyond which not to seek accuracy [MiB]", None, examples=[2000.0]
+        "Memory of the search for `accuracy` [MiB]", None, examples=[2000.0]
     )
     interface_tolerance: Tolerance = key(
         "Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]",
         "auto",
     )
     remesh_below: float = key(
-        "Quality of the worst cell, relative to that of the new mesh, below which to remesh",
+        "Quality of the worst cell, relative to that of a new mesh, below which to remesh",
         0.35,
         gt=0,
         lt=1,
     )
     tolerance: Tolerance = key(
-        "Error that iterations may leave, relative; auto: steady 1e-6, by k-omega SST 1e-4, in time 0.1 of a step's "
-        "own [-]",
+        "Relative error of iterations; auto: steady 1e-6, with k-omega SST 1e-4, unsteady 0.1 of a step's own "
+        "error [-]",
         "auto",
     )
-    max_iterations: int = key("Newton iterations after which to give up", 25, ge=1)
+    max_iterations: int = key("Largest number of Newton updates", 25, ge=1)

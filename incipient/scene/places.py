@@ -1,4 +1,4 @@
-"""Checks of sizes and positions of bed and grain: too large, too fine, outside of the domain, overlapping."""
+"""Checks of sizes and positions of domain, bed, grain and surface."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def misplaced(scene: Scene) -> list[Problem]:
 
 
 def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
-    """Coordinates so large that numbers next to each other are too far apart to place a grain, or cells."""
+    """Coordinates so large that floating-point spacing exceeds the required resolution."""
     for name, start, extent in zip(_names(domain), domain.origin, domain.extents, strict=True):
         apart = math.ulp(abs(start) + extent)
         needed = finest * min(extent, extent if grain is None else grain.size)
@@ -76,7 +76,7 @@ def _names(domain: Domain) -> tuple[str, ...]:
 
 
 def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
-    """Extents too large, relative to a grain or to bedforms in 3-D, for gmsh to tell points apart."""
+    """Extents too large, relative to a grain or to bedforms in 3-D, for gmsh to distinguish points."""
     sizes = {"the grain": math.inf if grain is None else grain.size}
     if domain.gdim == 3 and bed is not None:
         sizes["a form of the bed"] = bed.feature
@@ -124,7 +124,6 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
 
 
 def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Problem]:
-    """Vertical steps at the inflow or the outflow, where one of their two sides is outside of the domain."""
     for (before, _), (after, _) in pairwise(points):
         at_an_end = any(abs(after - end) <= 1e-9 * domain.length for end in domain.spans[0])
         if before == after and at_an_end:
@@ -149,7 +148,7 @@ def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[
 
 
 def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
-    """The lowest and the highest point of the bed; of a periodic bed its crest, even outside of the domain."""
+    """Lowest and highest point of the bed; of a periodic bed its crest, even outside of the domain."""
     if domain.gdim == 3:
         heights = bed.height(domain.grid(_PLACES, _PLACES))
         crest = bed.crest_level(*domain.spans)
@@ -161,7 +160,6 @@ def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
 
 
 def _surface_place(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
-    """Stations outside of the domain, and a first elevation that is not above bed and grain."""
     for number, place in enumerate(surface.places()):
         key = ("surface", "stations", number)
         if len(place) != len(domain.spans):
@@ -200,7 +198,6 @@ def _too_low(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
 
 
 def _body_place(scene: Scene) -> Iterator[Problem]:
-    """The grain must lie within the domain, above the bed and clear of the walls."""
     body, grain, bed, domain = scene.body, scene.grain, scene.bed_shape, scene.domain
     if body is None:
         return
@@ -227,7 +224,6 @@ def _body_place(scene: Scene) -> Iterator[Problem]:
 
 
 def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
-    """A grain larger than the domain, or centred outside of it."""
     if grain.size >= math.hypot(*domain.extents):
         yield f"the grain measures {grain.size:g}, more than the domain"
     centre = (body.x, body.aside) if body.centre is None else body.centre
@@ -239,7 +235,6 @@ def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
 def _beyond(
     body: Any, low: Floats, high: Floats, bed: Any, domain: Domain, size: float
 ) -> Iterator[str]:
-    """Messages on a grain, by its extents, that leaves the domain or nearly touches one of its sides."""
     up = domain.up
     sides = [(0, low, "left side", domain.left), (0, high, "right side", domain.right)]
     if domain.gdim == 3 and body.shape != "cylinder":
@@ -257,7 +252,6 @@ def _beyond(
 
 
 def _not_across(middle: float, length: float, domain: Domain) -> Iterator[Problem]:
-    """A cylinder that does not span the width."""
     low, high = (middle + end * length for end in (-0.5, 0.5))
     near, far = domain.across
     if max(abs(low - near), abs(high - far)) > _SAME * (far - near):
@@ -266,7 +260,6 @@ def _not_across(middle: float, length: float, domain: Domain) -> Iterator[Proble
 
 
 def _into_bed(grain: Any, placement: Placement, bed: Any, tolerance: float, rests: bool) -> str:
-    """A message on a grain that overlaps the bed, or touches a bed above which it is held; empty otherwise."""
     depth = -clearance(grain, placement, bed)[0]
     if depth > tolerance:
         return f"the grain reaches {depth:.3g} into the bed"
@@ -275,7 +268,6 @@ def _into_bed(grain: Any, placement: Placement, bed: Any, tolerance: float, rest
 
 
 def _reach(grain: Any, placement: Placement) -> tuple[Floats, Floats]:
-    """The least and the largest coordinates (gdim,) of a placed grain."""
     if placement.gdim == 2:
         points = placement.to_scene(grain.chain.points(65))
     else:

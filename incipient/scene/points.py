@@ -18,9 +18,9 @@ MOST_POINTS = 100_000
 
 
 def read_points(path: Path, fewest: int, section: str) -> list[Point]:
-    """Rows x, y of a CSV file; a heading, empty lines and lines beginning with # are passed over.
+    """Rows x, y of a CSV file; a header, empty lines and lines beginning with # are skipped.
 
-    Raises ValidationError about the key `file` of a section where there are not `fewest` to MOST_POINTS points.
+    Raises ValidationError about the key `file` of a section unless there are `fewest` to MOST_POINTS points.
     """
     rows = read_numbers(path, 2, MOST_POINTS, section, "x, y", fewest)
     return [(x, y) for x, y in rows]
@@ -29,9 +29,9 @@ def read_points(path: Path, fewest: int, section: str) -> list[Point]:
 def read_numbers(
     path: Path, columns: int, most: int, section: str, names: str, fewest: int = 1
 ) -> list[tuple[float, ...]]:
-    """Rows of numbers of a CSV file, so many columns each; headings and comments are passed over as by `read_points`.
+    """Rows of so many numbers of a CSV file; skips the lines that `read_points` skips.
 
-    Raises ValidationError about the key `file` of a section where there are not `fewest` to `most` rows.
+    Raises ValidationError about the key `file` of a section unless there are `fewest` to `most` rows.
     """
     try:
         text = read_text(path, f"give the name of a CSV file of {names}", str(path))
@@ -57,17 +57,17 @@ def read_numbers(
 
 
 def file_key(kinds: str, instead: str, example: str) -> Any:
-    """The key `file` of a section: the kinds of files, and the keys that the resolved scene has instead."""
+    """The key `file` of a section: kinds of files, and the keys that replace it in the complete scene."""
     text = f"{kinds} relative to the scene; the resolved scene has {instead} instead"
     return Field(None, description=text, examples=[example])
 
 
 class FromFile(Section):
-    """A section that may name a file, whose content replaces the name when the scene is made.
+    """A section that may name a file; the complete scene has the file's content instead.
 
     Attributes:
         in_file: the key whose value the file has.
-        instead: the remedy where both are given, or neither.
+        instead: the remedy if both are given, or neither.
     """
 
     in_file: ClassVar[str] = "points"
@@ -75,12 +75,12 @@ class FromFile(Section):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Whether the file or that key must be given, by the rest of the section."""
+        """Whether the other keys require the file or its content."""
         return True
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Keys and values read from a file; `data` is the rest of the section. Raises ValidationError."""
+        """Keys and values read from a file; `data`: the other keys. Raises ValidationError."""
         raise NotImplementedError
 
     @model_validator(mode="before")
@@ -119,7 +119,7 @@ def _numbers(
 
 
 def _is_name(cell: str) -> bool:
-    """Whether a cell names a column; "nan", "0;1" and digits of another script are broken numbers."""
+    """Whether a cell names a column; "nan", "0;1" and digits of another script are invalid numbers."""
     first = cell.strip()[:1]
     try:
         float(cell)

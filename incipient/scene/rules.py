@@ -1,6 +1,7 @@
-"""Rules between the sections of a scene: one table of key, condition, reason and remedy.
+"""Rules between sections: one table of key, condition, reason and remedy, in which `{s...}` is an attribute of the
+scene.
 
-Of the rules of one group the first that is broken is reported. `{...}` in a text is an attribute of the scene `s`.
+The first broken rule of each group is reported.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks
 
 
 def contradictions(scene: Scene) -> Iterator[Problem]:
-    """All contradictions between sections except for positions and extents."""
+    """Contradictions between sections, except for positions and extents."""
     for group in RULES:
         first = next((rule for rule in group if rule.broken(scene)), None)
         if first is not None:
@@ -87,7 +88,7 @@ def _channel(s: Scene) -> bool:
 
 
 def _stream(s: Scene) -> bool:
-    """Whether there is a free surface above a flow that may be below one."""
+    """Whether the scene is a channel with a free surface."""
     return _channel(s) and s.flow.kind in STREAMS
 
 
@@ -108,7 +109,6 @@ def _quasi_steady(s: Any) -> bool:
 
 
 def _mean_channel(s: Scene) -> bool:
-    """Whether the flow is turbulent and there is no grain."""
     return s.is_averaged and s.body is None
 
 
@@ -125,14 +125,13 @@ def _accurate(s: Scene) -> bool:
 
 
 def _step(s: Scene) -> float | None:
-    """x of a vertical step of a bed of lines."""
     if s.bed is None or s.bed.kind != "polyline":
         return None
     return next((left for (left, _), (right, _) in pairwise(s.bed.points) if left == right), None)
 
 
 def _roughness(s: Scene) -> float:
-    """u* k_s/nu of a logarithmic profile in a channel; zero of other flows."""
+    """u* k_s/nu of a logarithmic profile in a channel; zero for other flows."""
     if s.flow.kind != "log-law" or _boxed(s) or _without_scale(s):
         return 0.0
     return float(s.flow.shear_velocity * s.flow.roughness / s.viscosity)
@@ -146,8 +145,6 @@ def _motion(s: Scene) -> str:
 
 
 def _of_dimension(section: str, key: str) -> tuple[Rule, ...]:
-    """Grain and bed are of the scene's dimension, which the domain's width decides."""
-
     def value(s: Scene) -> Any:
         return getattr(getattr(s, section), key)
 
@@ -166,13 +163,11 @@ def _of_dimension(section: str, key: str) -> tuple[Rule, ...]:
 
 
 def _with_time(key: str, broken: Asked, why: str, remedy: str) -> Rule:
-    """A key that needs [time]."""
     return Rule(key, lambda s: s.time is None and broken(s),
                 f"{why} but without [time] the flow is steady", f"add a section [time] or {remedy}")  # fmt: skip
 
 
 def _never_steady(broken: Asked, why: str, remedy: str) -> Rule:
-    """The rule that flows without a steady state have no time.until_steady."""
     return Rule("time.until_steady",
                 lambda s: s.time is not None and s.time.until_steady is not None and broken(s),
                 f"is for {why}", f"leave it out or {remedy}")  # fmt: skip
@@ -191,7 +186,7 @@ def _read_for_touching(key: str) -> Rule:
 
 def _for_accuracy(key: str, why: str) -> Rule:
     return Rule(f"numerics.{key}", lambda s: not _accurate(s) and s.numerics.changed(key),
-                f"{why} but none is asked for", "add numerics.accuracy or leave it out")  # fmt: skip
+                f"{why} but none is requested", "add numerics.accuracy or leave it out")  # fmt: skip
 
 
 def _for_boxes(key: str) -> Rule:
@@ -202,8 +197,6 @@ def _for_boxes(key: str) -> Rule:
 
 
 def _for_accuracy_of_loads(*others: Rule) -> tuple[Rule, ...]:
-    """Rules of an accuracy that is not that of turbulent flow without a grain."""
-
     def within(rule: Rule) -> Rule:
         return Rule(rule.key, lambda s: _accurate(s) and rule.broken(s), rule.why, rule.remedy)
 
@@ -257,15 +250,15 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         Rule("contact.friction", lambda s: s.bed is None and s.contact is not None and not s.moves,
-             "friction needs a bed to rub against but there is none", "add a section [bed] or leave [contact] out"),
+             "friction needs a bed but there is none", "add a section [bed] or leave [contact] out"),
     ),
     (
         Rule("body.x", lambda s: s.bed is None and s.body is not None and s.body.x is not None,
-             "the grain is to rest on a bed but there is none", "add a section [bed], or give centre instead"),
+             "the grain rests on a bed but there is none", "add a section [bed], or give centre instead"),
     ),
     (
         Rule("contact", lambda s: s.contact is not None and s.body is None,
-             "there is no grain to touch anything", "add a section [body] or leave [contact] out"),
+             "contact needs a grain but there is none", "add a section [body] or leave [contact] out"),
     ),
     (
         Rule("bed.slope", lambda s: s.bed is not None and s.bed.slope_angle and s.gravity is None,
@@ -279,22 +272,25 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (_with_time("output.every", lambda s: s.output.every > 0, "counts time steps", "leave it out"),),
     (_with_time("output.checkpoint", lambda s: s.output.checkpoint > 0, "counts time steps", "leave it out"),),
-    (_never_steady(lambda s: s.moves, "a flow but the grain moves", "hold the grain"),),
+    (_never_steady(lambda s: s.moves, "a flow but the grain moves", 'use body.motion = "fixed"'),),
     (
         _never_steady(lambda s: s.effects.unsteadiness is False,
-                      "a flow in time but effects.unsteadiness is false", "leave that out"),
+                      "an unsteady flow but effects.unsteadiness is false", "leave that out"),
     ),
     (
         _never_steady(lambda s: s.flow.kind == "still", "a flow but the fluid is still", "use another flow.kind"),
     ),
     (_never_steady(_unsteady, "a steady flow but flow.components depend on t", "leave t out"),),
     (_never_steady(_gust, "a steady flow but flow.gust changes it", "leave that out"),),
-    (_never_steady(_wave, "a steady flow but surface.wave lets waves in", "leave that out"),),
+    (_never_steady(_wave, "a steady flow but surface.wave is unsteady", "leave that out"),),
     (
         _never_steady(lambda s: "t" in Expression(_surface(s).pressure).variables,
                       "a steady flow but surface.pressure depends on t", "leave t out"),
     ),
-    (Rule("body.motion", lambda s: s.moves and s.time is None, "a grain moves in time", "add a section [time]"),),
+    (
+        Rule("body.motion", lambda s: s.moves and s.time is None,
+             "a moving grain needs time steps", "add a section [time]"),
+    ),
     (_read_for_motion("remesh_below", with_surface=False),),
     (_read_for_motion("interface_tolerance", with_surface=True),),
     # Accuracy.
@@ -386,7 +382,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
         Rule("contact.friction", lambda s: _touches(s) and s.contact is None,
              "is missing, but the grain touches the bed while it moves", "add a section [contact] with a friction"),
         Rule("contact.cohesion", lambda s: s.moves and s.contact is not None and s.contact.cohesion,
-             "is that of a grain at rest but the grain moves", 'leave it out, or set body.motion = "fixed"'),
+             "is for a grain at rest but the grain moves", 'leave it out, or set body.motion = "fixed"'),
         Rule("contact.kinetic_friction",
              lambda s: _touches(s) and (s.contact.kinetic_friction or 0.0) > s.contact.friction,
              "is {s.contact.kinetic_friction:g}, more than contact.friction = {s.contact.friction:g}",
@@ -423,7 +419,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         Rule("domain.top", lambda s: s.has_surface and s.time is None,
-             "a free surface moves in time", "add a section [time]"),
+             "a free surface needs time steps", "add a section [time]"),
         Rule("time.start", lambda s: s.has_surface and s.time.start != "rest" and _boxed(s),
              "below a free surface the fluid of a box starts from rest", 'use "rest"'),
     ),
@@ -434,11 +430,11 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     (
         Rule("domain.top",
              lambda s: s.has_surface and (s.effects.gravity is False or not (s.gravity and s.gravity.acceleration)),
-             "gravity is what keeps a free surface level", "add a section [gravity]"),
+             "a free surface needs gravity", "add a section [gravity]"),
     ),
     (
         Rule("flow.kind", lambda s: _channel(s) and s.flow.kind not in STREAMS,
-             '"{s.flow.kind}" is no flow below a free surface, on which there is no shear', f"use {either(STREAMS)}"),
+             '"{s.flow.kind}" is not possible below a free surface, which has no shear', f"use {either(STREAMS)}"),
         Rule("flow.kind", lambda s: s.has_surface and _boxed(s) and s.flow.kind != "still",
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),
@@ -451,7 +447,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         Rule("domain.sides", lambda s: _stream(s) and s.domain.sides == "stream",
-             'is "stream": the surface of a channel would have no place there',
+             'is "stream", which is not possible with a free surface',
              'use "slip", or "wall" where the fluid sticks and the surface stays'),
     ),
     (
@@ -461,12 +457,12 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         Rule("surface.wave", lambda s: _stream(s) and _wave(s) and s.domain.sides == "wall",
-             "is the same across the channel but the fluid sticks to its sides", 'use domain.sides = "slip"'),
+             "is two-dimensional but the channel has no-slip sides", 'use domain.sides = "slip"'),
     ),
     (
         Rule("time.start",
              lambda s: _stream(s) and s.time is not None and s.time.start != "rest" and _surface(s).outflow == "wall",
-             "is a flow through but the channel has an end", 'use "rest"'),
+             "is a through-flow but the channel is closed", 'use "rest"'),
     ),
     (_for_boxes("wave"),),
     (_for_boxes("outflow"),),
@@ -487,7 +483,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     # Turbulence.
     (
         Rule("turbulence", lambda s: not s.is_averaged and s.turbulence is not None,
-             "describes turbulence, which effects.turbulence does not ask for",
+             "describes turbulence, but effects.turbulence is not true",
              "set effects.turbulence = true or leave the section out"),
         Rule("turbulence.upstream_roughness",
              lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not _forms(s),
@@ -531,11 +527,11 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         _of_turbulence("effects.unsteadiness", lambda s: s.time is not None and s.effects.unsteadiness is False,
-                       "is false but turbulence in time is unsteady", "leave [time] out"),
+                       "is false but the turbulent flow is unsteady", "leave [time] out"),
     ),
     (
         _of_turbulence("numerics.accuracy", lambda s: _accurate(s) and s.time is not None,
-                       "is not sought of turbulence in time by this version",
+                       "is not available for unsteady turbulence",
                        "leave it out, and see the error bars, or leave [time] out"),
     ),
     (

@@ -35,7 +35,7 @@ from .messages import (
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
-    """A key of a section: its description with the unit, its default (required without one), bounds and examples."""
+    """A key of a section; the description includes the unit, a key without a default is required."""
     return Field(default, description=description, **more)
 
 
@@ -54,7 +54,7 @@ PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
 
 
 def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
-    """The validator of a key that refuses values that do not fit."""
+    """Validator of a key: refuse values that do not fit."""
 
     def fitting(value: Any) -> Any:
         if not fits(value):
@@ -65,7 +65,7 @@ def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
 
 
 def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
-    """The validator of a key that refuses lists of another number of items."""
+    """Validator of a key: refuse lists with another number of items."""
 
     def as_long(value: Any) -> Any:
         if isinstance(value, list | tuple) and len(value) not in counts:
@@ -82,7 +82,7 @@ Choice = Annotated[
 
 
 def formula(variables: str, why: str = "") -> AfterValidator:
-    """The validator of a formula in these variables; `why` is added to the reason of a refusal."""
+    """Validator of a formula in these variables; `why` is appended to the reason of a refusal."""
 
     def in_variables(text: str) -> str:
         require_formula(text, variables, why)
@@ -100,9 +100,9 @@ Text = str | Callable[[Any], str]
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule of a section or scene: its key, the condition that breaks it, the reason and the remedy.
+    """A rule of a section or scene `s`: key, condition that breaks it, reason and remedy.
 
-    `broken` takes the section or scene `s`; `{s...}` in a text is an attribute of it.
+    `{s...}` in a text is an attribute of `s`.
     """
 
     key: Text
@@ -111,18 +111,17 @@ class Rule:
     remedy: Text
 
     def problem(self, section: Any) -> Problem:
-        """The problem of a section, or scene, that breaks the rule."""
         texts = (self.key, self.why, self.remedy)
         return problem(*(t.format(s=section) if isinstance(t, str) else t(section) for t in texts))
 
 
 class Section(BaseModel):
-    """A part of a scene: immutable, of known keys only, with finite numbers only.
+    """A part of a scene: immutable, with known keys and finite numbers only.
 
-    Raises SceneError, one line that names the key, why and the remedy, when built from Python with wrong values.
+    Raises SceneError: names the key, the reason and the remedy.
 
     Attributes:
-        rules: the rules of the section's keys; the first that is broken is reported.
+        rules: of the section's keys; the first broken one is reported.
     """
 
     rules: ClassVar[tuple[Rule, ...]] = ()
@@ -153,7 +152,6 @@ class Section(BaseModel):
         return value
 
     def refused(self, key: str, why: str, remedy: str) -> ValidationError:
-        """The error that a validator of this section raises about one of its keys."""
         return refusal(type(self).__name__, [Problem((key,), why, remedy)])
 
     @model_validator(mode="after")
@@ -163,11 +161,10 @@ class Section(BaseModel):
         return self
 
     def changed(self, key: str) -> bool:
-        """Whether a key has another value than by default."""
         return bool(getattr(self, key) != type(self).model_fields[key].default)
 
     def require(self, key: str, make: Callable[[], Any]) -> None:
-        """Make the object that a key describes; raises the error about the key on failure."""
+        """Build the object that a key describes; a failure becomes an error about the key."""
         try:
             make()
         except SceneError as error:
@@ -175,24 +172,23 @@ class Section(BaseModel):
 
 
 def _largest(value: Any) -> float:
-    """The largest size of the numbers that a value is or holds."""
     if isinstance(value, float):
         return abs(value)
     return max(map(_largest, value), default=0.0) if isinstance(value, tuple) else 0.0
 
 
 def contradiction(why: str, remedy: str) -> PydanticCustomError:
-    """The error that a validator of a single key raises."""
+    """The error of the validator of a single key."""
     return PydanticCustomError(WITHIN, "{why}; {remedy}", {"why": why, "remedy": remedy})
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a number, which a truth value is not."""
+    """Whether a value is a number, not a boolean."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def require_formula(text: str, variables: str, why: str = "") -> None:
-    """Refuse text that is no formula in these variables; `why` is added to the reason."""
+    """Refuse text that is no formula in these variables; `why` is appended to the reason."""
     try:
         unknown = Expression(text).variables - set(variables)
     except SceneError as error:
@@ -209,13 +205,13 @@ def rises(rows: Sequence[Sequence[float]]) -> bool:
 
 
 def ordered_keys(section: type[BaseModel]) -> list[str]:
-    """Keys of a section in the order of reading: its own before those it shares with its alternatives."""
+    """Keys of a section: its own before those shared with its alternatives."""
     own = [name for name in section.model_fields if name in section.__annotations__]
     return own + [name for name in section.model_fields if name not in own]
 
 
 def unit_of(model: type[BaseModel], key: str) -> str:
-    """The unit of a key such as ``body.density`` of a scene, "-" for a pure number; empty where there is none."""
+    """Unit of a key such as ``body.density``, "-" for a pure number, "" without one."""
     models, described = [model], [""]
     for part in key.split("."):
         fields = [one.model_fields[part] for one in models if part in one.model_fields]
@@ -226,7 +222,6 @@ def unit_of(model: type[BaseModel], key: str) -> str:
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The models that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):

@@ -22,10 +22,14 @@ def rested(
     friction: float | None,
     reach: float,
 ) -> Placement:
-    """The equilibrium of a grain that is released above a placement, in 2-D or in 3-D.
+    """Equilibrium of a grain released above a placement, in 2-D or in 3-D.
 
-    `down` is the direction of gravity; `reach` is how far the grain may roll. Raises SceneError if it
-    does not come to rest, or only balances.
+    Args:
+        down: direction of gravity.
+        reach: distance over which the grain may roll.
+
+    Raises:
+        SceneError: the grain does not come to a stable rest.
     """
     hold = DEFAULT_FRICTION if friction is None else friction
     start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))

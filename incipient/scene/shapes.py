@@ -1,4 +1,4 @@
-"""Shapes of grains and beds: their sections and the geometry that these describe."""
+"""Grains and beds in 2-D: their sections and geometry."""
 
 from __future__ import annotations
 
@@ -34,12 +34,14 @@ class GrainSection(BodySection):
     gdims: ClassVar[tuple[int, ...]] = (2,)
 
     x: float | None = key(
-        "Rests on the bed at this abscissa [length]; give x or centre", None, examples=[4.0]
+        "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
     )
     centre: Pair | None = key(
-        "Held with its centroid there [length]; give x or centre", None, examples=[(4.0, 2.0)]
+        "Centroid of a grain away from the bed [length]; give x or centre",
+        None,
+        examples=[(4.0, 2.0)],
     )
-    angle: float = key("Turned counter-clockwise by this [degrees]", 0.0)
+    angle: float = key("Rotation, counter-clockwise [degrees]", 0.0)
     density: Density = None
     settle: Settle = key(
         f"Let the grain roll and tip from x and angle until it is in equilibrium {SETTLES}", False
@@ -49,12 +51,12 @@ class GrainSection(BodySection):
         "Mass instead of density [density of the fluid x area]", None, examples=[2.0]
     )
     inertia: NotNegative | None = key(
-        "Moment about the centroid; by default that of a uniform grain", None, examples=[0.25]
+        "Moment of inertia about the centroid; default: of a uniform grain", None, examples=[0.25]
     )
     velocity: Pair = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0))
     spin: float = key("Angular velocity of a free grain at time 0 [radians/time]", 0.0)
     locked: Annotated[tuple[Literal["x", "y", "angle"], ...], Field(strict=False)] = key(
-        "What a free grain cannot do: x, y, angle", (), examples=[("x", "y")]
+        "Suppressed motions of a free grain: x, y, angle", (), examples=[("x", "y")]
     )
     course: Course | None = key(
         "Formulas in t for velocity along x, along y and spin of a prescribed motion",
@@ -64,7 +66,6 @@ class GrainSection(BodySection):
     on_contact: OnContact = "stop"
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
-        """The grain turned by its angle, its centroid at a point (2,)."""
         return geometry.Placement(tuple(centre), math.radians(self.angle))
 
 
@@ -85,7 +86,7 @@ class Ellipse(GrainSection):
 
 
 class Rectangle(GrainSection):
-    """A rectangle, its corners rounded or not."""
+    """A rectangle, with rounded or sharp corners."""
 
     made_of = (geometry.Rectangle, "width", "height", "corner_radius")
     shape: Literal["rectangle"] = key("Shape of the grain", "rectangle")
@@ -102,7 +103,7 @@ class Rectangle(GrainSection):
 
 
 class Polygon(FromFile, GrainSection):
-    """A polygon whose sides do not cross; one of many points, such as a traced outline, may stand in a file."""
+    """A simple polygon, such as an outline traced in a file."""
 
     made_of = (geometry.Polygon, "vertices")
     in_file = shape_key = "vertices"
@@ -110,11 +111,10 @@ class Polygon(FromFile, GrainSection):
     file: str | None = file_key("CSV file of x, y,", "vertices", "grain.csv")
     vertices: Annotated[
         tuple[Pair, ...], Field(strict=False, min_length=3, max_length=MOST_POINTS)
-    ] = key("Vertices in order around it, three or more, relative to any point [length]", ())
+    ] = key("Vertices in order, three or more, relative to any point [length]", ())
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """The points; an outline that ends where it began is closed without the last."""
         points = read_points(path, 3, "Polygon")
         return {"vertices": points[:-1] if points[0] == points[-1] else points}
 
@@ -133,7 +133,7 @@ class Superellipse(GrainSection):
 
 
 class Star(GrainSection):
-    """A star-shaped grain, radius (1 + sum of cosines[k] cos(k a) + sines[k] sin(k a)) towards the angle a."""
+    """A star-shaped grain: radius (1 + sum of cosines[k] cos(k a) + sines[k] sin(k a)) at the angle a."""
 
     made_of = (geometry.Star, "radius", "cosines", "sines")
     shape: Literal["star"] = key("Shape of the grain", "star")
@@ -143,12 +143,12 @@ class Star(GrainSection):
 
     @property
     def shape_key(self) -> str:  # type: ignore[override]
-        """The key that is refused where the star has no radius."""
+        """The key that is refused if the radius vanishes."""
         return "cosines" if self.cosines else "sines"
 
 
 class Discs(GrainSection):
-    """Discs that overlap and move as one."""
+    """Overlapping discs that move as one."""
 
     shape_key = "discs"
     shape: Literal["discs"] = key("Shape of the grain", "discs")
@@ -157,12 +157,11 @@ class Discs(GrainSection):
     ] = key("x, y and radius of each disc, relative to any point [length]")
 
     def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
         return geometry.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
 
 
 def apart(kind: str) -> Rule:
-    """The rule that round forms of a bed do not overlap."""
+    """The rule that round bedforms do not overlap."""
     return Rule("spacing", lambda s: s.spacing < 2.0 * s.radius,
                 lambda s: f"{s.spacing:g} is less than two radii, {2.0 * s.radius:g}: the {kind} overlap",
                 "enlarge spacing or reduce radius")  # fmt: skip
@@ -175,7 +174,6 @@ class BedSection(Section):
 
     @property
     def slope_angle(self) -> float:
-        """The angle in radians by which gravity is turned."""
         return math.radians(getattr(self, "slope", 0.0))
 
     def forms(self, length: float) -> float:
@@ -183,25 +181,21 @@ class BedSection(Section):
         return 0.0
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
+        """Shape above the base line y = origin_y, with x counted from origin_x."""
         raise NotImplementedError
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's 3-D shape above its base plane z = origin_z, x and y counted from a corner."""
+        """3-D shape above the base plane z = origin_z, with x and y counted from a corner."""
         raise NotImplementedError
 
 
 class _Plane(BedSection):
-    """A bed that is a line in 2-D, and a plane in 3-D."""
-
     gdims: ClassVar[tuple[int, ...]] = (2, 3)
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         return geometry.Flat(origin_y)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's 3-D shape above its base plane z = origin_z, x and y counted from a corner."""
         return geometry.Plane(origin_z=origin_z)
 
 
@@ -212,7 +206,7 @@ class Flat(_Plane):
 
 
 class Inclined(_Plane):
-    """A plane that falls in the direction of the flow; coordinates run along it and gravity is turned."""
+    """A plane that falls in the direction of the flow; coordinates are parallel to it and gravity is turned."""
 
     kind: Literal["inclined"] = key("Kind of bed", "inclined")
     slope: float = key(
@@ -229,11 +223,10 @@ class Sinusoidal(BedSection):
     phase: float = key("Phase at x = 0 [degrees]", 0.0)
 
     def forms(self, length: float) -> float:
-        """Ripples; of very steep ones the sharpness of the crests counts."""
+        """Number of ripples; for very steep ones the sharpness of the crests counts."""
         return 0.5 * length / self.surface(0.0).feature
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         phase = (
             math.radians(self.phase)
             + 2.0 * math.pi * math.fmod(origin_x, self.wavelength) / self.wavelength
@@ -242,7 +235,7 @@ class Sinusoidal(BedSection):
 
 
 class HalfDiscs(BedSection):
-    """A row of half-discs standing on the base line."""
+    """A row of half-discs on the base line."""
 
     rules = (apart("half-discs"),)
     kind: Literal["half-discs"] = key("Kind of bed", "half-discs")
@@ -251,16 +244,14 @@ class HalfDiscs(BedSection):
     offset: float = key("Abscissa of the centre of one of them [length]", 0.0)
 
     def forms(self, length: float) -> float:
-        """Half-discs."""
         return length / self.spacing
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         return geometry.HalfDiscs(self.radius, self.spacing, self.offset - origin_x, origin_y)
 
 
 class Polyline(FromFile, BedSection):
-    """Lines, or a smooth curve, through points, which are read from a file or stand in the scene."""
+    """Straight lines, or a smooth curve, through points."""
 
     rules = (
         Rule("points", lambda s: _disorder(s.points), lambda s: str(_disorder(s.points)),
@@ -280,7 +271,6 @@ class Polyline(FromFile, BedSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """The points, refused if they are not sorted."""
         points = read_points(path, 2, "Polyline")
         if why := _disorder(points):
             remedy = "give two or more points sorted by ascending x, each place once"
@@ -288,13 +278,11 @@ class Polyline(FromFile, BedSection):
         return {"points": points}
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         curve = geometry.Curved if self.smooth else geometry.Polyline
         return curve([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 def _disorder(points: Sequence[Point]) -> str | None:
-    """The first place where x descends, or a point comes twice, in words."""
     for (left, low), (right, high) in pairwise(points):
         if right < left or (left, low) == (right, high):
             return f"has x = {right:g} after x = {left:g}"

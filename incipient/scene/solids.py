@@ -1,4 +1,4 @@
-"""Grains in 3-D: their sections and the geometry that these describe."""
+"""Grains in 3-D: their sections and geometry."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Course = Annotated[tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime], Field(
 
 
 def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
-    """The angles about x, then about y, then about z by which a grain is turned [degrees], as in `orientation`."""
+    """Angles [degrees] of successive rotations about x, y and z, as in `orientation`."""
     a = placement.rotation
     about = (
         np.arctan2(a[2, 1], a[2, 2]),
@@ -58,17 +58,17 @@ class SolidSection(BodySection):
     )  # fmt: skip
 
     x: float | None = key(
-        "Rests on the bed at this distance along [length]; give x or centre", None, examples=[4.0]
+        "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
     )
     y: float | None = key(
-        "The same across; without it in the middle of the width [length]", None, examples=[5.0]
+        "y of a grain that rests on the bed; default: mid-width [length]", None, examples=[5.0]
     )
     centre: Triple | None = key(
-        "Held with its centroid there [length]; give x or centre", None, examples=[(4.0, 5.0, 2.0)]
+        "Centroid of a grain away from the bed [length]; give x or centre",
+        None,
+        examples=[(4.0, 5.0, 2.0)],
     )
-    orientation: Triple = key(
-        "Turned about x, then about y, then about z by these [degrees]", (0.0, 0.0, 0.0)
-    )
+    orientation: Triple = key("Successive rotations about x, y and z [degrees]", (0.0, 0.0, 0.0))
     density: Density = None
     settle: Settle = key(
         f"Let the grain roll and tip from x and y until it is in equilibrium {SETTLES}", False
@@ -79,7 +79,7 @@ class SolidSection(BodySection):
     )
     inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = (
         key(
-            "Moments about the grain's own axes through its centroid; by default those of a uniform grain",
+            "Moments of inertia about the grain's axes through its centroid; default: of a uniform grain",
             None,
             examples=[(0.1, 0.1, 0.1)],
         )
@@ -87,7 +87,7 @@ class SolidSection(BodySection):
     velocity: Triple = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0, 0.0))
     spin: Triple = key("Angular velocity of a free grain at time 0 [radians/time]", (0.0, 0.0, 0.0))
     locked: Annotated[tuple[Freedom, ...], Field(strict=False)] = key(
-        "What a free grain cannot do: x, y, z, rx, ry, rz", (), examples=[("x", "ry")]
+        "Suppressed motions of a free grain: x, y, z, rx, ry, rz", (), examples=[("x", "ry")]
     )
     course: Course | None = key(
         "Formulas in t for velocity and spin of a prescribed motion, along and about x, y and z",
@@ -98,11 +98,9 @@ class SolidSection(BodySection):
 
     @property
     def aside(self) -> float | None:
-        """The y over which it comes to rest; None: the middle of the width."""
         return self.y
 
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
-        """The grain turned by its orientation, its centroid at a point (3,)."""
         about_x, about_y, about_z = (
             rotation_by(angle * axis)
             for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
@@ -121,13 +119,13 @@ class Sphere(SolidSection):
 
 
 class Cylinder(SolidSection):
-    """A cylinder across the flow from one side of the domain to the other, held."""
+    """A fixed cylinder across the whole width of the domain."""
 
     made_of = (geometry.Cylinder, "diameter", "length")
     rules = (
         *SolidSection.rules,
-        Rule("x", lambda s: s.centre is None, "a cylinder is held and does not rest", "give centre instead"),
-        Rule("motion", lambda s: s.moves, "a cylinder across the flow is held", 'give "fixed"'),
+        Rule("x", lambda s: s.centre is None, "a cylinder is fixed and does not rest on a bed", "give centre instead"),
+        Rule("motion", lambda s: s.moves, "a cylinder across the flow is fixed", 'give "fixed"'),
         Rule("orientation", lambda s: any(s.orientation), "a cylinder lies across the flow", "leave it out"),
     )  # fmt: skip
     shape: Literal["cylinder"] = key("Shape of the grain", "cylinder")
@@ -136,11 +134,11 @@ class Cylinder(SolidSection):
 
 
 class Capsule(SolidSection):
-    """A cylinder with hemispheres as ends, its axis along y before it is turned."""
+    """A cylinder with hemispherical ends, its axis along y before rotation."""
 
     shape: Literal["capsule"] = key("Shape of the grain", "capsule")
     diameter: Positive = key("Diameter [length]")
-    length: Positive = key("Length with the ends, above the diameter [length]")
+    length: Positive = key("Total length, above the diameter [length]")
 
     rules = (
         *SolidSection.rules,
@@ -149,7 +147,6 @@ class Capsule(SolidSection):
     )  # fmt: skip
 
     def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
         return geometry.Box((self.diameter, self.length, self.diameter), 0.5 * self.diameter)
 
 
@@ -173,7 +170,7 @@ class Superquadric(SolidSection):
 
 
 class Box(SolidSection):
-    """A box, its edges rounded or not."""
+    """A box, with rounded or sharp edges."""
 
     made_of = (geometry.Box, "sides", "edge_radius")
     shape_key = "edge_radius"
@@ -194,7 +191,7 @@ class Polyhedron(SolidSection):
 
 
 class Spheres(SolidSection):
-    """Spheres that overlap and move as one."""
+    """Overlapping spheres that move as one."""
 
     shape_key = "spheres"
     shape: Literal["spheres"] = key("Shape of the grain", "spheres")
@@ -203,7 +200,6 @@ class Spheres(SolidSection):
     ] = key("x, y, z and radius of each sphere, relative to any point [length]")
 
     def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
         return geometry.Spheres(
             [ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres]
         )
@@ -218,18 +214,17 @@ class Mesh(FromFile, SolidSection):
     shape: Literal["mesh"] = key("Shape of the grain", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "its triangles", "pebble.stl")
     size: Positive | None = key(
-        "Largest diameter; without it that of the file's coordinates [length]", None, examples=[1.0]
+        "Largest diameter; default: that in the file [length]", None, examples=[1.0]
     )
     vertices: Annotated[tuple[Triple, ...], Field(strict=False)] = key(
         "Corners of the triangles, relative to any point [length]", ()
     )
     triangles: Annotated[tuple[Triangle, ...], Field(strict=False)] = key(
-        "Three numbers of vertices each, counted from 0, all in the same sense", ()
+        "Three indices of vertices each, from 0, all in the same sense", ()
     )
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """Vertices and triangles, refused if they are too many or bound no grain."""
         try:
             surface = geometry.Triangulated.from_file(path)
         except SceneError as error:
@@ -240,7 +235,6 @@ class Mesh(FromFile, SolidSection):
         return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
     def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
         points = np.array(self.vertices, dtype=float).reshape(-1, 3)
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
         grain = geometry.Triangulated(points, triangles)

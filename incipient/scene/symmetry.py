@@ -1,6 +1,6 @@
-"""Differences of a 3-D scene from its mirror image in the vertical plane through the middle of its width.
+"""Differences of a 3-D scene from its mirror image in the vertical plane at mid-width.
 
-Half of a scene that is its own mirror image is computed: one side of that plane, through which nothing flows.
+Of a symmetric scene one half is computed, without flow through that plane.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNCHANGED = np.ones(1)
 
 
 def contradictory(reasons: Iterator[str]) -> Iterator[Problem]:
-    """Problems of a scene that is given as symmetric, from its differences from the mirror image."""
+    """Problems of a scene declared symmetric."""
     key = ("domain", "symmetric")
     try:
         for why in reasons:
@@ -39,7 +39,7 @@ def contradictory(reasons: Iterator[str]) -> Iterator[Problem]:
 
 
 def differences(scene: Scene) -> Iterator[str]:
-    """Differences of a 3-D scene from its mirror image, in words."""
+    """Differences of a 3-D scene from its mirror image, as text."""
     domain, time, surface = scene.domain, scene.time, scene.surface
     if scene.grain is not None and scene.placement is not None:
         yield from _of_grain(scene.grain, scene.placement, domain.middle)
@@ -60,7 +60,7 @@ def differences(scene: Scene) -> Iterator[str]:
 def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
     away = placement.centre[1] - middle
     if abs(away) > ALIKE * grain.size:
-        yield f"the grain's centroid is {abs(away):.3g} beside the middle, y = {middle:g}"
+        yield f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
         return
     points = grain.surface(SPACING * grain.size).points
     for some in (
@@ -76,7 +76,6 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
 
 
 def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
-    """Velocities that differ in a mirror image: across, and spins about x and z."""
     velocity, spin = np.asarray(body.velocity), np.asarray(body.spin)
     if velocity[1] or spin[0] or spin[2]:
         yield "the grain's velocity and spin are not those of its mirror image"
@@ -96,7 +95,7 @@ def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
 def _differ(
     formulas: Sequence[Expression], domain: Domain, time: Time | None, mirror: Floats = UNCHANGED
 ) -> bool:
-    """Whether formulas are not those of the mirror image, whose values are `mirror` times theirs."""
+    """Whether formulas differ from those of the mirror image, whose values are `mirror` times theirs."""
     points = domain.grid(11, 11, 11).T
     for t in _times(time):
         here = np.array([one(points, t) for one in formulas]).reshape(-1, 11, 11, 11)

@@ -1,4 +1,4 @@
-"""Beds in 3-D: their sections and the geometry that these describe."""
+"""Beds in 3-D: their sections and geometry."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Heights = Annotated[
 
 
 class TerrainSection(BedSection):
-    """Common keys of beds that exist in 3-D only."""
+    """Common keys of beds in 3-D only."""
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
     shape_key: ClassVar[str] = "kind"  # the key that is refused where there is no such bed
@@ -43,7 +43,7 @@ class TerrainSection(BedSection):
 
 
 class SphereBed(TerrainSection):
-    """Spheres of one size, the lowest sunk by half into the base plane."""
+    """Equal spheres, the lowest half below the base plane."""
 
     shape_key = "layers"
     rules = (
@@ -55,15 +55,14 @@ class SphereBed(TerrainSection):
     radius: Positive = key("Radius of the spheres [length]")
     spacing: Positive = key("Distance between neighbours' centres, at least two radii [length]")
     arrangement: Literal["square", "triangular", "random"] = key(
-        "Rows behind each other, each shifted by half a spacing, or these in disorder", "triangular"
+        "Aligned rows, rows shifted by half a spacing, or these in disorder", "triangular"
     )
     layers: int = key("Layers, each in the pockets of that below it", 1, ge=1, le=100)
-    seed: int = key("Seed of the disorder: the same seed gives the same bed", 0, ge=0, le=2**31)
-    offset: Pair = key("Place x, y of the centre of one of them [length]", (0.0, 0.0))
+    seed: int = key("Seed of the disorder", 0, ge=0, le=2**31)
+    offset: Pair = key("x, y of the centre of one sphere [length]", (0.0, 0.0))
     angle: float = key("Angle of the rows, from x towards y [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
         kind = self.arrangement
@@ -73,7 +72,7 @@ class SphereBed(TerrainSection):
 
 
 class HeapBed(FromFile, TerrainSection):
-    """Spheres of any sizes, each where it is given, above the base plane."""
+    """Spheres of any sizes at given positions above the base plane."""
 
     in_file = shape_key = "spheres"
     instead = "give the name of a CSV file"
@@ -83,16 +82,14 @@ class HeapBed(FromFile, TerrainSection):
         "x, y, z above the base plane, and radius of each sphere [length]", ()
     )
     posts: Annotated[tuple[Ball, ...], Field(strict=False)] = key(
-        "The same of spheres that reach down to the base plane as cylinders [length]", ()
+        "The same of spheres extended to the base plane by cylinders [length]", ()
     )
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """The spheres in a file."""
         return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         spheres = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
         posts = np.arange(len(spheres)) >= len(self.spheres)
         return geometry.SphereBed(
@@ -110,7 +107,6 @@ class RidgeBed(TerrainSection):
     phase: float = key("Phase at x = y = 0 [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         angle = math.radians(self.angle)
         ahead = corner[0] * math.cos(angle) + corner[1] * math.sin(angle)
         phase = (
@@ -121,7 +117,7 @@ class RidgeBed(TerrainSection):
 
 
 class RasterBed(FromFile, TerrainSection):
-    """Heights on a raster, which a file or the scene gives."""
+    """Heights on a raster."""
 
     in_file = shape_key = "heights"
     rules = (
@@ -130,7 +126,7 @@ class RasterBed(FromFile, TerrainSection):
         Rule("heights", lambda s: len(set(map(len, s.heights))) > 1,
              "are in rows of different lengths", "give as many in each"),
         Rule("cell", lambda s: s.cell is None, "is missing",
-             "add how far apart the heights are, as in [0.1, 0.1]"),
+             "give the spacing of the heights, as in [0.1, 0.1]"),
     )  # fmt: skip
 
     if TYPE_CHECKING:
@@ -140,17 +136,14 @@ class RasterBed(FromFile, TerrainSection):
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        """The heights in a file, a cell apart if that is given. Raises SceneError if it cannot be read."""
         raise NotImplementedError
 
     @classmethod
     def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
-        """Place x, y of the first height, which the file has at `origin`, by the key `offset` if that is given."""
         raise NotImplementedError
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        """The heights in a file, how far apart they are and where the first one is."""
         for name in ("cell", "offset", "scale"):
             _require_numbers(cls.__name__, name, data.get(name))
         try:
@@ -162,7 +155,6 @@ class RasterBed(FromFile, TerrainSection):
         return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         assert self.cell is not None
         place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
         return geometry.HeightMap(
@@ -177,13 +169,13 @@ class HeightMapBed(RasterBed):
     kind: Literal["height-map"] = key("Kind of bed", "height-map")
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
     cell: PositivePair | None = key(
-        "Distance between heights along x and y; .asc files have it [length]",
+        "Spacing of the heights in x and y; .asc files have it [length]",
         None,
         examples=[(0.1, 0.1)],
     )
     relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
     offset: Pair = key(
-        "Place x, y of the first height; by default that of an .asc file [length]", (0.0, 0.0)
+        "x, y of the first height; default: that of an .asc file [length]", (0.0, 0.0)
     )
     heights: Heights = ()
 
@@ -194,23 +186,22 @@ class HeightMapBed(RasterBed):
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        """The heights in an image or a table. Raises SceneError if it cannot be read."""
         return geometry.HeightMap.from_file(path, cell)
 
 
 class MeshBed(RasterBed):
-    """The upper side of a surface of triangles, such as a scanned bed, from an STL, PLY or OBJ file."""
+    """Upper side of a triangulated surface, such as a scanned bed, from an STL, PLY or OBJ file."""
 
     instead = "give the name of an STL, PLY or OBJ file"
     kind: Literal["mesh"] = key("Kind of bed", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
     cell: PositivePair | None = key(
-        "Distance between the heights that are taken; by default 200 along the longer side [length]",
+        "Spacing of the sampled heights; default: 200 along the longer side [length]",
         None,
         examples=[(0.1, 0.1)],
     )
     scale: Positive = key("Factor on the file's coordinates [length]", 1.0)
-    offset: Pair = key("Place x, y of the file's origin [length]", (0.0, 0.0))
+    offset: Pair = key("x, y of the file's origin [length]", (0.0, 0.0))
     heights: Heights = ()
 
     @classmethod
@@ -220,7 +211,6 @@ class MeshBed(RasterBed):
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        """The upper side of the surface, the lowest point on the base plane. Raises SceneError if it cannot be read."""
         return geometry.HeightMap.from_surface(path, cell, data.get("scale", 1.0))
 
 
@@ -232,7 +222,6 @@ _NUMBERS = {  # keys with which a file is read: number of values, lower bound, r
 
 
 def _require_numbers(section: str, key: str, value: Any) -> None:
-    """Refuse a key with which a file cannot be read; None is a missing key."""
     count, least, remedy = _NUMBERS[key]
     numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (

@@ -1,4 +1,4 @@
-"""Turbulence by a model of the mean flow: what a user writes about it."""
+"""The section [turbulence]."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _of_k_epsilon(key: str) -> Rule:
 
 
 class Turbulence(Section):
-    """Turbulence by a model of the mean flow, with effects.turbulence = true."""
+    """The turbulence model, with effects.turbulence = true."""
 
     rules = (
         Rule("roughness", lambda s: s.wall == "rough" and not s.roughness,
@@ -47,11 +47,12 @@ class Turbulence(Section):
         Rule("profile", lambda s: s.profile and s.inflow != "profile",
              'is read only with inflow = "profile"', "leave it out"),
         _of_profile(lambda s: len(s.profile) < 2 or len(set(map(len, s.profile))) != 1,
-                    "has not two or more rows of one length", "give rows of height and speed, each with k or none"),
+                    "does not have two or more rows of one length",
+                    "give rows of height and speed, each with k or none"),
         _of_profile(lambda s: not rises(((0.0,), *s.profile)),
-                    "has heights that do not ascend from above zero", "sort the rows by height, walls left out"),
+                    "has heights that do not ascend from above zero", "sort the rows by height, without walls"),
         _of_profile(lambda s: any(value <= 0.0 for row in s.profile for value in row[1:]),
-                    "has a speed or a k that is not positive", "leave walls out: the law of the wall leads there"),
+                    "has a speed or a k that is not positive", "omit walls: the law of the wall holds there"),
         *map(_of_k_epsilon, OF_K_EPSILON),
         Rule("c_2", lambda s: not 1.0 < s.c_1 < s.c_2,
              "is {s.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"),
@@ -73,16 +74,16 @@ class Turbulence(Section):
         examples=[0.05],
     )
     inflow: Literal["developed", "given", "profile"] = key(
-        "Inflow: nearly developed; uniform, by intensity and length; or a measured profile",
+        "Inflow: developed; uniform, with intensity and length; or a measured profile",
         "developed",
     )
     intensity: Positive | None = key(
-        "Root mean square of a velocity's fluctuation over V; with a profile at least [-]",
+        "Turbulence intensity relative to V; with a profile its lower bound [-]",
         None,
         examples=[0.05],
     )
     length: Positive | None = key(
-        "Mixing length of the turbulence that enters; with a profile the largest [length]",
+        "Mixing length of the inflow; with a profile its upper bound [length]",
         None,
         examples=[0.1],
     )
@@ -99,18 +100,16 @@ class Turbulence(Section):
 
     @property
     def has_wall_functions(self) -> bool:
-        """Whether the model feels walls by wall functions, over a layer that the mesh leaves out."""
+        """Whether wall functions represent a layer outside the mesh."""
         return self.model == "k-epsilon"
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """The five constants of the model, c_mu first."""
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """Error message for rows of the profile beyond a wall on top, two depths above the lower one; otherwise empty.
-
-        Below a surface, that no row is in the flow.
+        """Error message for rows of the profile beyond a wall on top, or all outside the depth of a channel; otherwise
+        "".
         """
         if walls < 2 and self.profile and self.profile[0][0] > depth:
             why = f"has no row within the depth of {depth:.4g}"

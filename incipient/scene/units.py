@@ -1,13 +1,12 @@
-"""SI units: the section [units] of a scene, and the dimensionless scene that follows from it.
+"""The section [units], and the dimensionless scene that follows from it.
 
-Lengths of the scene are in units of L0 = length, or diameter / nominal diameter in the scene, velocities in units of
-V0 = velocity / flow.velocity; of shear flow times are in units of T0 = flow.rate / shear_rate, and V0 = L0 / T0.
-With them
+The unit of length L0 is `length`, or `diameter` over the grain's nominal diameter in scene units. The unit of velocity
+is V0 = velocity / flow.velocity; for shear flow the unit of time is T0 = flow.rate / shear_rate. L0 = V0 T0.
 
     Re = V L / nu,    gravity.acceleration = g T0^2 / L0,    body.density = rho_s / rho_f,
 
-V and L being those of the Reynolds number in SI units. Forces are in units of rho_f V0^2 L0^2, in 2-D of
-rho_f V0^2 L0 per unit depth.
+with V and L of the Reynolds number in SI units. The unit of force is rho_f V0^2 L0^2, in 2-D rho_f V0^2 L0 per unit
+depth.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class Units(Section):
 
     rules = (
         Rule("length", lambda s: s.length is not None and s.diameter is not None,
-             "is given beside diameter", _ONE_LENGTH),
+             "is given with diameter", _ONE_LENGTH),
         Rule("length", lambda s: s.length is None and s.diameter is None,
              "is missing, and diameter as well", _ONE_LENGTH),
     )  # fmt: skip
@@ -68,9 +67,11 @@ class Units(Section):
     fluid_density: Positive = key("Density of the fluid [kg/m^3]", 1000.0)
     grain_density: Positive = key("Density of the grain [kg/m^3]", 2650.0)
     gravity: Positive = key("Gravitational acceleration [m/s^2]", 9.81)
-    shear_rate: Positive | None = key("What flow.rate is [1/s]", None, examples=[1.0])
+    shear_rate: Positive | None = key("SI value of flow.rate [1/s]", None, examples=[1.0])
     velocity: Positive | None = key(
-        "What flow.velocity is, of a log-law flow.shear_velocity [m/s]", None, examples=[0.01]
+        "SI value of flow.velocity, for a log law of flow.shear_velocity [m/s]",
+        None,
+        examples=[0.01],
     )
 
     def metres(self, grain: Any) -> float:
@@ -111,17 +112,14 @@ class Scales:
 
 
 def nominal_diameter(grain: Any) -> float:
-    """The diameter [length] of the sphere of a grain's volume, in 2-D of the disc of its area."""
+    """Diameter of the sphere of equal volume, in 2-D of the disc of equal area."""
     if grain.gdim == 2:
         return math.sqrt(4.0 * grain.volume / math.pi)
     return float((6.0 * grain.volume / math.pi) ** (1.0 / 3.0))
 
 
 def scales_of(scene: Scene, units: Units) -> Scales:
-    """The scales of a scene with a grain.
-
-    Raises ValidationError if there is no grain, or the flow's speed is not given as the flow needs it.
-    """
+    """Scales of a scene. Raises ValidationError without a grain or with an inconsistent speed of the flow."""
     if scene.body is None:
         raise _refused(
             "units", "are those of a scene with a grain, and there is none", "add a section [body]"
@@ -140,19 +138,19 @@ def scales_of(scene: Scene, units: Units) -> Scales:
 
 
 def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene]) -> dict[str, Any]:
-    """The data of a scene with what follows from its units, which it may also have.
+    """Data of a scene completed from its units.
 
     Args:
-        checked: the scene of data without units.
+        checked: makes the scene of data without units.
 
-    Raises ValidationError if the scene is wrong, or contradicts its units.
+    Raises ValidationError for an invalid scene, or one that contradicts its units.
     """
     try:
         units = Units.model_validate(data["units"])
     except ValidationError:  # which is reported when the whole scene is checked
         return _filled(data, _ANY)
     if _get(data.get("body"), "mass") is not None:
-        raise _refused("body.mass", "is given beside [units]", "leave one of them out")
+        raise _refused("body.mass", "is given with [units]", "leave one of them out")
     scene = checked({**_filled(data, _ANY), "units": None})
     scales, speed, length = (
         scales_of(scene, units),
@@ -173,7 +171,6 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene])
 
 
 def _filled(data: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    """Data completed with Reynolds number, gravity and density."""
     filled = dict(data)
     for section, name in _FILLED:
         part = data.get(section)

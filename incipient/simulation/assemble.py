@@ -1,7 +1,4 @@
-"""The result of a computed flow: loads on the grain, verdict, error bars, cost.
-
-Functions are collective unless stated otherwise.
-"""
+"""Result of a computed flow: loads, verdict, error bars, cost. Functions are collective unless stated otherwise."""
 
 from __future__ import annotations
 
@@ -29,12 +26,12 @@ if TYPE_CHECKING:
 
 # Reason for missing error bars until they are estimated.
 TO_COME = "not computed: the run has not finished, or was stopped before"
-# Relative excess of the load of a rocking grain over the load that moves it, within which both count as equal.
+# Relative excess of a rocking grain's critical load over its safety factor that counts as none.
 NO_MORE = 0.01
 
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
-    """The result of the present flow, without error estimates (see `completed`)."""
+    """Result of the present flow, without error estimates (see `completed`)."""
     from ..mesh.sampling import cells_between, centrelines
 
     scene, grain = run.scene, run.grain
@@ -93,7 +90,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
 
 
 def with_rests(run: Run, result: Result) -> Result:
-    """The result with the equilibria of a rocking grain in its verdict. Collective."""
+    """Add the equilibria of a rocking grain to the verdict. Collective."""
     if result.verdict is None or run.grain is not None:
         return result
     from ..evaluation.contact_verdict import followed, load_of, may_rock, with_rocking
@@ -105,7 +102,7 @@ def with_rests(run: Run, result: Result) -> Result:
     with run.stage("contact"):
         first = result.verdict["safety_factor"]
         load = load_of(run.scene.placement, result.force, result.torque)
-        # Round-off in the loads, and hence the number of steps, may differ between ranks.
+        # Round-off in the loads may change the number of steps between ranks.
         rocking = from_first(run.comm, lambda: followed(run.scene, load))
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
             return result
@@ -115,9 +112,10 @@ def with_rests(run: Run, result: Result) -> Result:
 def completed(
     run: Run, result: Result, bars: ErrorBars | None = None, why: str = "", follows: bool = True
 ) -> Result:
-    """The result with error bars, or the reason `why` they are missing, and the omitted effects. Collective.
+    """Add error bars, or the reason `why` they are missing, and omitted effects. Collective.
 
-    Loads are corrected for errors of known sign. With `follows` a moving grain is followed to its next equilibrium.
+    Loads are corrected for errors of known sign; `follows`: rocking is followed to the next
+    equilibrium.
     """
     corrected = _corrected(run, result, bars)
     if follows:
@@ -129,7 +127,7 @@ def completed(
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
-    """The result with corrected loads, coefficients and verdict. Collective."""
+    """Correct loads, coefficients and verdict."""
     if bars is None or bars.correction is None or result.force is None or result.torque is None:
         return result
     force, torque = bars.corrected(result.force, result.torque)
@@ -143,7 +141,7 @@ def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
 
 
 def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars | None:
-    """The error bars of a grain that may rock to another equilibrium. Not collective."""
+    """Error bars of a grain that may rock to another equilibrium. Not collective."""
     rocking = (result.verdict or {}).get("rocking")
     if bars is None or rocking is None or bars.safety is None:
         return bars
@@ -185,14 +183,14 @@ def cost(run: Run) -> dict[str, Any]:
 
 
 def _measured(run: Run) -> dict[str, Any]:
-    """Values of the quantities that effects measure, by key, None of an absent effect. Collective."""
+    """Measured quantities of effects by key, None for absent effects."""
     present = known.quantities(run.plan)
     measured = ((one, one.measure) for one in known.quantities() if one.measure is not None)
     return {one.key: measure(run) if one in present else None for one, measure in measured}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
-    """Contacts as plain data: point, outward normal of the grain, area (0 for a point). Not collective."""
+    """Contacts as plain data. Not collective."""
     if contacts is None:
         return []
     areas = np.zeros(len(contacts.points)) if contacts.areas is None else contacts.areas
@@ -201,7 +199,7 @@ def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
 
 
 def _grain(run: Run) -> dict[str, Any] | None:
-    """Positions of the grain at rest and in the flow computation, and its size. Not collective."""
+    """Rest and computed positions of the grain, and its size. Not collective."""
     layout, grain = run.layout, run.scene.grain
     resting, placement = layout.resting, layout.placement
     if run.grain is not None:
@@ -222,7 +220,7 @@ def _grain(run: Run) -> dict[str, Any] | None:
 
 
 def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
-    """Wall time, growth of memory over all ranks, and unknowns, by effect. Collective."""
+    """Wall time, memory growth over all ranks, and unknowns, by effect."""
     costs = run.accounts.ledger.by_effect(_unknowns(run))
     for share in costs.values():
         share["memory_mib"] = run.comm.allreduce(share["memory_mib"])
@@ -230,7 +228,7 @@ def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
 
 
 def _unknowns(run: Run) -> dict[str, int]:
-    """Unknowns by effect: the flow, mesh motion, the grain's velocities, the surface's elevations, contact forces."""
+    """Numbers of unknowns by effect."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
     if run.plan.has(EffectName.MOVING_MESH):

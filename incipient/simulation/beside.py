@@ -1,4 +1,4 @@
-"""Coarse runs for the error bars of a steady flow, on the moved mesh of the run where possible."""
+"""Coarse runs for the error bars of a steady flow, if possible on the moved mesh of the run."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ ByItself = Callable[[Scene, Comm, float], Loads]
 
 
 class Beside:
-    """Loads in scenes that differ from that of a solved run in gap or domain; callable. Collective.
+    """Loads in scenes that differ from a solved run in gap or domain; callable. Collective.
 
-    In 3-D the moved mesh of the run is used for all scenes or for none: new meshes add differences of their own and
-    take most of the time. Otherwise each scene has its own run.
+    In 3-D the moved mesh serves all scenes or none, since new meshes add differences and take most
+    of the time; otherwise each scene has its own run.
 
     Args:
         run: solved; each call restores its mesh.
         coarse: scenes of the coarse runs.
         by_itself: runs a scene on its own mesh, at a speed.
-        speed: of the flow, over the scene's.
+        speed: of the flow relative to the scene's.
     """
 
     def __init__(self, run: Run, coarse: Scenes, by_itself: ByItself, speed: float = 1.0):
         self._run, self._coarse, self._by_itself, self._speed = run, coarse, by_itself, speed
 
     def serves(self, key: str) -> bool:
-        """Whether the moved mesh of the run is used for a scene, given by its JSON. Collective."""
+        """Whether the moved mesh serves a scene, given by its JSON. Collective."""
         return key in self._meshes
 
     def __call__(self, scene: Scene) -> Loads:
@@ -50,7 +50,7 @@ class Beside:
 
     @cached_property
     def _meshes(self) -> dict[str, MovedMesh]:
-        """The moved mesh of each coarse scene, by its JSON; empty if one scene needs another mesh."""
+        """Moved mesh of each coarse scene by its JSON; empty if one needs another mesh."""
         run = self._run
         steady_in_space = run.scene.gdim == 3 and run.scene.time is None
         if not steady_in_space or run.setup.is_averaged or run.layout.placement is None:
@@ -61,11 +61,10 @@ class Beside:
 
 
 class InTurn:
-    """Loads of coarse runs, one scene after the other; a context manager, callable. Collective.
+    """Loads of coarse runs in sequence; a context manager, callable. Collective.
 
-    In steady 3-D flow the first scene of those that differ in gap or domain alone is meshed; the others use its moved
-    mesh. `by_itself` runs a scene on its own mesh, at a speed; `prepare` makes the run that is meshed; None: from the
-    scene.
+    In steady 3-D flow the first scene is meshed, and its mesh moved for the others. `prepare`:
+    creates the meshed run; None: from the scene.
     """
 
     def __init__(
@@ -85,7 +84,7 @@ class InTurn:
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        # The fluid needs the exception: freeing it is collective, and would hang after an error on one rank.
+        # The exception keeps the collective destruction of the fluid from hanging after an error on one rank.
         self._open.__exit__(*exception)
 
     def __call__(self, scene: Scene) -> Loads:
@@ -99,12 +98,12 @@ class InTurn:
             run = self._open.enter_context(self._prepare(scene))
             force, torque = loads_at(run, 1.0)
             self._run, self._beside = run, Beside(run, self._coarse, self._by_itself)
-            if not self._beside.serves(key):  # then all other scenes have their own meshes
+            if not self._beside.serves(key):  # all other scenes have their own meshes
                 return Loads(force.flow, torque.flow)
         return self._beside(scene)
 
     def handed_over(self, wanted: Scene) -> tuple[Run, ExitStack] | None:
-        """The solved run of a scene and its exit stack, if it is the last one meshed. Not collective."""
+        """The solved run of a scene and its exit stack, if it was meshed last. Not collective."""
         if self._run is None or self._run.scene != wanted:
             return None
         run, self._run, self._beside = self._run, None, None

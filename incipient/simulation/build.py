@@ -1,4 +1,4 @@
-"""The preparation of a run from its scene: its plan, its mesh and its fluid."""
+"""Preparation of a run: plan, mesh and fluid."""
 
 from __future__ import annotations
 
@@ -41,17 +41,16 @@ def prepared(
     sizing: Callable[[Layout], Layout] = lambda layout: layout,
     speed: float = 1.0,
 ) -> Iterator[Run]:
-    """The run of a scene with mesh and fluid, before any solution; freed at the end. Collective.
+    """Prepare the run of a scene with mesh and fluid, freed at the end. Collective.
 
     Args:
-        accounts: of the search that includes the run; None: new ones.
+        accounts: of the search that includes the run.
         recorder: notified of the mesh.
-        checkpoint: of an earlier session of the run, which provides the mesh and the costs so far.
+        checkpoint: of an earlier session, which provides mesh and costs.
         sizing: changes the planned cell sizes.
-        speed: of the flow for whose law of the wall the mesh is made, over the scene's.
+        speed: of the flow, relative to the scene's, for the mesh with a law of the wall.
 
-    Raises:
-        IncipientError: on all ranks; planning or meshing failed.
+    Raises IncipientError on all ranks if planning or meshing fails.
     """
     accounts, voice = accounts or Accounts(), voice or Silent()
     voice.begin("plan")
@@ -87,7 +86,7 @@ def prepared(
             for part in parts:
                 model = part.within(model)
             newest = [build_fluid(made, model, conditions(meshed), plan.reynolds)]
-            # Another fluid may have replaced it by the end.
+            # Another fluid may replace it.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             for part in parts:
                 part.joined(newest[0])
@@ -105,10 +104,7 @@ def prepared(
 
 
 def _load_libraries(comm: Comm, draws: bool) -> None:
-    """Load the large libraries in the fastest order. Collective.
-
-    gmsh loads three times as slowly after dolfinx, whose libraries are searched for its symbols.
-    """
+    """Load the large libraries, gmsh before dolfinx, after which it loads three times as slowly. Collective."""
     with collectively(comm), required():
         if draws and comm.rank == 0:
             from ..meshes import model  # noqa: F401
@@ -116,7 +112,7 @@ def _load_libraries(comm: Comm, draws: bool) -> None:
 
 
 def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
-    """The flow model with the terms of a plan's effects, with or without inertia. Not collective."""
+    """Flow model with the terms of a plan's effects. Not collective."""
     from ..fluid import FlowModel
 
     model = FlowModel(order=plan.order, inertia=False, solver=plan.solver.name)
@@ -134,7 +130,7 @@ def _contacts(setup: Setup, plan: Plan, accounts: Accounts) -> Contacts | None:
 
 
 def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
-    """The traction probe of the grain; None without one. Collective."""
+    """Traction probe of the grain, or None. Collective."""
     if layout.placement is None:
         return None
     from ..coupled import enclosed, tractions

@@ -1,4 +1,4 @@
-"""The checkpoint of a run."""
+"""Checkpoint of a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .state import Run
 
 
 def collected(run: Run) -> Checkpoint:
-    """The checkpoint of a run between steps, complete on rank 0. Collective."""
+    """Checkpoint of a run between steps, complete on rank 0. Collective."""
     assert run.march is not None
     transient, coupling = run.march.transient, run.march.coupling
     fluid = transient.fluid
@@ -25,7 +25,7 @@ def collected(run: Run) -> Checkpoint:
         chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts)
     )
     return Checkpoint(
-        # The flow's order is stored: a later version may choose another one.
+        # Later versions may choose another order.
         scene=dumps(with_order(run.scene, run.plan.order)),
         progress=_progress(run, transient),
         mesh=stored_mesh(fluid.domain),

@@ -1,4 +1,4 @@
-"""Loads on the grain of a run, their coefficients, and the verdict on them."""
+"""Loads on the grain of a run, coefficients, and verdict."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from .state import Run
 
 
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]:
-    """Forces and torques on the grain for speeds in units of `speed`; with `surface` also the surface integral."""
+    """Forces and torques on the grain for velocities in units of `speed`, with the surface integral
+    if `surface`.
+    """
     scene, probe = run.scene, run.probe
     assert probe is not None
     flow = probe.resultant()
@@ -38,7 +40,7 @@ def weights(scene: Scene) -> tuple[Floats, Floats]:
 
 
 def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
-    """Drag, lift and moment coefficients of the loads on the run's grain. Not collective."""
+    """Drag, lift and moment coefficients. Not collective."""
     scene = run.scene
     assert scene.grain is not None
     velocity, length = scene.reference_velocity, scene.grain.size
@@ -50,7 +52,7 @@ def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
 
 
 def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
-    """The verdict of both criteria as plain data, None without contacts. Not collective."""
+    """Verdict of both criteria as plain data; None without contacts. Not collective."""
     scene = run.scene
     if run.contacts is None or scene.contact is None or scene.body is None or scene.mass is None:
         return None

@@ -26,12 +26,10 @@ if TYPE_CHECKING:
 
 
 class March:
-    """Integrates a run in time, from its start or from a checkpoint. Every method is collective.
+    """Time integration of a run, from its start or a checkpoint. Every method is collective.
 
-    The moving parts are added to the run before its other parts.
-
-    coupling:  of flow and moving boundaries; None without any
-    transient: the time stepper
+    coupling: of flow and moving boundaries, which precede the run's other parts; None without any.
+    transient: time stepper.
     """
 
     def __init__(self, run: Run, checkpoint: Checkpoint | None):
@@ -49,22 +47,21 @@ class March:
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
         order, interface = 2 if self._time.scheme == "bdf2" else 1, _interface(self.coupling, parts)
         self.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
-        run.march_with(self, parts)
+        run.march, run.parts = self, tuple(parts)
         if checkpoint is not None:
             self._restore(checkpoint)
 
     @property
     def over(self) -> bool:
-        """Whether an event of a moving grain ends the run: collision, leaving its pocket, rest."""
+        """Whether an event of a moving grain ends the run."""
         grain = self._run.grain
         return grain is not None and grain.ends != ""
 
     def steps(self) -> Iterator[TimeStep]:
-        """Advance to the end, or to an event of a moving grain that ends the run. See `Transient.march`.
+        """Advance to the end or an event of a moving grain (see `Transient.march`).
 
-        Raises:
-            ConvergenceError: a step failed; the last good state is kept.
-            MeshError: meshing at the grain's new position, or the transfer of fields, failed.
+        Raises ConvergenceError if a step fails, MeshError if remeshing does; the last converged
+        state is kept.
         """
         time = self._time
         self._renew_worn_mesh()
@@ -77,13 +74,13 @@ class March:
             self._renew_worn_mesh()
 
     def check(self, step: TimeStep) -> None:
-        """Raise ConvergenceError, with a remedy, for a free surface that cannot continue."""
+        """Raise ConvergenceError for a free surface that cannot continue."""
         grain, surface = self._run.grain, self._run.surface
         if surface is not None:
             surface.check(step, None if grain is None else grain.state.placement)
 
     def _coupled(self, fluid: Fluid, parts: Sequence[RunPart]) -> Coupling | None:
-        """The coupling of the flow with moving boundaries; the mesh moves to their positions."""
+        """Couple the flow with moving boundaries; the mesh moves to their positions."""
         if not self._run.plan.has(EffectName.MOVING_MESH):
             return None
         from ..coupled.coupling import Coupling
@@ -103,14 +100,14 @@ class March:
         fluid = self._run.fluid
         for part in self._run.parts:
             part.restore(checkpoint, self.coupling)
-            # Values stored by node position are read on the mesh of that time.
+            # Values stored by node position belong to the mesh of that time.
             if self.coupling is not None:
                 fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
                 fluid.constraints.boundary_points_moved()
         put_back_flow(checkpoint, self.transient)
 
     def _renew_worn_mesh(self) -> None:
-        """Remesh if another step of the last length would degrade the mesh around a moving grain."""
+        """Remesh if another step would degrade the mesh around a moving grain."""
         grain = self._run.grain
         if grain is None or self.coupling is None or (length := grain.last_step()) is None:
             return
@@ -165,7 +162,7 @@ class March:
 
 
 def _interface(coupling: Coupling | None, parts: Sequence[RunPart]) -> Interface | None:
-    """The interface of a monolithic step; None: the flow alone."""
+    """Interface of a monolithic step; None: the flow alone."""
     interface: Interface | None = coupling
     for part in parts:
         interface = part.around(interface)

@@ -1,4 +1,4 @@
-"""The mesh of a steady 3-D run, moved to other gaps and domains, and its flow in second-order elements."""
+"""Mesh of a steady 3-D run, moved to other gaps and domains, and its second-order flow."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from ..results.errorbars import Loads
 from ..scene import Scene
 from .state import Run
 
-# Tolerance of the flows: their loads differ by per cents.
+# Tolerance of the flows, whose loads differ by per cents.
 TOLERANCE = 1e-5
 ORDER = 2  # of their elements
 KEPT = 2.0  # distance from the grain's centre, in grain sizes, within which a larger domain keeps the mesh
 
 
 def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
-    """The mesh moved to each scene, by its JSON; empty if one scene needs another mesh. Collective."""
+    """Move the mesh to each scene, by its JSON; empty if one needs another mesh. Collective."""
     assert run.layout.placement is not None
     motion = MeshMotion(run.domain)
-    # Fractions of the grain's displacement that nodes follow; nodes on the plane of symmetry move within it.
+    # Nodes follow a fraction of the grain's displacement; those on the plane of symmetry move within it.
     weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
     moved: dict[str, MovedMesh] = {}
     for scene in scenes:
@@ -52,7 +52,7 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
 
 @dataclass(frozen=True, eq=False)
 class MovedMesh:
-    """Positions of the nodes of a run's mesh (n, 3) and of the grain's centre (3,) in a slightly different scene."""
+    """Node positions (n, 3) of a run's mesh, and grain centre (3,), in a slightly different scene."""
 
     run: Run
     setup: Setup
@@ -78,12 +78,12 @@ class MovedMesh:
                 resultant = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
         finally:
             places[:] = before
-        # Scaled from the fluid's unit of speed, which is close to `speed` except in Stokes flow.
+        # The fluid's unit of speed is close to `speed` except in Stokes flow.
         unit = speed * run.fluid.reynolds / run.plan.reynolds
         return Loads(unit * resultant.force, unit * resultant.torque, moved=True)
 
     def _follow(self, fluid: Fluid, other: Fluid) -> None:
-        """Add the change of the base flow between old and new positions to the velocity of the run's flow."""
+        """Add the change of the base flow between old and new positions to the velocity."""
         points = [one.constraints.points for one in (fluid, other)]
         flows = self.run.setup.base_flow, self.setup.base_flow
         here, there = (flow.velocity(x.T, 0.0).T for flow, x in zip(flows, points, strict=True))
@@ -91,7 +91,6 @@ class MovedMesh:
         other.state.x.array[places] += (there - here)[:, : other.space.gdim]
 
     def _solve(self, fluid: Fluid) -> None:
-        """Solve from a nearby flow. Collective. Raises ConvergenceError."""
         with self.run.stage("flow"):
             report = fluid.solve(TOLERANCE, self.run.scene.numerics.max_iterations)
         if not report.converged:
@@ -112,7 +111,7 @@ def _centre(run: Run, setup: Setup) -> Floats:
 
 
 def _in_domain(run: Run, setup: Setup) -> Floats | None:
-    """(n, 3) positions of the mesh's nodes in the domain of another setup; None for another bed."""
+    """Node positions (n, 3) in the domain of another setup; None for another bed."""
 
     def box(domain: Any) -> Floats:
         sides = (domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)

@@ -19,36 +19,36 @@ if TYPE_CHECKING:
 class Recorder:
     """Receiver of a run's results; the base class discards them. All methods are collective.
 
-    keeps: whether `keep` stores checkpoints
+    keeps: whether `keep` stores checkpoints.
     """
 
     keeps = False
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """Start of the computation, after meshing."""
+        """Begin after meshing."""
 
     def wants_fields(self, number: int, last: bool) -> bool:
-        """Whether the fields of this step are recorded."""
+        """Whether to record the fields of this step."""
         return False
 
     def step(self, row: dict[str, Any]) -> None:
         """Record an accepted time step."""
 
     def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Record the contacts of a moving grain at the end of a step."""
+        """Record the contacts of a moving grain after a step."""
 
     def remeshed(self, domain: Domain) -> None:
         """Record that later fields are on another mesh."""
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        """Record fields on the mesh, and the traction on the grain's surface (None without a grain)."""
+        """Record fields, and the traction on the grain (None without one)."""
 
     def keep(self, checkpoint: Checkpoint) -> Path | None:
-        """Store a checkpoint; returns its directory, None without one."""
+        """Store a checkpoint; returns its directory, if any."""
         return None
 
     def provisional(self, result: Result) -> Path | None:
-        """Store a result without error bars until `finish`; returns its directory, None without one."""
+        """Store a result without error bars until `finish`; returns its directory, if any."""
         return None
 
     def finish(self, result: Result) -> None:
@@ -56,7 +56,7 @@ class Recorder:
 
 
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:
-    """Record the fields after a step if the recorder wants them. Collective."""
+    """Record the fields after a step on request. Collective."""
     if not recorder.wants_fields(number, last):
         return
     from ..fluid.derived import vorticity

@@ -1,8 +1,4 @@
-"""Runs a scene: plan, fluid, tractions, contact, result.
-
-Output goes through a `Recorder` and a voice. The state of a run is in `state`, its preparation in `build`, its time
-steps in `time_loop`, and its result in `assemble`.
-"""
+"""Simulation of a scene: plan, fluid, tractions, contact, result."""
 
 from __future__ import annotations
 
@@ -38,10 +34,9 @@ def solved(
     checkpoint: Checkpoint | None = None,
     accounts: Accounts | None = None,
 ) -> Iterator[Run]:
-    """The run of a scene, solved from the start or from a checkpoint; freed at the end. Collective over `comm`.
+    """Solve the run of a scene from the start or a checkpoint; freed at the end. Collective over `comm`.
 
-    Raises:
-        IncipientError: on all ranks; earlier results have been recorded.
+    Raises IncipientError on all ranks, after recording earlier results.
     """
     recorder, interruption = recorder or Recorder(), Interruption(comm)
     with (
@@ -61,7 +56,7 @@ def simulate(
 ) -> Result:
     """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError.
 
-    With `follows` a moving grain is followed to its next equilibrium.
+    `follows`: rocking is followed to the next equilibrium.
     """
     recorder = recorder or Recorder()
     with solved(scene, comm, recorder, voice) as run:
@@ -78,7 +73,7 @@ def hand_over(run: Run, recorder: Recorder) -> Path | None:
 
 
 def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
-    """Run a scene for its force and torque at the end; a steady flow may be `speed` times the scene's. Collective."""
+    """Final force and torque in a scene; a steady flow may be `speed` times the scene's. Collective."""
     if speed == 1.0:
         return simulate(scene, comm, follows=False).loads_at_end()
     with prepared(scene, comm, speed=speed) as run:
@@ -105,6 +100,6 @@ def _solve(
     except Interrupted:
         raise
     except IncipientError as error:
-        with suppress(OutputError):  # a full disk is reported once, after other failures
+        with suppress(OutputError):  # report a full disk once, after other failures
             recorder.finish(outcome(run, "failed", str(error)))
         raise

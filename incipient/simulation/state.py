@@ -1,4 +1,4 @@
-"""The state of a run, from its plan to its last step."""
+"""State of a run, from its plan to its last step."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Known:
-    """Known estimates: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
+    """Known estimates: error-bar terms by name, coarse loads by the JSON of their scene."""
 
     terms: dict[str, Term] = field(default_factory=dict)
     loads: dict[str, Loads] = field(default_factory=dict)
@@ -45,8 +45,7 @@ class Known:
 class Accounts:
     """Data shared by the runs of one search: costs and known estimates.
 
-    known: results of earlier estimates
-    spent: why no further estimate may begin, or ""
+    spent: why no further estimate may begin, or "".
     """
 
     ledger: Ledger = field(default_factory=Ledger)
@@ -55,19 +54,17 @@ class Accounts:
     spent: Callable[[], str] = lambda: ""
 
     def count(self, **numbers: int) -> None:
-        """Add to the numbers of iterations by name. Not collective."""
+        """Add to iteration counts by name. Not collective."""
         for name, number in numbers.items():
             self.iterations[name] = self.iterations.get(name, 0) + number
 
 
 class Run:
-    """A scene, its plan, mesh, flow and progress. Only its own methods change it.
+    """A scene, its plan, mesh, flow and progress.
 
-    Args:
-        fluid: on the first mesh; remeshing replaces it.
-        probe: of the traction on the grain; None without a grain.
-        voice: reports the stages.
-        parts: solved together with the flow.
+    fluid, parts: on the newest mesh, parts with moving boundaries first. march: time integration; None for steady
+    flow and before the first step. steadiness: rate of change in a run until steady flow, otherwise None.
+    first_motion: time at which a fixed grain in unsteady flow would first move.
     """
 
     def __init__(
@@ -84,28 +81,18 @@ class Run:
     ):
         self.setup, self.scene = setup, setup.scene
         self.plan, self.layout, self.contacts = plan, layout, contacts
-        self.accounts, self.voice, self._parts = accounts, voice, tuple(parts)
+        self.accounts, self.voice, self.parts = accounts, voice, tuple(parts)
         self.comm: Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record
-        self._fluid, self._probe = fluid, probe
-        self._march: March | None = None
-        self._steadiness: Steadiness | None = None
-        self._first_motion: float | None = None
-
-    @property
-    def fluid(self) -> Fluid:
-        """The flow, on the newest mesh."""
-        return self._fluid
-
-    @property
-    def parts(self) -> tuple[RunPart, ...]:
-        """Parts solved together with the flow, on the newest mesh; moving boundaries first."""
-        return self._parts
+        self.fluid, self._probe = fluid, probe
+        self.march: March | None = None
+        self.steadiness: Steadiness | None = None
+        self.first_motion: float | None = None
 
     @property
     def states(self) -> list[Any]:
-        """The state functions of a steady flow and its parts."""
+        """State functions of a steady flow and its parts."""
         return [self.fluid.state, *(state for part in self.parts for state in part.states())]
 
     @property
@@ -115,49 +102,44 @@ class Run:
 
     @property
     def probe(self) -> TractionProbe | None:
-        """The traction probe of the grain; None without a grain."""
+        """Traction probe of the grain, or None."""
         return self._probe if self.grain is None else self.grain.probe
 
     @property
-    def march(self) -> March | None:
-        """The integration in time; None for a steady flow, and before the first step."""
-        return self._march
-
-    @property
     def time_stepper(self) -> Transient | None:
-        """The time stepper; None for a steady flow, and before the first step."""
-        return None if self._march is None else self._march.transient
+        """Time stepper; None for steady flow and before the first step."""
+        return None if self.march is None else self.march.transient
 
     @property
     def grain(self) -> MovingGrain | None:
-        """The moving grain; None without one, and before the first step."""
+        """Moving grain; None without one and before the first step."""
         return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
 
     @property
     def surface(self) -> MovingSurface | None:
-        """The free surface; None without one, and before the first step."""
+        """Free surface; None without one and before the first step."""
         return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
 
     @property
     def turbulence(self) -> TurbulentFlow | None:
-        """The turbulence of the flow; None without."""
+        """Turbulence of the flow, or None."""
         return cast("TurbulentFlow | None", self.part(EffectName.TURBULENCE))
 
     @property
     def elevations(self) -> Elevations | None:
-        """Elevations of the free surface so far; None without one, and before the first step."""
+        """Elevations of the free surface so far, or None."""
         return None if self.surface is None else self.surface.elevations
 
     def part(self, effect: EffectName) -> Any:
-        """The part of an effect on the newest mesh, or None."""
+        """Part of an effect on the newest mesh, or None."""
         return next((part for part in self.parts if part.effect == effect), None)
 
     def wall_report(self) -> WallReport | None:
-        """Flow along walls with a wall-function layer, None without. Collective."""
+        """Flow along walls with wall functions, or None. Collective."""
         return None if self.turbulence is None else self.turbulence.wall_report()
 
     def separated(self) -> tuple[tuple[float, float], ...] | None:
-        """Intervals of x of reverse laminar flow along the bed; None: not determined. Collective."""
+        """Intervals of x with reverse laminar flow along the bed; None: undetermined. Collective."""
         if not self.scene.has_separation:
             return None
         from ..fluid.along_walls import along_no_slip_wall
@@ -165,51 +147,33 @@ class Run:
         return along_no_slip_wall(self.fluid, self.setup.sides.bottom).backward()
 
     @property
-    def steadiness(self) -> Steadiness | None:
-        """Rate of change in a run until steady flow, otherwise None."""
-        return self._steadiness
-
-    @property
     def is_steady(self) -> bool:
         """Whether a run until steady flow has reached it."""
-        return self._steadiness is not None and self._steadiness.reached
-
-    @property
-    def first_motion(self) -> float | None:
-        """First time at which a fixed grain in unsteady flow would move."""
-        return self._first_motion
-
-    def march_with(self, march: March, parts: Sequence[RunPart]) -> None:
-        """Set the time integration and its parts. Not collective."""
-        self._march, self._parts = march, tuple(parts)
+        return self.steadiness is not None and self.steadiness.reached
 
     def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-        """Continue with a fluid and parts on a new mesh; the previous fluid is freed. Collective."""
-        before, self._fluid, self._parts = self._fluid, fluid, tuple(parts)
+        """Continue with fluid and parts on a new mesh, freeing the previous fluid. Collective."""
+        before, self.fluid, self.parts = self.fluid, fluid, tuple(parts)
         fluid.solver.statistics.add(before.solver.statistics)
         before.destroy()
 
-    def watch(self, steadiness: Steadiness) -> None:
-        """Set the test of steady flow. Not collective."""
-        self._steadiness = steadiness
-
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
-        """Continue with another fluid on the mesh; the previous one is freed. Collective."""
+        """Continue with another fluid on the mesh, freeing the previous one. Collective."""
         fluid.watch = self.corrections.record
-        fluid.solver.statistics.add(self._fluid.solver.statistics)
-        self._fluid.destroy()
-        self._fluid, self._probe = fluid, probe
+        fluid.solver.statistics.add(self.fluid.solver.statistics)
+        self.fluid.destroy()
+        self.fluid, self._probe = fluid, probe
 
     def would_move(self, time: float | None) -> None:
         """Record the first time at which the grain would move. Not collective."""
-        if self._first_motion is None:
-            self._first_motion = time
+        if self.first_motion is None:
+            self.first_motion = time
 
     def count(self, **numbers: int) -> None:
-        """Add to the numbers of iterations by name. Not collective."""
+        """Add to iteration counts by name. Not collective."""
         self.accounts.count(**numbers)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """A context manager that reports and times a stage. Not collective."""
+        """Context manager that reports and times a stage. Not collective."""
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)

@@ -1,4 +1,4 @@
-"""Test whether an unsteady flow has become steady."""
+"""Test for steady flow."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ if TYPE_CHECKING:
 
 
 class Steadiness:
-    """Rate of change of a flow, from the present state on. Every method is collective.
+    """Rate of change of an unsteady flow. Every method is collective.
 
-    The mesh is fixed, or moves only with the surface. `change` is the change in a step per unit of time: the larger of
-    the relative change of the velocities and the change of the elevations over the `depth`, as root mean squares over
-    the nodes. The flow counts as steady if it is at most `asked`.
+    `change` per unit time is the larger of the relative change of the velocities and that of the
+    elevations over `depth`, root mean squares; at most `asked` in steady flow.
     """
 
     def __init__(self, fluid: Fluid, surface: MovingSurface | None, depth: float, asked: float):
@@ -29,11 +28,11 @@ class Steadiness:
 
     @property
     def reached(self) -> bool:
-        """Whether the flow counts as steady."""
+        """Whether the flow is steady."""
         return self.change <= self._asked
 
     def column(self, step: TimeStep) -> dict[str, float]:
-        """Record a step; returns its column of the history."""
+        """Record a step; returns its history column."""
         now = self._fluid.state.x.array
         changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
         self._before = now.copy()
@@ -44,5 +43,5 @@ class Steadiness:
         return {"change": self.change}
 
     def result(self) -> Steadied:
-        """The outcome at the end of the run. Not collective."""
+        """Outcome at the end of the run. Not collective."""
         return Steadied(self.reached, self._fluid.time, self.change, self._asked)

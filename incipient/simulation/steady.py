@@ -1,4 +1,4 @@
-"""The steady flow of a run, at any speed of the base flow, and its loads."""
+"""Steady flow of a run at any speed, and its loads."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from .state import Run
 if TYPE_CHECKING:
     from ..fluid import Fluid
 
-# Reynolds number above which the continuation begins at a fraction of it.
+# Reynolds number above which continuation begins at a fraction.
 LARGE = 200.0
-# Smallest step of the continuation between two flows, as a fraction.
+# Smallest relative step of the continuation between two flows.
 SMALLEST_SHARE = 0.02
 
 
 def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
-    """Solve for the steady flow of a fluid of the run's scene. Collective; raises ConvergenceError.
+    """Solve for the steady flow of the run's scene; `way`: arguments of `fluid.solve_steady`.
 
-    way: further arguments of `fluid.solve_steady`
+    Collective; raises ConvergenceError.
     """
     from ..fluid import solve_steady
 
     numerics = run.scene.numerics
     tolerance = of_steady(numerics.tolerance, fluid.coarse is not None)
-    # Full Reynolds number at once, unless it is large.
+    # Start with the full Reynolds number unless it is large.
     whole = fluid.reynolds * run.setup.base_flow.mean_speed * run.scene.domain.height
     share = min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
     with run.stage("flow"), run.corrections.begun():
@@ -55,13 +55,12 @@ def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
 
 
 def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
-    """Loads in the steady flow multiplied by a factor, at the same viscosity. Collective.
+    """Loads in the steady flow times a factor, at the same viscosity. Collective.
 
-    In units of the multiplied flow only the Reynolds number changes, so that mesh, forms and last solution are reused;
-    forces scale with the factor squared. `start`: factor of the present state, if the solution continues from it.
+    In units of that flow only the Reynolds number changes, and forces scale with the factor
+    squared. `start`: factor of the present state, if continued.
 
-    Raises:
-        ConvergenceError: the fluid keeps the last converged flow.
+    Raises ConvergenceError; the fluid keeps the last converged flow.
     """
     if any(part.solve(run, factor, onwards=start > 0.0) for part in run.parts):
         return loads(run, surface=False, speed=factor)
@@ -72,7 +71,7 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torqu
 
 
 def make_as_fast(run: Run, factor: float) -> None:
-    """Set the fluid's equations and conditions, not its state, to the flow multiplied by a factor. Collective."""
+    """Set the fluid's equations and conditions, not its state, to the flow times a factor. Collective."""
     _stabilise(run, factor)
     run.fluid.reynolds = factor * run.plan.reynolds
     if run.setup.base_flow_at(0.0).datum != run.setup.base_flow.datum:
@@ -80,7 +79,7 @@ def make_as_fast(run: Run, factor: float) -> None:
 
 
 def _stabilise(run: Run, factor: float) -> None:
-    """Continue with the stabilisation of convection for the flow multiplied by a factor. Collective."""
+    """Continue with the stabilisation for the flow times a factor. Collective."""
     from ..fluid import Fluid
 
     before, model = run.fluid, run.fluid.model

@@ -1,4 +1,4 @@
-"""The time loop of a run: start, steps, records, checkpoints, interrupts."""
+"""Time loop of a run: start, steps, records, checkpoints, interrupts."""
 
 from __future__ import annotations
 
@@ -33,10 +33,7 @@ NOT_STEADY = 'time.start: no steady flow to begin with; use a smaller numerics.m
 
 
 class TimeLoop:
-    """Advances a run from its start or checkpoint to its end time. Every method is collective.
-
-    The interruption is checked between steps.
-    """
+    """Advances a run from its start or checkpoint to its end. Every method is collective."""
 
     def __init__(
         self,
@@ -53,9 +50,8 @@ class TimeLoop:
     def to_the_end(self) -> None:
         """Advance to the end, recording each step.
 
-        Raises:
-            Interrupted: on request; a checkpoint is stored.
-            IncipientError: a step failed; the last good state is stored if the recorder stores checkpoints.
+        Raises Interrupted on request, with a checkpoint, and IncipientError if a step fails; the
+        last converged state is stored if the recorder keeps checkpoints.
         """
         try:
             self._start()
@@ -69,7 +65,7 @@ class TimeLoop:
             raise explained from error
 
     def _start(self) -> None:
-        """Set the fluid's state at time zero: rest, Stokes flow or steady flow."""
+        """Set the initial state: rest, Stokes flow or steady flow."""
         run, start = self._run, self._time.start
         if self._checkpoint is not None:
             return
@@ -79,7 +75,7 @@ class TimeLoop:
             self._start_from(inertia=start == "steady")
 
     def _start_from(self, inertia: bool) -> None:
-        """Set the state of fluid and parts to the steady flow around the fixed grain."""
+        """Start from the steady flow around the fixed grain."""
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.setup, held=True, lid=True)
@@ -101,14 +97,14 @@ class TimeLoop:
                     mine.x.array[:] = other.x.array
 
     def _march(self) -> None:
-        """March to the end, or to an event of a moving grain that ends the run."""
+        """Advance to the end, or to a terminating event of a moving grain."""
         run, time = self._run, self._time
         stage = run.stage("mesh motion" if run.scene.moves else "free surface")
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
             march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:
-            run.watch(
-                Steadiness(run.fluid, run.surface, run.scene.domain.height, time.until_steady)
+            run.steadiness = Steadiness(
+                run.fluid, run.surface, run.scene.domain.height, time.until_steady
             )
         for step in self._timed(march.steps()):
             if run.domain is not domain:
@@ -121,7 +117,7 @@ class TimeLoop:
                 march.check(step)
 
     def _timed(self, steps: Iterator[TimeStep]) -> Iterator[TimeStep]:
-        """The steps, counted and timed; interrupts take effect between them."""
+        """Count and time the steps; interrupts act between them."""
         run = self._run
         self._recorded, self._interruption.armed = run.fluid.time, True
         if run.surface is not None:
@@ -137,9 +133,8 @@ class TimeLoop:
         self._interruption.armed = False
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
-        """Record a step, with a checkpoint if due, and stop on an interrupt.
-
-        kept: store a checkpoint of the last step, from which a run that ended at contact may resume
+        """Record a step, with a checkpoint if due or `kept` (to resume a run ended at contact), and
+        stop on an interrupt.
         """
         run = self._run
         self._recorder.step(row)
@@ -158,7 +153,7 @@ class TimeLoop:
             )
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
-        """One row of the history: the step, the parts, and the loads on a fixed grain."""
+        """History row: the step, the parts, and the loads on a fixed grain."""
         run = self._run
         assert run.march is not None
         row: dict[str, Any] = {
@@ -181,7 +176,7 @@ class TimeLoop:
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:
-        """Columns of the loads on a fixed grain, and of the verdict."""
+        """Columns of loads and verdict of a fixed grain."""
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
             force, torque = loads(run, surface=False)
@@ -212,9 +207,9 @@ class TimeLoop:
             return self._recorder.keep(collected(self._run))
 
     def _kept_after(self, error: IncipientError) -> IncipientError:
-        """Store the last good state after a failed step; return the error with its location."""
+        """Store the last converged state after a failed step; returns the error with its location."""
         run = self._run
-        # After a failure to record a step the history lacks its row: the earlier checkpoint is valid.
+        # If recording a step failed, the history lacks its row, and the earlier checkpoint is valid.
         if isinstance(error, OutputError) or run.time_stepper is None or not self._recorder.keeps:
             return error
         if run.time_stepper.fluid.time != self._recorded:

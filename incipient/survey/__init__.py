@@ -1,1 +1,1 @@
-"""A bed of many grains: its contacts and pockets, the loads on some of its grains, and thresholds as a distribution."""
+"""A bed of many grains: contacts and pockets, loads on some grains, and the distribution of thresholds."""

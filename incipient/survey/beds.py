@@ -1,4 +1,4 @@
-"""The grains of a bed as spheres: deposited, or read from files of measurements."""
+"""The grains of a bed as spheres: deposited, or from files of measurements."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FEWEST_PIXELS = 12  # of a label that is a grain
 
 @singledispatch
 def spheres_of(bed: object, base: Path) -> Spheres:
-    """The spheres that a section [bed] describes; its files are relative to `base`. Raises SceneError."""
+    """The spheres of a section [bed], with files relative to `base`. Raises SceneError."""
     raise NotImplementedError(type(bed).__name__)
 
 
@@ -71,7 +71,7 @@ def _(bed: MeasuredEllipsoids, base: Path) -> Spheres:
         table = np.array([[decimal(row[place]) for place in places] for row in rows])
     except ValueError:
         raise SceneError(
-            f"bed.file: {path} has a cell that is no number; correct or remove that row"
+            f"bed.file: {path} has a cell that is not a number; correct or remove that row"
         ) from None
     table = table.reshape(-1, len(_G3POINT))
     return _measured(table[:, :3], 0.5 * np.cbrt(table[:, 3:].prod(axis=1)), bed.file)
@@ -83,7 +83,7 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
     labels = _labels(base / bed.labels)
     if labels.shape != heights.shape:
         why = f"has {labels.shape} labels, {bed.heights} has {heights.shape} heights"
-        raise SceneError(f"bed.labels: {bed.labels} {why}; give as many of both")
+        raise SceneError(f"bed.labels: {bed.labels} {why}; give equal numbers of both")
     names, pixels = np.unique(labels[labels > 0], return_counts=True)
     names, pixels = names[pixels >= FEWEST_PIXELS], pixels[pixels >= FEWEST_PIXELS]
     radii = np.sqrt(pixels * bed.cell[0] * bed.cell[1] / np.pi)
@@ -94,7 +94,6 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
 
 
 def _labels(path: Path) -> np.ndarray:
-    """Whole numbers (rows, columns) of ascending y, as heights are read. Raises SceneError."""
     remedy = "give a PNG, TIFF or .npy file"
     with reading(path, remedy, LARGEST_FILE, name=f"bed.labels: {path}"):
         if path.suffix == ".npy":
@@ -105,7 +104,7 @@ def _labels(path: Path) -> np.ndarray:
                 labels = np.asarray(image)[::-1]  # the first row of an image is at the far side
     if labels.ndim != 2 or not np.issubdtype(labels.dtype, np.integer):
         raise SceneError(
-            f"bed.labels: {path} is no table of whole numbers; give one number a height, 0 for no grain"
+            f"bed.labels: {path} is not a table of integers; give one for each height, 0 for no grain"
         )
     return labels
 
@@ -115,6 +114,6 @@ def _measured(centres: Floats, radii: Floats, name: str) -> Spheres:
         np.isfinite(centres).all() and np.isfinite(radii).all() and (radii > 0.0).all()
     ):
         raise SceneError(
-            f"bed: {name} has not three grains with finite places and positive diameters; correct it"
+            f"bed: {name} has fewer than three grains with finite positions and positive diameters; correct it"
         )
     return Spheres(centres, radii)

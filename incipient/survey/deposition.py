@@ -1,7 +1,6 @@
-"""Beds of spheres by sequential deposition: one by one dropped at random places, each rolls down until it rests.
+"""Beds of spheres by sequential deposition (Visscher & Bolsterli 1972, Nature 239, 504).
 
-Source: Visscher & Bolsterli (1972), Nature 239, 504. A sphere rests where the normals of its contacts hold its weight,
-without friction; those that lie already do not move. The box is periodic, its floor is level.
+A dropped sphere rolls without friction until the normals of its contacts hold its weight; those at rest do not move.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ CARRYING = 1e-9  # fraction of the weight above which a contact carries
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """Spheres with centres (n, 3) and radii (n,), in a box that repeats by `period` (2,) along x and y, or in none."""
+    """Spheres with centres (n, 3) and radii (n,), periodic over `period` (2,) in x and y if given."""
 
     centres: Floats
     radii: Floats
@@ -44,12 +43,11 @@ class Spheres:
         return np.asarray(vectors)
 
     def without(self, number: int) -> Spheres:
-        """All of them but one."""
         kept = np.arange(len(self)) != number
         return Spheres(self.centres[kept], self.radii[kept], self.period)
 
     def around(self, point: Floats, reach: float) -> tuple[Floats, np.ndarray]:
-        """Centres (k, 3), images included, of spheres that come within a horizontal distance of a point, and which."""
+        """Centres (k, 3), images included, and numbers of spheres within a horizontal distance of a point."""
         shifts = np.zeros((1, 2))
         if self.period is not None:
             most = np.ceil((reach + self.radii.max()) / self.period).astype(int)
@@ -65,7 +63,7 @@ class Spheres:
 def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spheres:
     """A bed of spheres with radii (n,), dropped in this order at places by a seed. Raises SceneError.
 
-    tries: places at which each is dropped; it stays where it lies lowest.
+    tries: places at which each is dropped; the lowest rest counts.
     """
     if min(period) < 8.0 * radii.max():
         raise SceneError(
@@ -85,7 +83,7 @@ def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spher
 def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = None) -> Floats:
     """The centre (3,) at which a sphere rests after its release at `start`; infinite height: above all others.
 
-    `floor`: height of a level floor. Raises SceneError where it leaves the others and there is none.
+    `floor`: height of a level floor. Raises SceneError if it leaves the others and there is none.
     """
     place, step = _dropped(others, start, radius, floor), STEP * radius
     for _ in range(MOST_STEPS):
@@ -103,7 +101,6 @@ def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = 
 
 
 def _dropped(others: Spheres, place: Floats, radius: float, floor: float | None) -> Floats:
-    """The sphere straight down until it touches."""
     level = place.copy()
     level[2] = 0.0
     away = others.away(level)
@@ -123,7 +120,6 @@ def _dropped(others: Spheres, place: Floats, radius: float, floor: float | None)
 def _near(
     others: Spheres, place: Floats, radius: float, within: float, floor: float | None
 ) -> tuple[Floats, Floats, np.ndarray]:
-    """Normals (k, 3) towards the sphere, gaps (k,) and numbers (k,), -1 of the floor, of what is near."""
     away = others.away(place)
     length = np.linalg.norm(away, axis=1)
     gaps = length - others.radii - radius
@@ -139,7 +135,6 @@ def _near(
 
 
 def _closed(others: Spheres, place: Floats, radius: float, floor: float | None) -> Floats:
-    """The place at which the contacts that carry the sphere are closed to round-off."""
     normals, _, which = _near(others, place, radius, TOUCHING * radius, floor)
     _, factors = balance(normals, DOWN)
     carrying = set(which[factors > CARRYING].tolist())

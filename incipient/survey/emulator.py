@@ -1,9 +1,8 @@
-"""Load coefficients of grains without a run: a Gaussian process of scikit-learn over the surroundings of a grain.
+"""Load coefficients of grains without a run: a Gaussian process over the surroundings of a grain.
 
-Its bars come from the runs themselves. These are cut into five parts, each predicted by processes fitted to the other
-four, and all bars are widened until 95% of the errors are within 1.96 of them, by the order statistic that holds for
-runs to come as well (Vovk, Gammerman & Shafer 2005, *Algorithmic Learning in a Random World*). The largest of n errors
-holds with a probability of n/(n + 1): 95% needs 19 runs.
+Bars come from five-fold cross-validation, widened until 95% of the errors are within 1.96 of them, by the order
+statistic that holds for further runs (Vovk, Gammerman & Shafer 2005, *Algorithmic Learning in a Random World*). The
+largest of n errors holds with a probability of n/(n + 1): 95% needs 19 runs.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class Emulator:
 
     processes: a pipeline of scikit-learn for each coefficient
     widened: factor (6,) on the bars of each
-    errors, bars: (n, 6) of the runs, each predicted without its fifth of them; bars of one standard deviation, widened
+    errors, bars: (n, 6) of the runs, cross-validated; bars of one standard deviation, widened
     """
 
     processes: tuple[Any, ...]
@@ -56,12 +55,11 @@ class Emulator:
 
     @property
     def level(self) -> float:
-        """The probability with which bars of a grain without a run hold."""
+        """Probability with which bars of a grain without a run hold."""
         return min(LEVEL, len(self.errors) / (len(self.errors) + 1))
 
     @staticmethod
     def require() -> None:
-        """Raise MissingError without scikit-learn, before anything is computed."""
         try:
             import_module("sklearn.gaussian_process")
         except ImportError as error:
@@ -75,15 +73,14 @@ class Emulator:
 
     @property
     def correlation(self) -> Floats:
-        """(6, 6) of the errors of all coefficients."""
+        """Correlation (6, 6) of the errors."""
         scaled = self.errors / np.maximum(np.sqrt((self.errors**2).mean(axis=0)), 1e-300)
         # A tenth of the identity keeps the correlations of few errors positive definite.
         return np.asarray(0.9 * scaled.T @ scaled / len(scaled) + 0.1 * np.eye(scaled.shape[1]))
 
     def deviations_with(self, features: Floats, added: Floats) -> Floats:
-        """Standard deviations (m,) of the drag at features (m, 7) after further runs at others (k, 7).
-
-        They are over the standard deviation of the drag of the runs.
+        """Standard deviations (m,) of the drag at features (m, 7) after further runs at others (k, 7), over that of the
+        runs.
         """
         scaler, process = (step for _, step in self.processes[0].steps)
         points = process.X_train_
@@ -93,7 +90,7 @@ class Emulator:
         return np.asarray(fixed.predict(scaler.transform(features), return_std=True)[1])
 
     def most_wanted(self, features: Floats, count: int) -> Integers:
-        """Indices of the `count` of features (m, 7) to compute next, each the least certain after those before it."""
+        """Indices of the `count` least certain of features (m, 7), each after those before it."""
         chosen: list[int] = []
         for _ in range(min(count, len(features))):
             deviations = self.deviations_with(features, features[chosen])
@@ -103,7 +100,6 @@ class Emulator:
 
 
 def _fitted(features: Floats, values: Floats) -> tuple[Any, ...]:
-    """A process for each column of values: a linear part, a smooth one, and noise, by the largest likelihood."""
     from sklearn.base import clone
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
@@ -124,14 +120,13 @@ def _fitted(features: Floats, values: Floats) -> tuple[Any, ...]:
 
 
 def _predicted(processes: Sequence[Any], features: Floats) -> tuple[Floats, Floats]:
-    """Means and standard deviations (m, k), noise included."""
     columns = [process.predict(features, return_std=True) for process in processes]
     means, deviations = (np.column_stack(column) for column in zip(*columns, strict=True))
     return means, deviations
 
 
 def designed(features: Floats, count: int) -> Integers:
-    """Indices of the `count` of features (m, 7) to compute first: far from one another, beginning in the middle.
+    """Indices of the `count` of features (m, 7) to compute first, beginning in the middle.
 
     Each is the farthest one from those before it (Kennard & Stone 1969, Technometrics 11, 137).
     """
@@ -149,13 +144,12 @@ def designed(features: Floats, count: int) -> Integers:
 def runs_to_halve(emulator: Emulator, features: Floats, unknown: Sequence[int]) -> int:
     """Number of further runs, each where the emulator is least certain, that halve the mean bar of the drag.
 
-    features (m, 7): of all grains; unknown: those without a run. A grain with a run has no bar of the emulator.
+    features (m, 7): of all grains; unknown: those without a run
     """
     left = features[list(unknown)]
     order = emulator.most_wanted(left, len(left))
 
     def bar(added: int) -> float:
-        """The sum of the bars after some runs."""
         if added == len(order):
             return 0.0
         return float(emulator.deviations_with(left[order[added:]], left[order[:added]]).sum())

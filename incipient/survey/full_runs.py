@@ -1,6 +1,6 @@
-"""Full runs of the flow past grains of a bed: their scenes, results of a sweep, and load coefficients.
+"""Full runs of the flow past grains of a bed: scenes, results of a sweep, and load coefficients.
 
-A scene has the grain's diameter, the shear rate and the fluid's density as units. Load coefficients are force over bed
+The units of a scene are the grain's diameter, the shear rate and the fluid's density. Coefficients are force over bed
 stress and diameter squared, and torque over bed stress and diameter cubed.
 """
 
@@ -32,7 +32,7 @@ CREEPING = 1.0  # Reynolds number that stands in scenes of creeping flow, where 
 
 @dataclass(frozen=True, eq=False)
 class LoadCoefficients:
-    """Load coefficients of a grain in a full run at a Reynolds number G d^2/nu: (6,), and their errors (6,) or None."""
+    """Load coefficients (6,) of a full run at a Reynolds number G d^2/nu, and their errors (6,) or None."""
 
     number: int
     reynolds: float
@@ -57,12 +57,12 @@ def scene_of(
     error_bars: bool = False,
     wide: bool = False,
 ) -> Scene:
-    """The scene of a full run: the grain where it is, among the neighbours near it, which are posts on a base plane.
+    """The scene of a full run: the grain, among the neighbours near it as posts on a base plane.
 
-    Neighbours nearer than the gap that stands for contact are smaller by what is missing; `wide`: twice that gap.
+    Neighbours nearer than the gap that represents contact are made smaller; `wide`: twice that gap.
 
-    level: mean height of the bed's surface above the grain's centre, in its diameters: there the shear begins, and
-    there the ground is that takes the place of the bed farther away.
+    level: mean height of the bed's surface above the grain's centre, in its diameters: the datum of the shear, and the
+    height of the planar far bed.
     """
     radius, gap = 0.5, request.runs.gap * (2.0 if wide else 1.0)
     near, radii = pocket.neighbours / pocket.diameter, pocket.radii / pocket.diameter
@@ -105,9 +105,9 @@ def scene_of(
 
 
 def _fillers(near: Floats, radii: Floats, base: float) -> tuple[Floats, Floats]:
-    """Posts (k, 3), their radii (k,), that fill the clefts between three neighbours up to the lowest of their centres.
+    """Posts (k, 3) and radii (k,) that fill interstices between three neighbours up to the lowest of their centres.
 
-    What lies deeper hardly moves, and cells for it would be many. None comes near the grain.
+    The fluid below hardly moves, and cells for it would be many. None is near the grain.
     """
     heap = SphereBed(near, radii, base)
     seen = np.flatnonzero(heap.highest(near[:, :2]) == np.arange(len(near)))
@@ -127,9 +127,9 @@ def _rows(places: Floats, radii: Floats) -> list[tuple[float, float, float, floa
 
 
 def reynolds_of(run: int, galileo: float | None) -> float:
-    """The Reynolds number of a run: of several spread evenly, in their logarithm, over what thresholds may need.
+    """The Reynolds number of a run: of several, spread evenly in the logarithm over the range that thresholds may need.
 
-    galileo: Galileo number of the run's own grain
+    galileo: Galileo number of the run's grain
     """
     if galileo is None:
         return CREEPING
@@ -145,7 +145,7 @@ def coefficients_of(
 ) -> list[LoadCoefficients]:
     """Load coefficients of the finished runs, from rows of a sweep's table by identity.
 
-    Errors are those of the run and the change by twice the gap, where both are known.
+    Errors are those of the run and the change by twice the gap, if both are known.
     """
     done = {identity: row for identity, row in rows.items() if row["status"] == "done"}
     coefficients = []
@@ -167,7 +167,7 @@ def _values(row: Mapping[str, Any]) -> Floats:
 
 
 def relative_error(runs: Sequence[LoadCoefficients]) -> Floats:
-    """Errors (6,) of load coefficients over the drag: the median over runs with estimates, zero without any."""
+    """Errors (6,) of load coefficients over the drag: median over runs with estimates, zero without any."""
     relative = [
         run.errors / abs(run.values[0]) for run in runs if run.errors is not None and run.values[0]
     ]

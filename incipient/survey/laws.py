@@ -1,7 +1,4 @@
-"""Laws of others for comparison: measured pivot angles, and a balance of forces with one drag coefficient for all.
-
-Lengths are in diameters of the grain, angles in degrees.
-"""
+"""Published laws for comparison, with lengths in diameters of the grain and angles in degrees."""
 
 from __future__ import annotations
 
@@ -18,19 +15,19 @@ HEIGHTS = 400  # of the quadrature
 
 
 def kirchner(percentile: ArrayLike, ratio: ArrayLike = 1.0) -> Floats:
-    """Percentile of the pivot angle of grains by their diameter over the bed's median one.
+    """Percentile of the pivot angle by the grain's diameter over the bed's median, (30 + 0.5 n)(D/K50)^-0.3.
 
-    (30 + 0.5 n)(D/K50)^-0.3: Kirchner, Dietrich, Iseya & Ikeda (1990), Sedimentology 37, 647, for water-worked mixtures
-    of sand and gravel.
+    Kirchner, Dietrich, Iseya & Ikeda (1990), Sedimentology 37, 647, for water-worked mixtures of sand and gravel.
     """
     return np.asarray((30.0 + 0.5 * np.asarray(percentile)) * np.asarray(ratio) ** -0.3)
 
 
 def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:
-    """Shields number at which one drag coefficient and a rough log law move a grain about its pivot, without lift.
+    """Shields number at which a constant drag coefficient and a rough log law move a grain about its pivot, without
+    lift.
 
-    protrusion: its top above the bed's mean level, where the velocity is zero; ratio: its diameter over the median one.
-    Infinite where it does not protrude or no force along the flow moves it.
+    protrusion: its top above the bed's mean level, where the velocity is zero; ratio: its diameter over the median.
+    Infinite without protrusion, or if no force along the flow moves it.
     """
     if not (protrusion > 0.0 and pivot < 90.0):
         return math.inf

@@ -32,7 +32,7 @@ POSES, SUMMARY = "poses.csv", "poses.json"
 
 @dataclass(frozen=True)
 class Poses:
-    """Numbers of random orientations and of seeds of the bed, from the first on; `first`: seed of the orientations."""
+    """Numbers of random orientations and of seeds of the bed; `first`: seed of the orientations."""
 
     orientations: int = 1
     seeds: int = 1
@@ -57,7 +57,6 @@ class PoseOutcome:
     def of(
         cls, table: Sequence[dict[str, Any]], poses: int, refused: int, reason: str
     ) -> PoseOutcome:
-        """The outcome of the rows of a sweep."""
         done = [row for row in table if row["status"] == "done"]
         shields = sorted(float(row["shields_nominal"]) for row in done)
         known = tuple(number for number in shields if not math.isnan(number))
@@ -66,7 +65,6 @@ class PoseOutcome:
         return cls(known, modes, poses, refused, reason, failed)
 
     def text(self) -> str:
-        """The outcome in a few lines."""
         known = len(self.shields)
         lines = [f"poses               {self.poses}: {known} thresholds, {self.failed} failed"]
         if self.refused:
@@ -91,8 +89,7 @@ def survey_poses(
 ) -> PoseOutcome:
     """Compute the thresholds of a scene's grain in random orientations, on beds of several seeds. Collective.
 
-    Poses in which it does not come to rest are left out and counted. `sweep`: as of `survey`.
-    Raises IncipientError on all ranks.
+    Poses without rest are counted. `sweep`: as of `survey`. Raises IncipientError on all ranks.
     """
     source, voice = Source.of(path), voice or Silent()
 
@@ -134,7 +131,6 @@ def survey_poses(
 
 
 def _settings(request: Poses, own: tuple[float, float, float]) -> list[tuple[str, ...]]:
-    """Overrides of each pose: the first orientation is the scene's own."""
     random = np.random.default_rng(request.first)
     turned = [own, *(random_orientation(random) for _ in range(request.orientations - 1))]
     orientations = [
@@ -145,7 +141,7 @@ def _settings(request: Poses, own: tuple[float, float, float]) -> list[tuple[str
 
 
 def random_orientation(random: np.random.Generator) -> tuple[float, float, float]:
-    """Angles about x, y and z [degrees] of a rotation, all rotations being equally likely (Shoemake 1992)."""
+    """Angles [degrees] about x, y and z of a uniformly distributed rotation (Shoemake 1992)."""
     numbers = random.standard_normal(4)
     w, x, y, z = (numbers / np.linalg.norm(numbers)).tolist()
     return orientation_of(Placement((0.0, 0.0, 0.0), quaternion=(w, x, y, z)))

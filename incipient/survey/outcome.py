@@ -1,4 +1,4 @@
-"""The results of a survey as data: the grains, their thresholds, and the bed as a whole."""
+"""The results of a survey as data."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ COLUMNS = (
 class EmulatorRecord:
     """The quality of the emulator.
 
-    error, bar: root mean square over runs of the drag's error, each predicted without its fifth of them, over the mean
-        drag; and of the bars of one standard deviation
+    error, bar: root mean square of the cross-validated errors of the drag, over the mean drag; and of the bars of one
+        standard deviation
     within: fraction of the six coefficients of these within 1.96 bars; mean_bar: relative, of the critical Shields
         number over grains without a run
-    to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None where none has it
+    to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None: not known
     level: probability with which bars hold
     """
 
@@ -66,7 +66,6 @@ class EmulatorRecord:
         to_halve: int,
         of_flow: Floats,
     ) -> EmulatorRecord:
-        """The record from runs, thresholds and the relative error (6,) of the flow."""
         wrong, bars = emulator.errors, emulator.bars
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
         ranges = [(*one.bar, one.shields) for one in thresholds if not one.is_computed]
@@ -88,7 +87,6 @@ class EmulatorRecord:
         )
 
     def lines(self) -> list[str]:
-        """The record for a reader."""
         flow = "not estimated" if self.flow is None else f"{self.flow:.1%} of the drag"
         failed = f", {self.failed} failed" if self.failed else ""
         least = "" if self.level >= LEVEL else f": so few runs give no more; {FOR_LEVEL} tell 95%"
@@ -106,7 +104,7 @@ class EmulatorRecord:
 class SurveyOutcome:
     """A survey: its bed and surface, its exposed grains, thresholds of those that carry no other, and the emulator.
 
-    runs: grains with a full run, in their order; mark: of the bed and the flow that these belong to
+    runs: grains with a full run, in their order; mark: of the bed and the flow of these runs
     """
 
     request: SurveyRequest
@@ -126,18 +124,16 @@ class SurveyOutcome:
 
     @property
     def _stress(self) -> tuple[Floats, Floats]:
-        """Critical stresses (n,) and draws of them (n, k), over the submerged specific weight of the median grain."""
         ratios = np.array([self._ratio(one.pocket) for one in self.thresholds])
         own = np.array([one.shields for one in self.thresholds])
         draws = np.array([one.draws for one in self.thresholds])
         return own * ratios, draws * ratios[:, None]
 
     def _ratio(self, grain: Pocket) -> float:
-        """Diameter over the median one."""
         return grain.diameter / self.surface.median
 
     def distribution(self) -> list[dict[str, float]]:
-        """Percentiles of the critical Shields number by the median grain, with bars of each."""
+        """Percentiles, with bars, of the critical Shields number by the median grain."""
         own, draws = self._stress
         return [
             row | range_of(percentile(draws, row["percentile"]))
@@ -145,7 +141,7 @@ class SurveyOutcome:
         ]
 
     def curve(self) -> list[dict[str, float]]:
-        """Fraction of the free grains that is mobile, against the Shields number, with bars."""
+        """Mobile fraction of the free grains, with bars, against the Shields number."""
         own, draws = self._stress
         finite = own[np.isfinite(own) & (own > 0.0)]
         if not len(finite):
@@ -157,13 +153,13 @@ class SurveyOutcome:
         ]
 
     def pivots(self) -> list[dict[str, float]]:
-        """Percentiles of the pivot angle, reduced to the median size by Kirchner's power, beside his law."""
+        """Percentiles of the pivot angle, reduced to the median size by Kirchner's power, and his law."""
         reduced = np.array([grain.pivot * self._ratio(grain) ** 0.3 for grain in self.free])
         rows = _percentiles("pivot", reduced[np.isfinite(reduced)])
         return [row | {"kirchner": float(kirchner(row["percentile"]))} for row in rows]
 
     def constant_drag(self) -> list[dict[str, float]]:
-        """Percentiles of the critical Shields number by one drag coefficient for all and a log law."""
+        """Percentiles of the critical Shields number by a constant drag coefficient and a log law."""
         shields = [self._ratio(grain) * self._by_constant_drag(grain) for grain in self.free]
         return _percentiles("shields", np.array(shields))
 
@@ -171,7 +167,6 @@ class SurveyOutcome:
         return with_constant_drag(grain.pivot, grain.protrusion, self._ratio(grain))
 
     def rows(self) -> list[dict[str, Any]]:
-        """A row for each surveyed grain, in the order in which they move."""
         known = {one.pocket.number: one for one in self.thresholds}
         rows = [self._row(grain, known.get(grain.number)) for grain in self.pockets]
         rows.sort(key=lambda row: (row.get("stress", math.inf), row["number"]))
@@ -194,7 +189,6 @@ class SurveyOutcome:
         return row | {"loads": loads, "mode": threshold.mode}
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it but the grains as plain data for survey.json."""
         return {
             "title": self.request.title,
             "request": self.request.model_dump(mode="json"),
@@ -217,7 +211,6 @@ class SurveyOutcome:
         }
 
     def text(self) -> str:
-        """The survey in a few lines."""
         median, bed = self.surface.median, self.surface
         lines = [
             f"bed                 {len(self.spheres)} grains, median diameter {median:.4g}; "
@@ -248,7 +241,6 @@ class SurveyOutcome:
 
 
 def _percentiles(name: str, values: Floats) -> list[dict[str, float]]:
-    """Rows of the percentiles for which there are enough values."""
     return [
         {"percentile": share, name: float(percentile(values, share))}
         for share in known_percentiles(SHARES, len(values))

@@ -1,6 +1,6 @@
-"""The exposed grains of a bed: their contacts with neighbours, protrusion, shelter and pivot angle.
+"""The exposed grains of a bed: contacts with fixed neighbours, protrusion, shelter and pivot angle.
 
-Places are relative to the grain's centre, in a frame whose x is the direction of the flow. Neighbours are fixed.
+Positions are relative to the grain's centre, with x in the direction of the flow.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AROUND = 4.0  # diameters about a grain over which neighbours count
 class Surface:
     """The upper side of a bed.
 
-    level: its mean height; visible: fraction (n,) of each sphere's area in plan that is seen from above
+    level: its mean height; visible: fraction (n,) of each sphere's area in plan that is visible from above
     median: diameter of the median sphere; inside: whether spheres (n,) are far enough from the edge
     """
 
@@ -86,10 +86,10 @@ class Pocket:
     neighbours (k, 3), relative to it in the frame of the flow, and their radii (k,); contacts: in the same frame
     protrusion: its top above the bed's mean level; exposure: above the tops upstream of it
     sheltered, backed: fraction of its disc across the flow that is hidden upstream, downstream; skew: left less right
-    visible: fraction of its area in plan that is seen from above
+    visible: fraction of its area in plan that is visible from above
     carries: number of grains that rest on it; shifted: how far it was moved to rest on its neighbours
-    pivot: angle whose tangent is the force along the flow, through the centre, over the weight, that moves it without
-        friction [degrees]; critical_force: that force over the weight with friction, infinite where none moves it
+    pivot: angle [degrees] whose tangent is the force along the flow, through the centre, over the weight, that moves it
+        without friction; critical_force: that force over the weight with friction, infinite if none moves it
     """
 
     number: int
@@ -111,12 +111,12 @@ class Pocket:
 
     @property
     def features(self) -> Floats:
-        """The features of the emulator but for size and Reynolds number, (5,)."""
+        """Features (5,) of the emulator except size and Reynolds number."""
         return np.array([self.protrusion, self.exposure, self.sheltered, self.backed, self.skew])
 
 
 def turn(azimuth: float) -> Floats:
-    """The matrix (3, 3) that takes vectors of the bed, in rows from the left, to the frame of the flow."""
+    """Matrix (3, 3) from the bed's frame to that of the flow, for row vectors on its left."""
     c, s = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
@@ -135,8 +135,8 @@ def pockets(
 ) -> Iterator[Pocket]:
     """The exposed grains that rest on their neighbours, one after the other.
 
-    Measured grains, whose neighbours need not touch, are first let down onto these from above; those that end farther
-    than a quarter of a diameter from their measured place are left out.
+    Measured grains are first lowered onto their neighbours; those that end farther than a quarter of a diameter from
+    their measured position are omitted.
     """
     for number in numbers.tolist():
         centre, shifted, others = spheres.centres[number], 0.0, spheres.without(number)
@@ -180,9 +180,9 @@ def pockets(
 
 
 def critical_force(contacts: Contacts, law: Law) -> float:
-    """The force along x, through the centre, over the weight at which a grain moves, by the exact criterion.
+    """Force along x, through the centre, over the weight at which a grain moves, by the exact criterion.
 
-    Infinite where no such force moves it, NaN where the weight alone does.
+    Infinite if no such force moves it, NaN if the weight alone does.
     """
     load = Load(np.array([1.0, 0.0, 0.0]), np.zeros(3), DOWN, np.zeros(3))
     safety = safety_factor(load, contacts, law)

@@ -1,4 +1,4 @@
-"""A survey from start to end: the bed, its exposed grains, full runs of some in a sweep, thresholds of all."""
+"""A survey: the bed, its exposed grains, full runs of some in a sweep, thresholds of all."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ ONE_OF_MANY = {"tries": 1}  # a run that dies or takes too long is not repeated 
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
-    """A survey from a TOML file. Raises SceneError."""
+    """Read a survey from a TOML file. Raises SceneError."""
     text = read_text(path, "give the name of a survey file")
     return parse(SurveyRequest, text, path.parent, overrides, str(path))
 
@@ -59,7 +59,7 @@ def survey(
     sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> SurveyOutcome:
-    """Survey a bed; its numbers are written to a directory, whose finished runs are not repeated. Collective.
+    """Survey a bed; results are written to a directory, whose finished runs are reused. Collective.
 
     Args:
         base: directory that files of the bed are relative to.
@@ -94,7 +94,7 @@ def survey(
 
 
 def _mark(request: SurveyRequest, spheres: Spheres) -> str:
-    """A mark that tells the runs of this bed and flow from others in one directory."""
+    """Mark of the runs of this bed and flow, to distinguish them from others in the directory."""
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
@@ -125,8 +125,6 @@ def _write(outcome: SurveyOutcome, directory: Path, comm: Comm) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Loads:
-    """Full runs of some of the free grains, and thresholds of all of them."""
-
     outcome: SurveyOutcome
     directory: Path
     comm: Comm
@@ -135,7 +133,6 @@ class _Loads:
     voice: Silent
 
     def computed(self) -> SurveyOutcome:
-        """The outcome with runs, thresholds and the record of the emulator. Collective."""
         grains, number = self.outcome.free, self.outcome.request.runs.number
         order = designed(self._features, min(number, len(grains)))
         # Runs of an earlier call come first: the place of a run decides its Reynolds number.
@@ -166,7 +163,6 @@ class _Loads:
 
     @cached_property
     def _features(self) -> Floats:
-        """(n, 7) of the free grains at the Reynolds number one."""
         median = self.outcome.surface.median
         return np.array([features_of(grain, median, 1.0) for grain in self.outcome.free])
 
@@ -180,7 +176,7 @@ class _Loads:
         return list(map(int, numbers[left[wanted(self._features[left], more)]]))
 
     def _full_runs(self, numbers: Sequence[int], place: int = 0) -> list[FullRun]:
-        """The runs of grains from a place on; the first ones with error bars, and once more with a wider gap."""
+        """Runs of grains; the first ones with error bars, and once more with a wider gap."""
         outcome, runs = self.outcome, []
         free = {grain.number: grain for grain in outcome.free}
         median, galileo = outcome.surface.median, outcome.request.flow.galileo
@@ -196,7 +192,6 @@ class _Loads:
         return runs
 
     def _table(self) -> dict[str, dict[str, Any]]:
-        """The rows of all runs in the directory by their identity."""
         file = self.directory / RUNS
         return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
 
@@ -223,6 +218,5 @@ class _Loads:
 
 
 def _statuses(runs: Sequence[FullRun], table: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Statuses of runs, by the rows of a directory, without those with a wider gap."""
     identities = [identity_of(run.scene, "run") for run in runs]
     return [table[identity]["status"] for identity in identities if identity in table]

@@ -13,17 +13,17 @@ _BOTH = 'give both spread and sizes = "uniform" or "lognormal", or neither'
 
 
 class Deposited(Section):
-    """Spheres dropped one by one at random places, each of which rolls down until it rests."""
+    """Spheres dropped one by one at random places, which roll until they rest."""
 
     rules = (
         Rule("spread", lambda s: s.sizes != "equal" and not s.spread, "is needed by unequal sizes", _BOTH),
         Rule("spread", lambda s: s.sizes == "equal" and s.spread, "is read only for unequal sizes", _BOTH),
     )  # fmt: skip
 
-    kind: Literal["deposited"] = key("Where the grains come from", "deposited")
+    kind: Literal["deposited"] = key("Source of the grains", "deposited")
     number: int = key("Number of spheres", ge=4, le=MOST_GRAINS)
-    length: Positive = key("Extent along x of a box that repeats itself [length]")
-    width: Positive = key("Extent along y of a box that repeats itself [length]")
+    length: Positive = key("Period in x [length]")
+    width: Positive = key("Period in y [length]")
     diameter: Positive = key("Diameter of the spheres, the median of unequal ones [length]", 1.0)
     sizes: Literal["equal", "uniform", "lognormal"] = key("Distribution of the diameters", "equal")
     spread: NotNegative = key(
@@ -35,7 +35,7 @@ class Deposited(Section):
         "Diameters to draw from, each equally likely, instead of sizes [length]", ()
     )
     tries: int = key(
-        "Places tried for each sphere, of which the lowest is taken: the more, the more level",
+        "Places tried for each sphere, of which the lowest is taken: more give a more level bed",
         1,
         ge=1,
         le=1000,
@@ -46,39 +46,39 @@ class Deposited(Section):
 class MeasuredSpheres(Section):
     """Spheres from a table."""
 
-    kind: Literal["spheres"] = key("Where the grains come from", "spheres")
+    kind: Literal["spheres"] = key("Source of the grains", "spheres")
     file: str = key("CSV file with a row x, y, z, diameter for each sphere")
 
 
 class MeasuredEllipsoids(Section):
-    """Ellipsoids fitted to a point cloud, as G3Point exports them; taken as spheres of equal volume."""
+    """Ellipsoids fitted to a point cloud (G3Point), represented by spheres of equal volume."""
 
-    kind: Literal["ellipsoids"] = key("Where the grains come from", "ellipsoids")
+    kind: Literal["ellipsoids"] = key("Source of the grains", "ellipsoids")
     file: str = key(
         "CSV file with columns Xc, Yc, Zc, Dmax, Dmed, Dmin among others, as of G3Point's table"
     )
 
 
 class LabelledHeights(Section):
-    """A height map with labelled grains; each is taken as the sphere of equal area in plan."""
+    """A height map with labelled grains, represented by spheres of equal area in plan."""
 
-    kind: Literal["labels"] = key("Where the grains come from", "labels")
+    kind: Literal["labels"] = key("Source of the grains", "labels")
     heights: str = key("PNG, TIFF, .npy or .asc file of heights")
-    labels: str = key("PNG, TIFF or .npy file of as many whole numbers: a grain each, 0 for none")
-    cell: PositivePair = key("Distance between heights along x and y [length]")
+    labels: str = key("PNG, TIFF or .npy file of as many integers: one for each grain, 0 for none")
+    cell: PositivePair = key("Spacing of the heights in x and y [length]")
     relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
-    offset: Pair = key("Place x, y of the first height [length]", (0.0, 0.0))
+    offset: Pair = key("x, y of the first height [length]", (0.0, 0.0))
 
 
 BedOfGrains = Deposited | MeasuredSpheres | MeasuredEllipsoids | LabelledHeights
 
 
 class FlowPast(Section):
-    """The flow past the bed, and what resists it."""
+    """The flow past the bed, and the resistance of grains."""
 
-    azimuth: float = key("Direction in which the flow goes, from x towards y [degrees]", 0.0)
+    azimuth: float = key("Direction of the flow, from x towards y [degrees]", 0.0)
     galileo: Positive | None = key(
-        "sqrt((s - 1) g d^3)/nu of the median grain, by which inertia has its part; without it creeping flow [-]",
+        "Galileo number sqrt((s - 1) g d^3)/nu of the median grain; default: creeping flow [-]",
         None,
     )
     friction: NotNegative = key("Coefficient of static friction [-]", 0.5)
@@ -88,9 +88,9 @@ class Surveyed(Section):
     """Selection of the surveyed grains."""
 
     visible: NotNegative = key(
-        "Share of a grain that is seen from above, from which on it is exposed [-]", 0.5, le=1
+        "Fraction of a grain visible from above from which on it counts as exposed [-]", 0.5, le=1
     )
-    most: int | None = key("Number of exposed grains, drawn at random; without it all", None, ge=1)
+    most: int | None = key("Number of exposed grains, drawn at random; default: all", None, ge=1)
     seed: int = key("Seed of that choice", 0, ge=0, le=2**31)
 
 
@@ -100,17 +100,15 @@ class Runs(Section):
     number: int = key("Number of grains with a full run", 0, ge=0)
     mesh_size: Positive = key("Factor on the size of all cells of these runs [-]", 2.2)
     order: int = key("Order of the velocity, 2 or 3", 2, ge=2, le=3)
-    gap: Positive = key(
-        "Gap that stands for contact while the flow is computed [grain sizes]", 0.02, le=0.1
-    )
+    gap: Positive = key("Gap that represents contact in the flow [grain sizes]", 0.02, le=0.1)
     meshed_bed: Positive = key(
-        "Factor on the radius about the grain within which the bed is meshed as it is [-]", 0.6
+        "Factor on the radius about the grain within which the bedforms are meshed [-]", 0.6
     )
     domain: Positive = key(
         "Length and width of the domain, twice its height [grain sizes]", 10.0, ge=6
     )
     with_error_bars: int = key(
-        "Number of these runs that estimate their errors, which are taken for all", 2, ge=0
+        "Number of these runs with error estimates, which are applied to all", 2, ge=0
     )
     seed: int = key("Seed of the emulator's draws", 0, ge=0)
 
@@ -118,8 +116,8 @@ class Runs(Section):
 class SurveyRequest(Section):
     """A survey of a bed of grains."""
 
-    title: str = key("What this survey is about", "")
+    title: str = key("Title of the survey", "")
     bed: Annotated[BedOfGrains, Field(discriminator="kind")] = key("The grains of the bed")
     flow: FlowPast = key("The flow past the bed", FlowPast())
-    grains: Surveyed = key("Which grains are surveyed", Surveyed())
+    grains: Surveyed = key("Selection of the surveyed grains", Surveyed())
     runs: Runs = key("Full runs of the flow past some of the grains", Runs())

@@ -1,7 +1,6 @@
 """Critical Shields numbers of the grains of a bed with their bars, from load coefficients and the exact criterion.
 
-The Shields number is the bed stress over submerged specific weight and the grain's own diameter. Grains are compared by
-`stress`, the same with the bed's median diameter.
+The Shields number has the grain's own diameter, `stress` the bed's median diameter.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ PERCENTILES = {"low": 2.5, "high": 97.5}
 
 
 def range_of(drawn: Floats) -> dict[str, float]:
-    """The range of 95% of draws (k,)."""
+    """Range of 95% of draws (k,)."""
     return {end: float(percentile(drawn, share)) for end, share in PERCENTILES.items()}
 
 
@@ -44,7 +43,7 @@ class Threshold:
 
     @property
     def bar(self) -> tuple[float, float]:
-        """The range of 95% of the draws; infinite where the grain may stay in any flow."""
+        """Range of 95% of the draws; infinite if the grain may stay in any flow."""
         low, high = range_of(self.draws).values()
         return low, high
 
@@ -61,7 +60,7 @@ class LoadErrors:
     seed: int
 
     def of_emulator(self, number: int) -> Floats:
-        """Errors (DRAWS, 6) of a grain in standard deviations, correlated."""
+        """Correlated errors (DRAWS, 6) of a grain in standard deviations."""
         drawn = np.random.default_rng([self.seed, 3, number]).standard_normal((DRAWS, 6))
         return np.asarray(drawn @ np.linalg.cholesky(self.correlation).T)
 
@@ -123,7 +122,7 @@ def _critical(grain: Pocket, coefficients: Floats, law: Law, strengths: Floats |
 
 
 def _first_loss(strengths: Floats, factors: Floats) -> float:
-    """The strength from which on the safety factor is below one; beyond both ends in proportion to the load."""
+    """The strength from which on the safety factor is below 1; beyond both ends in proportion to the load."""
     lost = np.flatnonzero(factors < 1.0)
     if len(lost) == 0 or lost[0] == 0:
         end = 0 if len(lost) else -1
@@ -137,7 +136,6 @@ def _first_loss(strengths: Floats, factors: Floats) -> float:
 
 
 def _mode(grain: Pocket, coefficients: Floats, shields: float, law: Law) -> str:
-    """Mode of incipient motion in a flow slightly faster than critical."""
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
     load = (1.0 + BEYOND) * shields * coefficients[None]

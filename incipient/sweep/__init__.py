@@ -3,7 +3,7 @@
 import incipient, incipient.sweep
 if __name__ == "__main__":  # worker processes import this file
     incipient.sweep.run("scene.toml", "results/curve.sqlite", {"fluid.reynolds": "log:0.1:200:17"}, do="threshold")
-    rows = incipient.sweep.rows("results/curve.sqlite")       # a dictionary a case
+    rows = incipient.sweep.rows("results/curve.sqlite")       # a dictionary for each case
     frame = incipient.sweep.frame("results/curve.sqlite")     # the same for pandas
 """
 

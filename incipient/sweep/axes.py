@@ -1,4 +1,4 @@
-"""The axes of a sweep, as a grid or together, and tables of cases."""
+"""Axes of a sweep, and tables of cases."""
 
 from __future__ import annotations
 
@@ -27,19 +27,18 @@ _REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NU
 
 @dataclass(frozen=True)
 class VariedKey:
-    """A key of scenes and the values that it takes, as text that `--set` understands."""
+    """A key of scenes and its values, as text for `--set`."""
 
     key: str
     values: tuple[str, ...]
 
     @property
     def settings(self) -> list[Settings]:
-        """One override for each value."""
         return [(f"{self.key}={value}",) for value in self.values]
 
 
 def parsed(text: str) -> VariedKey:
-    """The axis of an option such as ``fluid.reynolds=log:0.1:200:17``; raises SceneError."""
+    """The axis of an option such as ``fluid.reynolds=log:0.1:200:17``. Raises SceneError."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
         raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
@@ -47,11 +46,7 @@ def parsed(text: str) -> VariedKey:
 
 
 def of_mapping(over: Mapping[str, Any]) -> list[VariedKey]:
-    """Axes by their keys: values are a text as of `parsed`, a list, or one value; sections may be nested as in TOML.
-
-    Raises:
-        SceneError: one of them cannot be understood.
-    """
+    """Axes by their keys: text as of `parsed`, a list, or one value; sections may be nested. Raises SceneError."""
     axes: list[VariedKey] = []
     for key, values in over.items():
         if isinstance(values, Mapping):
@@ -73,7 +68,6 @@ def of_mapping(over: Mapping[str, Any]) -> list[VariedKey]:
 
 
 def _values(text: str, option: str) -> tuple[str, ...]:
-    """Comma-separated values and ranges."""
     values: list[str] = []
     for part in _split(text):
         match = _RANGE.fullmatch(part)
@@ -102,12 +96,11 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
 
 
 def rounded(value: float) -> str:
-    """A number as text of fixed digits, equal on all machines."""
+    """A number as text, equal on all machines."""
     return repr(float(f"{value:.{_DIGITS}g}"))
 
 
 def _split(text: str) -> list[str]:
-    """Parts between commas, but for those within brackets or quotes."""
     parts, depth, quoted = [""], 0, False
     for sign in text:
         quoted ^= sign == '"'
@@ -120,7 +113,7 @@ def _split(text: str) -> list[str]:
 
 
 def table_of_cases(path: Path) -> list[Settings]:
-    """Cases of a CSV file, a row each, under keys in the first row; empty cells change nothing. Raises SceneError."""
+    """Cases of a CSV file, a row each, with keys in the header; empty cells change nothing. Raises SceneError."""
     heads, rows = read_table(path, "give a CSV file of cases")
     if not rows:
         raise SceneError(
@@ -137,10 +130,10 @@ def table_of_cases(path: Path) -> list[Settings]:
 def combined(
     axes: Sequence[VariedKey], together: bool, table: Iterable[Settings] = ()
 ) -> list[Settings]:
-    """The overrides of all cases: every combination of axes and rows; `together`, axes vary side by side.
+    """Overrides of all cases: every combination of axes and rows; `together`: axes vary side by side.
 
     Raises:
-        SceneError: axes that vary together have different lengths, a key comes twice, or there are too many cases.
+        SceneError: lengths differ of axes that vary together, a key comes twice, or there are too many cases.
     """
     keys = [axis.key for axis in axes]
     if twice := next((key for key in keys if keys.count(key) > 1), None):

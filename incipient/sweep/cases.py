@@ -1,4 +1,4 @@
-"""The cases of a sweep: scenes resolved and checked, each with an identity that depends on its content alone."""
+"""The cases of a sweep: checked scenes, each with an identity that depends on its content alone."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ class Source:
 
     @classmethod
     def of(cls, scene: Scene | Path | str) -> Source:
-        """The source from a Scene or a file. Raises SceneError: the file cannot be read."""
         if isinstance(scene, Scene):
             return cls(scene.title or "scene", dumps(scene))
         path = Path(scene)
@@ -39,8 +38,8 @@ class Source:
 class SweepCase:
     """One case of a sweep.
 
-    identity: the same for the same task and content, whatever the title, the files written and the order of keys
-    settings: the overrides that made it; text: the resolved scene, or case to be judged, as JSON
+    identity: independent of the title, the files written and the order of keys
+    settings: its overrides; text: the complete scene, or case to be judged, as JSON
     """
 
     identity: str
@@ -51,14 +50,13 @@ class SweepCase:
 
     @property
     def name(self) -> str:
-        """The overrides in one line."""
         return ", ".join(self.settings) or self.source
 
 
 def resolved(
     source: Source, settings: Settings, task: str, common: Sequence[str] = ()
 ) -> SweepCase:
-    """A source with the settings of one case; `common` are settings of all cases. Raises SceneError."""
+    """A source with the settings of one case; `common`: those of all cases. Raises SceneError."""
     overrides = (*common, *settings)
     if task == "judge":
         return _judged(source, settings, overrides)

@@ -35,14 +35,14 @@ _SETTINGS = {
 
 
 def usual_jobs() -> int:
-    """The number of cores of this process, reduced where memory for the libraries of as many workers is lacking."""
+    """Number of cores, reduced if memory is insufficient for as many workers."""
     cores = len(os.sched_getaffinity(0))
     return max(1, int(min(cores, FREE * free_bytes() / 2**20 / memory_of_libraries())))
 
 
 @contextmanager
 def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
-    """A client of new worker processes of this machine, one thread each, which end with the block.
+    """Client of new worker processes of this machine, one thread each, which end with the block.
 
     memory_mib: of each process; None: a fraction of the free memory
 
@@ -80,11 +80,9 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
 
 @contextmanager
 def client_of(scheduler: Any) -> Iterator[Any]:
-    """A client of a scheduler: its address, the .json file that it has written, or a cluster object of Dask.
+    """Client of a scheduler: its address, its .json file, or a cluster object of Dask. Raises OutputError.
 
-    Workers that compute cases when the block ends are restarted: Dask itself lets them go on.
-
-    Raises OutputError: no scheduler answers.
+    Workers that still compute at the end of the block are restarted: Dask would continue their cases.
     """
     from distributed import Client
 
@@ -111,13 +109,13 @@ def client_of(scheduler: Any) -> Iterator[Any]:
 
 
 def _silence(*loggers: str) -> None:
-    """Keep libraries from printing the ends of workers, and calls cut by an interrupt, which the sweep reports."""
+    """Suppress messages on the ends of workers and on interrupted calls, which the sweep reports."""
     for name in loggers:
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 async def _greet(address: str) -> None:
-    """Connect and leave: Dask's client waits without end for what accepts and says nothing."""
+    """Test the connection: Dask's client waits for ever for a server that does not answer."""
     from distributed.core import connect
 
     comm = await asyncio.wait_for(connect(address, timeout=START), START)

@@ -1,4 +1,4 @@
-"""A sweep from start to end: cases are given to the workers of Dask, and this process writes what they return."""
+"""The sweep: Dask's workers compute the cases, and this process writes their results."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from .cluster import client_of, exceeded_memory, local_client, number_of_workers
 from .refinement import SweepRefinement
 from .request import parsed_seconds, requested
 from .store import DONE, FAILED, Store
-from .table import in_words
+from .table import in_words, rests_elsewhere
 from .worker import RELEASE, CaseOutcome, computed_within
 
 LOOK = 0.5  # seconds between looks at the time and at the number of workers
@@ -44,13 +44,7 @@ RESTART = 60.0  # seconds in which worker processes of this machine start again
 
 @dataclass(frozen=True)
 class Means:
-    """Resources of a sweep.
-
-    jobs: cases at a time, None: one a core; memory_mib: of each case, None: by the free memory
-    wall: seconds of the sweep; retry: whether failed cases are computed again
-    scheduler: of Dask, see `client_of`; None: processes of this machine
-    tries: how often a case is begun whose process dies; limit: seconds that a case may take
-    """
+    """Resources of a sweep; see `run`."""
 
     jobs: int | None = None
     memory_mib: float | None = None
@@ -83,7 +77,7 @@ class Means:
 
 @dataclass
 class SweepProgress:
-    """Numbers of cases: in all, finished before, computed, failed; `refined`: lines for a reader on a refinement."""
+    """Numbers of cases: in all, finished before, computed, failed; `refined`: text on a refinement."""
 
     file: Path
     total: int = 0
@@ -94,7 +88,7 @@ class SweepProgress:
 
     @property
     def finished(self) -> int:
-        """Number of cases that are not left to be computed."""
+        """Number of cases that need no computation."""
         return self.known + self.done + self.failed
 
 
@@ -120,7 +114,7 @@ def run(
     dry_run: bool = False,
     voice: Silent | None = None,
 ) -> SweepProgress:
-    """Compute the cases of a sweep that its file does not hold yet. Not collective: one rank calls it.
+    """Compute the cases of a sweep that its file does not yet have. Not collective: one rank calls it.
 
     A script calls it below ``if __name__ == "__main__":``, since worker processes import the script.
 
@@ -133,13 +127,13 @@ def run(
         zip: values of several keys vary side by side instead of in every combination.
         cases: a CSV file of cases.
         settings: overrides of all cases, such as ``"numerics.mesh_size=2"``.
-        jobs: cases at a time; default: one a core.
+        jobs: cases at a time; default: one per core.
         memory_mib: memory of each case; default: 4/5 of the free memory over `jobs`.
         wall: seconds, or text such as "8h", after which the sweep ends.
-        retry: whether cases that have failed are computed again.
-        refine: cases are added where the mode changes or a quantity bends, to this fraction of the range; True: 0.02.
-        most: cases in all, those added as well.
-        quantity: the column that is to be straight between cases; default: the Shields or the safety factor.
+        retry: whether failed cases are computed again.
+        refine: add cases where the mode changes or a quantity bends, to this fraction of the range; True: 0.02.
+        most: cases in all, including those added.
+        quantity: the column for `refine`; default: the Shields or the safety factor.
         scheduler: of Dask: "tcp://HOST:PORT", the name of its .json file, or a cluster object.
         tries: how often a case is begun whose worker process dies.
         limit: seconds, or text such as "2h", that a case may take; default: a day.
@@ -147,7 +141,7 @@ def run(
         voice: is notified of progress.
 
     Raises:
-        IncipientError: what was computed before it is in the file.
+        IncipientError: earlier results are in the file.
     """
     end = float("inf") if wall is None else parsed_seconds(wall, "wall")
     longest = LIMIT if limit is None else parsed_seconds(limit, "limit")
@@ -178,13 +172,14 @@ def run(
             raise Interrupted(sweep.left("interrupted")) from interrupt
         finally:
             store.write_view()
+    for line in rests_elsewhere(path):
+        reporter.say(line)
     if refinement is not None:
         sweep.progress.refined = refinement.lines()
     return sweep.progress
 
 
 def _counted(file: Path, cases: Sequence[SweepCase]) -> SweepProgress:
-    """Numbers of cases and of those that are finished in a file."""
     states = dict[str, str]()
     if file.is_file():
         with Store(file) as store:
@@ -194,8 +189,6 @@ def _counted(file: Path, cases: Sequence[SweepCase]) -> SweepProgress:
 
 
 class _Sweep:
-    """Cases that wait and cases at workers; `tries`: how often each was begun."""
-
     def __init__(self, store: Store, means: Means, voice: Silent):
         self.progress = SweepProgress(store.path)
         self._store, self._means, self._voice = store, means, voice
@@ -210,7 +203,6 @@ class _Sweep:
         self._seen = float("inf")  # when there were workers last
 
     def add(self, cases: Sequence[SweepCase]) -> None:
-        """Put cases into the file; those that are not finished there wait."""
         self._store.add(cases, self._means.retry)
         states = self._store.states()
         waiting = {one.identity: one for one in cases if states[one.identity] not in (DONE, FAILED)}
@@ -219,7 +211,6 @@ class _Sweep:
         self.progress.known += len(cases) - len(waiting)
 
     def compute(self, refinement: SweepRefinement | None) -> None:
-        """Compute the waiting cases, and those that a refinement adds. Raises as `run`."""
         with ExitStack() as stack:
             stack.callback(self._write)
             while self._waiting or self._running or self._grows(refinement):
@@ -229,12 +220,11 @@ class _Sweep:
                     if find_spec("bokeh"):
                         self._voice.say(f"dashboard: {self._client.dashboard_link}")
                 if time.monotonic() - self._began > self._means.wall:
-                    raise Interrupted(self.left("the time is up"))
+                    raise Interrupted(self.left("the time limit is reached"))
                 self._give()
                 self._take()
 
     def left(self, why: str) -> str:
-        """A message on the early end of the sweep and the stored results."""
         finished = f"{self.progress.finished} of {self.progress.total} cases are finished"
         return f"{why}: {finished} and kept in {self._store.path}; repeat the command to resume"
 
@@ -248,7 +238,6 @@ class _Sweep:
         return False
 
     def _connected(self, is_all: bool) -> AbstractContextManager[Any]:
-        """A client; `is_all`: no cases follow those that wait."""
         if self._means.scheduler is not None:
             return client_of(self._means.scheduler)
         jobs = self._means.jobs or usual_jobs()
@@ -257,9 +246,8 @@ class _Sweep:
         )
 
     def _count_workers(self) -> None:
-        """Update the number of workers. Raises OutputError: they, or the scheduler, do not come back."""
         if self._client.status == "closed":
-            raise OutputError(self.left("the scheduler has gone and does not come back"))
+            raise OutputError(self.left("the scheduler does not respond"))
         now = time.monotonic()
         if now > self._counted + LOOK:
             self._places, self._counted = number_of_workers(self._client), now
@@ -268,7 +256,7 @@ class _Sweep:
             raise OutputError(self.left("worker processes do not start; free memory for them"))
 
     def _give(self) -> None:
-        """Give as many cases to the workers as there are workers, so that each has one at a time."""
+        """Submit as many cases as there are workers, so that each has one at a time."""
         self._count_workers()
         idle = max(self._places - len(self._running), 0)
         for identity in list(islice(self._waiting, idle)):
@@ -280,7 +268,6 @@ class _Sweep:
             future.add_done_callback(self._ended.put)
 
     def _take(self) -> None:
-        """Wait briefly for finished cases, and write them."""
         ended = []
         with suppress(Empty):
             ended.append(self._ended.get(timeout=LOOK))
@@ -328,7 +315,7 @@ class _Sweep:
             return CaseOutcome(reason=f"was ended: it took longer than {limit:.0f} s", wall=spent)
         reason = f"its worker process at {worker} was killed, or a library has crashed"
         if exceeded_memory(self._client, worker):
-            reason = "was ended: it took more memory than its worker may; give fewer --jobs"
+            reason = "was ended because it exceeded the memory of its worker; give fewer --jobs"
         if tries < self._means.tries:
             self._voice.say(f"{case.name}: {reason}; it is tried again")
             self._waiting[case.identity] = case
@@ -336,7 +323,6 @@ class _Sweep:
         return CaseOutcome(reason=f"{reason} (tried {tries} times)", wall=spent)
 
     def _write(self) -> None:
-        """Write outcomes that are not in the file."""
         outcomes, tries = self._outcomes, self._tries
         if not outcomes:
             return

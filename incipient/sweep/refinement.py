@@ -1,13 +1,10 @@
-"""Cases that a sweep adds between those given: where the mode changes along a key, and where a quantity bends.
+"""Cases that a sweep adds: where the mode changes along a key, and where a quantity bends.
 
-One key, or several that vary together, is refined; the values of the others make families. An interval is halved
-
-- where the modes of its ends differ, until it is no longer than the tolerance;
-- where the quantity is not straight: of three neighbours of one mode, f[a, b, c] h^2/4 estimates how far f is from the
-  straight line on an interval of length h (f[a, b, c]: second divided difference).
-
-Lengths are fractions of the range of the key, misses fractions of the range of the quantity. All cases of a round are
-known before the next one is chosen, so that a sweep that was killed resumes with the same cases.
+One key, or several that vary together, is refined; the others make families. An interval is halved while longer than
+the tolerance if the modes of its ends differ, or if the quantity is not straight: f[a, b, c] h^2/4 estimates its
+deviation from a line on an interval of length h (f[a, b, c]: second divided difference of three neighbours of one
+mode). Lengths and deviations are fractions of the ranges. A round is complete before the next one begins, so that a
+killed sweep resumes with the same cases.
 """
 
 from __future__ import annotations
@@ -38,7 +35,7 @@ QUANTITIES = {"threshold": "shields", "gust": "strength", "entrainment": "probab
 
 @dataclass(frozen=True)
 class Aim:
-    """Aim of a refinement: the column that is to be straight, the tolerance, and the number of cases in all."""
+    """Aim of a refinement: the column, the tolerance, and the number of cases in all."""
 
     quantity: str
     tolerance: float = USUAL
@@ -52,7 +49,6 @@ class Aim:
             raise SceneError(f"--most {self.most}: is not a number of cases; give 1 or more")
 
     def of_case(self, columns: Columns) -> tuple[str, float | None]:
-        """Mode, and quantity where it is a finite number, of a case."""
         value, mode = columns.get(self.quantity), str(columns.get("mode", "no verdict"))
         if not isinstance(value, int | float):
             return mode, None
@@ -62,8 +58,6 @@ class Aim:
 
 
 class _Numbers:
-    """The numbers of a key; between two of them are equal ratios or differences, whichever all are nearer to."""
-
     def __init__(self, axis: VariedKey, numbers: Mapping[tuple[float, ...], str]):
         self.key, self.texts, values = axis.key, list(numbers.values()), np.array(list(numbers))
         self.is_single = values.shape[1] == 1
@@ -71,7 +65,6 @@ class _Numbers:
         self.scaled = np.log(values) if self.is_logarithmic else values
 
     def setting(self, position: float) -> str:
-        """The override at a position; whole ones are the numbers given."""
         if position == int(position):
             return f"{self.key}={self.texts[int(position)]}"
         places = np.arange(len(self.texts))
@@ -82,7 +75,7 @@ class _Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """Keys that are refined together; `along` (n,): where the numbers given are, from 0 to 1."""
+    """Keys that are refined together; `along` (n,): positions of the given numbers, from 0 to 1."""
 
     keys: Sequence[_Numbers]
     along: Floats
@@ -92,7 +85,6 @@ class Direction:
         return float(np.interp(position, np.arange(len(self.along)), self.along))
 
     def settings(self, position: float) -> Settings:
-        """The overrides at a position."""
         return tuple(key.setting(position) for key in self.keys)
 
 
@@ -121,7 +113,7 @@ def direction(axes: Sequence[VariedKey], together: bool) -> tuple[Direction, lis
 class Family:
     """Cases that differ along the direction only.
 
-    cases: by position, None where the scene is refused; known: mode and quantity of those that are done
+    cases: by position, None for a refused scene; known: mode and quantity of finished cases
     """
 
     source: Source
@@ -131,7 +123,6 @@ class Family:
     known: dict[float, tuple[str, float | None]] = field(default_factory=dict)
 
     def changes(self) -> list[tuple[float, float]]:
-        """Neighbouring positions of different modes."""
         return [
             (low, high)
             for low, high in pairwise(sorted(self.known))
@@ -143,7 +134,7 @@ class Family:
         return self.along.at(high) - self.along.at(low)
 
     def wanted(self, tolerance: float, span: float) -> Iterator[tuple[tuple[int, float], float]]:
-        """Urgency and position of the cases that the tolerance still needs: modes first, then the largest bend."""
+        """Urgency and position of the cases that the tolerance needs: modes first, then the largest bend."""
         positions, changes = sorted(self.known), self.changes()
         bends = [self._curvature(positions[n : n + 3]) for n in range(len(positions) - 2)]
         for n, (low, high) in enumerate(pairwise(positions)):
@@ -159,7 +150,6 @@ class Family:
                     yield (1, -miss), middle
 
     def _curvature(self, three: Sequence[float]) -> float | None:
-        """Size of the second divided difference; None without three quantities of one mode."""
         (one, f), (two, g), (last, h) = (self.known[position] for position in three)
         if len({one, two, last}) > 1 or f is None or g is None or h is None:
             return None
@@ -170,7 +160,7 @@ class Family:
 class SweepRefinement:
     """The refinement of a sweep's families, between `cases`.
 
-    `resolve` gives the case that settings make of a source; it raises SceneError.
+    resolve: makes the case of a source with settings; raises SceneError
     """
 
     def __init__(
@@ -185,7 +175,7 @@ class SweepRefinement:
                 self._put(family, float(position))
 
     def following(self, results: Mapping[str, Columns]) -> list[SweepCase]:
-        """The next cases, by the columns of those that are done; none where the aim or the budget is reached.
+        """The next cases, from the columns of finished ones; none if the aim or the budget is reached.
 
         Raises SceneError: no case has the quantity.
         """
@@ -207,7 +197,6 @@ class SweepRefinement:
         return new
 
     def _put(self, family: Family, position: float) -> list[SweepCase]:
-        """Add a position to a family; returns its case if that is new."""
         settings = (*family.fixed, *family.along.settings(position))
         family.cases[position] = None
         try:
@@ -221,7 +210,6 @@ class SweepRefinement:
         return new
 
     def _wanted(self) -> list[tuple[tuple[int, float], int, float]]:
-        """Urgency, family and position of cases."""
         known = (value for family in self._families for _, value in family.known.values())
         values = [value for value in known if value is not None] or [0.0]
         span = max(max(values) - min(values), _CONSTANT * max(map(abs, values)))
@@ -232,7 +220,6 @@ class SweepRefinement:
         )
 
     def lines(self) -> list[str]:
-        """Lines for a reader on the intervals in which the mode changes, and on missing cases."""
         changes = [(family, ends) for family in self._families for ends in family.changes()]
         worst = max((family.length(*ends) for family, ends in changes), default=0.0)
         within = f"to {worst:.2g} of the range, in {len(changes)} intervals" if changes else "none"
@@ -251,7 +238,6 @@ class SweepRefinement:
 
 
 def _numbers(axis: VariedKey) -> dict[tuple[float, ...], str]:
-    """Texts of an axis by their numbers, or lists of numbers; empty if one is neither, or lists differ in length."""
     numbers: dict[tuple[float, ...], str] = {}
     for text in axis.values:
         try:
@@ -266,7 +252,6 @@ def _numbers(axis: VariedKey) -> dict[tuple[float, ...], str]:
 
 
 def _has_equal_ratios(values: Floats) -> bool:
-    """Whether numbers are nearer to equal ratios than to equal differences; two, if a decade apart."""
     values = np.sort(values)
     if values[0] <= 0.0:
         return False

@@ -33,7 +33,7 @@ class SweepSection(Section):
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
     refine: bool | float | None = key("Fraction of the range, or true", None)
     most: int | None = key("Largest number of cases of a refinement", None)
-    quantity: str | None = key("Column that a refinement makes straight", None)
+    quantity: str | None = key("Column that a refinement resolves", None)
 
     @field_validator("refine", mode="before")
     @classmethod
@@ -44,15 +44,15 @@ class SweepSection(Section):
 
 
 class _Swept(Section):
-    sweep: SweepSection = key("What varies", SweepSection())
+    sweep: SweepSection = key("Variation of keys", SweepSection())
 
 
 @dataclass(frozen=True)
 class Request:
-    """Sources and how they are varied.
+    """Sources and their variation.
 
     over: axes; together: they vary side by side; table: a CSV file of cases; task: one of `SweepSection.do`
-    common: overrides of all cases; aim: of cases in between, None: there are none
+    common: overrides of all cases; aim: of the refinement, None without one
     """
 
     sources: tuple[Source, ...]
@@ -64,7 +64,7 @@ class Request:
     aim: Aim | None = None
 
     def cases(self, voice: Silent | None = None) -> list[SweepCase]:
-        """The cases, each once; `voice` counts those checked. Raises SceneError."""
+        """The distinct cases; `voice` counts those checked. Raises SceneError."""
         settings = axes.combined(self.over, self.together, self._rows())
         pairs = [(source, one) for source in self.sources for one in settings]
         cases: dict[str, SweepCase] = {}
@@ -79,11 +79,7 @@ class Request:
         return list(cases.values())
 
     def refinement(self, cases: Sequence[SweepCase]) -> SweepRefinement | None:
-        """The refinement between these cases, which are all of the request; None without one.
-
-        Raises:
-            SceneError: no key with numbers is varied.
-        """
+        """The refinement between these cases; None without one. Raises SceneError if no key with numbers is varied."""
         if self.aim is None:
             return None
         along, others = direction(self.over, self.together)
@@ -109,12 +105,12 @@ def requested(
     most: int | None = None,
     quantity: str | None = None,
 ) -> Request:
-    """The request; missing arguments come from the section [sweep] of the first source, relative to its file.
+    """The request; missing arguments come from the section [sweep] of the first source.
 
-    refine, most, quantity: tolerance of a refinement, True for the usual one; number of cases; a column
+    refine, most, quantity: tolerance of a refinement, True for the default; number of cases; a column
 
     Raises:
-        SceneError: nothing is varied, or the section cannot be understood.
+        SceneError: nothing is varied, or the section is invalid.
     """
     section = _section_of(sources[0])
     if not over and table is None:
@@ -148,7 +144,7 @@ def _section_of(source: Source) -> SweepSection:
 
 
 def parsed_seconds(text: str | float, option: str) -> float:
-    """A time such as 8h, 1h30m, 90s or 1.5d, or a number of seconds, of an option. Raises SceneError."""
+    """Seconds of an option, from a number or text such as 8h, 1h30m, 90s or 1.5d. Raises SceneError."""
     match = _TIME.fullmatch(str(text).strip())
     parts = zip(match.groups() if match else (), _UNITS, strict=False)
     try:

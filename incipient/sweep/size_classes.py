@@ -26,18 +26,17 @@ SIZES = ("diameter", "body.diameter")  # columns that are looked for where none 
 def size_classes(
     path: Path, bounds: Sequence[float], size: str | None = None
 ) -> list[dict[str, float]]:
-    """A row for each class [low, high) of sizes: numbers of grains and of those without a threshold, and percentiles.
+    """Rows of classes [low, high) of sizes: numbers of grains and of those without a threshold, and percentiles.
 
-    Percentiles of the critical Shields number are of all grains of the class, those that no flow moves among them as
-    infinite. A class without grains has none. Not collective.
+    Percentiles of the critical Shields number count grains that no flow moves as infinite.
 
     Args:
         path: file of a sweep of thresholds, or a CSV with a column `shields`, such as grains.csv of a survey.
-        bounds: n + 1 sizes, growing, in the unit of the column.
+        bounds: n + 1 sizes, ascending, in the unit of the column.
         size: the column of sizes; default: diameter, or body.diameter.
 
     Raises:
-        SceneError: bounds do not grow, a column is missing, or no grain is in a class.
+        SceneError: bounds do not ascend, a column is missing, or no grain is in a class.
         OutputError: the file of the sweep cannot be read.
     """
     if len(bounds) < 2 or not all(low < high for low, high in pairwise(bounds)):
@@ -86,7 +85,6 @@ def _of_csv(path: Path) -> list[dict[str, Any]]:
 
 
 def _number(value: Any) -> float:
-    """A number; NaN where there is none."""
     try:
         return number(value)
     except ValueError:

@@ -1,7 +1,7 @@
-"""The one file of a sweep: scenes, results, costs, versions and status of its cases, in SQLite.
+"""The SQLite file of a sweep: scenes, results, costs, versions and status of its cases.
 
-The table `cases` has a row a case, with scene, result and quantities as JSON; the view `results` has the varied keys
-and the quantities as columns. One process at a time writes, and keeps others away by a lock beside the file.
+The table `cases` has a row for each case, with JSON; the view `results` has varied keys and quantities as columns. A
+lock beside the file admits one writer.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _REMEDIES = {
 
 
 class Store:
-    """The file, opened; a context manager. Not collective: one process opens it.
+    """The open file; a context manager for one process.
 
     Raises:
         OutputError: it is not the file of a sweep, is damaged, of another version, or cannot be read or written.
@@ -61,7 +61,7 @@ class Store:
             if make:
                 make_directory(path.parent, path)
                 lock = path.with_name(f".{path.name}.lock")
-                with reported(lock):
+                with reported(path):
                     alone = opened.enter_context(lock.open("a"))
                     busy = f"{path}: another sweep writes to it; wait until it has ended"
                     hold_alone(alone, lambda: busy)
@@ -81,7 +81,6 @@ class Store:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Turn errors of SQLite, and of what a row holds, into one line."""
         try:
             yield
         except (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError) as error:
@@ -110,7 +109,6 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Write all of the block or nothing, and the view of its columns."""
         with self._reported():
             self._base.execute("BEGIN IMMEDIATE")
             try:
@@ -136,7 +134,6 @@ class Store:
                     self._base.execute(update, (WAITING, case.identity, FAILED))
 
     def finish(self, outcomes: Sequence[tuple[str, int, CaseOutcome]]) -> None:
-        """Write identity, number of tries and outcome of cases."""
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
         with self._transaction():
             for identity, tries, outcome in outcomes:
@@ -159,7 +156,6 @@ class Store:
                 )
 
     def write_view(self) -> None:
-        """Redefine the view `results`: varied keys, quantities, status and cost as columns."""
         with self._reported():
             query = "SELECT DISTINCT key FROM cases, json_each(cases.columns)"
             names = [str(name) for (name,) in self._base.execute(query)]
@@ -172,26 +168,24 @@ class Store:
             self._base.execute(f"CREATE VIEW results AS SELECT {own} FROM cases")
 
     def states(self) -> dict[str, str]:
-        """The status of each case by identity."""
         with self._reported():
             return dict(map(tuple, self._base.execute("SELECT id, status FROM cases")))
 
     def columns(self, identities: Iterable[str]) -> dict[str, dict[str, Any]]:
-        """Quantities of the finished ones among cases, by identity."""
+        """Quantities of finished cases, by identity."""
         query = "SELECT columns FROM cases WHERE id = ? AND status = ?"
         with self._reported():
             rows = {one: self._base.execute(query, (one, DONE)).fetchone() for one in identities}
             return {one: json.loads(row[0]) for one, row in rows.items() if row is not None}
 
     def keys(self) -> list[str]:
-        """The keys that cases vary, in the order in which they came."""
         with self._reported():
             rows = self._base.execute("SELECT DISTINCT settings FROM cases ORDER BY rowid")
             settings = [setting for (text,) in rows for setting in json.loads(text)]
         return list(dict.fromkeys(setting.partition("=")[0].strip() for setting in settings))
 
     def cases(self) -> list[dict[str, Any]]:
-        """All cases in the order in which they came; scene, columns and versions are parsed, the result is not."""
+        """All cases in order; scene, columns and versions are parsed, the result is not."""
         parsed = ("scene", "columns", "versions")
         with self._reported():
             rows = [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
@@ -199,7 +193,6 @@ class Store:
 
 
 def _json(columns: dict[str, Any]) -> str:
-    """Flat columns as JSON; an infinite number is written as one that is too large, as SQLite reads it."""
     infinite = {math.inf: "9e999", -math.inf: "-9e999"}
     cells = (
         f"{json.dumps(key)}: {infinite.get(cell) or json.dumps(cell)}"
@@ -209,7 +202,6 @@ def _json(columns: dict[str, Any]) -> str:
 
 
 def _path(*keys: str) -> str:
-    """Path of a value in JSON, for SQL."""
     path = "".join(f"[{key}]" if key.isdigit() else f'."{key}"' for key in keys)
     return "'$" + path.replace("'", "''") + "'"
 

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from math import degrees, dist
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from scipy.spatial.transform import Rotation
 
 from ..errors import MissingError
 from ..files import csv_text, part_of, replaced, require_ending
 from ..parquet import pyarrow
-from ..results.quantity import HIGH, at
+from ..results.quantity import AXES, HIGH, at
 from .store import COST, FAILED, Store
 
 if TYPE_CHECKING:
     import pandas
 
+# Move of the grain's surface over its size: in one pocket neither gravity nor flow moves a settled grain.
+ELSEWHERE = 0.01
 LAST = ("reason", *COST, "versions", "id")
 
 
 def rows(path: Path | str) -> list[dict[str, Any]]:
-    """One dictionary a case, in the order in which cases came; columns as in docs/howto/sweeps.md. Not collective.
+    """One dictionary for each case, in order; columns as in docs/howto/sweeps.md.
 
     A number that a case does not have is missing, an infinite one is infinite.
 
     Raises:
-        OutputError: the file is not there, damaged, or not that of a sweep.
+        OutputError: the file is missing, damaged, or not that of a sweep.
     """
     with Store(Path(path)) as store:
         keys = store.keys()
@@ -44,13 +52,51 @@ def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
     return first | texts | case["columns"] | last
 
 
-def frame(path: Path | str) -> pandas.DataFrame:
-    """Table of a sweep as a frame of pandas, with the columns of `rows`. Not collective.
+def rests_elsewhere(path: Path | str) -> list[str]:
+    """Name neighbouring cases, along each varied number, in which the grain rests on other points of the bed.
 
-    Raises:
-        MissingError: pandas is not installed.
-        OutputError: as `rows`.
+    Raises as `rows`.
     """
+    with Store(Path(path)) as store:
+        keys = store.keys()
+    return pockets(rows(path), keys)
+
+
+def pockets(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
+    """The lines of `rests_elsewhere` from the rows of a sweep over `keys`; those of [body] move the grain anyway."""
+    kept = [row for row in table if "grain_size" in row]
+    return [line for key in keys if not key.startswith("body.") for line in _moves(kept, key, keys)]
+
+
+def _moves(table: Iterable[Mapping[str, Any]], key: str, keys: Sequence[str]) -> Iterator[str]:
+    along = defaultdict[tuple[Any, ...], list[Mapping[str, Any]]](list)
+    for row in table:
+        if isinstance(row.get(key), int | float):
+            along[tuple(row.get(other) for other in keys if other != key)].append(row)
+    for cases in along.values():
+        for one, other in pairwise(sorted(cases, key=itemgetter(key))):
+            centre, angle = _apart(one, other)
+            if centre + 0.5 * angle > ELSEWHERE:
+                yield (
+                    f"{key} = {one[key]:g} and {other[key]:g}: the grain rests on other points of the bed "
+                    f"({centre:.2g} of its size apart, {degrees(angle):.2g} degrees turned); "
+                    'body.settle = "level" keeps one pocket'
+                )
+
+
+def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, float]:
+    """Distance of two centres over the grain's size, and the angle between the rotations [rad]."""
+    centres, turns = (
+        [[row.get(f"{name}_{axis}", 0.0) for axis in AXES] for row in (one, other)]
+        for name in ("centre", "rotation")
+    )
+    turned = Rotation.from_rotvec(turns[1]) * Rotation.from_rotvec(turns[0]).inv()
+    in_plane = abs(one.get("rotation", 0.0) - other.get("rotation", 0.0))
+    return dist(*centres) / one["grain_size"], in_plane + float(turned.magnitude())
+
+
+def frame(path: Path | str) -> pandas.DataFrame:
+    """The `rows` as a data frame of pandas. Raises MissingError without pandas, and as `rows`."""
     try:
         import pandas
     except ImportError as error:
@@ -62,18 +108,18 @@ def frame(path: Path | str) -> pandas.DataFrame:
 
 
 def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """All columns of the rows, in their order."""
+    """All columns of the rows, in order."""
     names = list(dict.fromkeys(name for row in table for name in row))
     return [name for name in names if name not in LAST] + [name for name in LAST if name in names]
 
 
 def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as the text of a CSV file; missing values are empty."""
+    """Rows as CSV text; missing values are empty."""
     return csv_text(columns(table), table)
 
 
 def write_parquet(source: Path, target: Path) -> None:
-    """Write the table as a Parquet file; raises MissingError without pandas or pyarrow, and OutputError."""
+    """Write the table as a Parquet file. Raises MissingError without pandas or pyarrow, and OutputError."""
     pyarrow("tables")
     require_ending(target, ".parquet")
     table = frame(source)

@@ -33,7 +33,7 @@ _ONE_CASE = threading.Lock()  # gmsh, PETSc and the watchdog have one state a pr
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """Outcome of a case: its result, or the reason why there is none, and its cost.
+    """Result of a case, or the reason for none, and its cost.
 
     result: JSON text, as in result.json; columns: quantities of the result for the table
     wall, cpu: seconds; peak_mib: largest memory of the process
@@ -52,7 +52,7 @@ class CaseOutcome:
 def computed_within(limit: float, release: str, task: str, text: str) -> CaseOutcome:
     """Compute a case in this worker process, which ends itself after `limit` seconds.
 
-    Raises MissingError: the worker has another version of the program than the sweep.
+    Raises MissingError: the version of the program differs from the sweep's.
     """
     if release != RELEASE:
         host = socket.gethostname()
@@ -72,7 +72,7 @@ def computed_within(limit: float, release: str, task: str, text: str) -> CaseOut
 
 
 def computed(task: str, text: str) -> CaseOutcome:
-    """Compute a case; the message of an error for users is its reason. Not collective."""
+    """Compute a case; the message of a user's error becomes its reason."""
     began, processor = time.perf_counter(), _processor_time()
     # The kernel counts the largest memory from here on, not over all earlier cases.
     with suppress(OSError):
@@ -136,7 +136,6 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def _logged() -> Iterator[list[str]]:
-    """Collect the program's log messages of the block."""
     lines: list[str] = []
     handler, log = logging.Handler(logging.INFO), logging.getLogger("incipient")
     handler.emit = lambda record: lines.append(record.getMessage())  # type: ignore[method-assign]

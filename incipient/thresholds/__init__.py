@@ -1,1 +1,1 @@
-"""Thresholds of motion: the critical flow with its error bars, critical gusts, probability of entrainment."""
+"""Thresholds of motion: critical flow, critical gusts, probability of entrainment."""

@@ -1,4 +1,4 @@
-"""The additional load of a growing flow on a grain at rest: added mass and pressure gradient."""
+"""Load of an accelerating flow on a grain at rest: added mass and pressure gradient."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ APART = 1.03  # ratio of growths between which critical strengths are interpolat
 
 
 def load_of_growth(setup: Setup, comm: Comm) -> Floats:
-    """Force and torque (6,) about the grain's centroid for growth by the scene's flow in unit time. Collective.
+    """Force and torque (6,) about the centroid for growth by the scene's flow in unit time. Collective.
 
-    The load of the pressure gradient on the displaced fluid and of the potential disturbance, without viscosity.
+    Inviscid: pressure gradient on the displaced fluid, and potential disturbance.
     """
     from ..fluid.acceleration import load_of_disturbance
 
@@ -45,12 +45,10 @@ def load_of_growth(setup: Setup, comm: Comm) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class CriticalStrength:
-    """The strength at which a grain begins to move in a flow that grows or fades.
-
-    Near the critical flow the load is a power of the strength.
+    """Critical strength of a growing or fading flow. Near the critical flow the load is a power of the strength.
 
     factor, load, power: of the critical steady flow
-    of_growth: (6,) load where the strength grows by one in unit time
+    of_growth: (6,) load at growth of the strength by one in unit time
     """
 
     factor: float
@@ -63,16 +61,12 @@ class CriticalStrength:
 
     @classmethod
     def of(cls, threshold: Threshold, of_growth: Floats, law: Law) -> CriticalStrength:
-        """The critical strengths of a grain about its threshold."""
         assert threshold.steepness is not None
         steady = threshold.factor, threshold.load, threshold.steepness
         return cls(*steady, of_growth, threshold.contacts, law)
 
     def near(self, growth: float, relative: bool) -> float:
-        """The critical strength as in `at`, interpolated between neighbours for an absolute growth.
-
-        An absolute growth differs between mean flows.
-        """
+        """As `at`, interpolated between neighbours for an absolute growth, which differs between mean flows."""
         if relative or not growth:
             return self.at(growth, relative)
         below = APART ** math.floor(math.log(abs(growth)) / math.log(APART))
@@ -81,7 +75,9 @@ class CriticalStrength:
         return float(np.interp(abs(growth), ends, known))
 
     def at(self, growth: float, relative: bool) -> float:
-        """The critical strength in a flow that grows in unit time by `growth` times the scene's, or its own."""
+        """The critical strength in a flow that grows in unit time by `growth` times the scene's, or its own if
+        `relative`.
+        """
         key = (float(f"{growth:.8g}"), relative)
         if key not in self._known:
             self._known[key] = self._solved(*key)
@@ -96,7 +92,6 @@ class CriticalStrength:
         return float(brentq(self._logarithm, low, high, args=(growth, relative), xtol=1e-8 * low))
 
     def _logarithm(self, strength: float, growth: float, relative: bool) -> float:
-        """Logarithm of the safety factor, within bounds."""
         ratio = (strength / self.factor) ** self.power
         added = growth * (strength if relative else 1.0) * self.of_growth
         force, torque = ratio * self.load.flow_force, ratio * self.load.flow_couple

@@ -1,7 +1,7 @@
-"""Error bars of a critical flow: each error of force and torque as a change of the critical factor.
+"""Error bars of a critical flow.
 
-The safety factor at the critical flow is 1, with a range [S_low, S_high] within the errors of the load. Nearby S is
-proportional to f^-p with the factor f, so that the critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
+The safety factor S is 1 there, with a range [S_low, S_high] within the errors of the load, and nearby proportional to
+f^-p with the flow's factor f. The critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ NEARBY = (0.02, 0.1, 0.3)  # relative ranges of the search for the corrected cri
 
 @dataclass(frozen=True)
 class CriticalBars:
-    """Error bars of the factor of a critical flow.
+    """Error bars of the critical factor.
 
-    low, high: range of the factor with all errors together
-    terms:     largest error of the factor of each source alone
-    loads:     the errors of force and torque at the critical flow
+    low, high: range with all errors together
+    terms:     largest error of each source alone
+    loads:     errors of force and torque at the critical flow
     """
 
     factor: float
@@ -39,16 +39,13 @@ class CriticalBars:
 
     @property
     def error(self) -> float:
-        """The larger of both sides."""
         return max(self.factor - self.low, self.high - self.factor)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for threshold.json."""
         factor = {"low": self.low, "high": self.high, "error": self.error, "terms": self.terms}
         return {"factor": factor, "load": self.loads.to_dict()}
 
     def lines(self) -> list[str]:
-        """The sources of the factor's error as text."""
         known = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
         missing = self.loads.left_out | {
             name: f"not computed: {why}" for name, why in self.loads.failed.items()
@@ -58,7 +55,7 @@ class CriticalBars:
 
 
 def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
-    """The error bars of a critical flow from those of force and torque there."""
+    """Error bars of a critical flow from those of force and torque there."""
     errors = {term.name: np.concatenate([term.force, term.torque]) for term in loads.terms}
     if flow.own_mesh is not None:
         errors[OWN_MESH] = flow.own_mesh.change
@@ -74,7 +71,7 @@ def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
 def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, ErrorBars]:
     """The critical flow of the corrected load, with the error bars of that load.
 
-    The correction is assumed proportional to the factor. Without a critical flow nearby both are uncorrected.
+    The correction is proportional to the factor; without a critical flow nearby both are uncorrected.
     """
     change = loads.correction
     if change is None:
@@ -90,7 +87,7 @@ def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, Error
 
 
 def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
-    """The smallest and the largest critical factor within an error (6,) of force and torque."""
+    """Range of the critical factor within an error (6,) of force and torque."""
     path, factor = flow.path, flow.factor
     safety = safety_range(flow.load, path.contacts, path.law, ErrorBox.of(error))
     power = path.steepness(factor)
@@ -99,7 +96,6 @@ def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
 
 
 def _root(value: float, power: float) -> float:
-    """value^(1/power); unbounded if S does not fall with the factor."""
     if 0.0 < value < math.inf and power > 0.0:
         return float(value ** (1.0 / power))
     return value if value == 1.0 else 0.0 if value < 1.0 else math.inf

@@ -1,9 +1,4 @@
-"""The critical flow: the slowest flow that moves the scene's grain.
-
-The scene's flow is multiplied by a factor at the same viscosity, grain and gravity, from rest upwards; the critical
-factor is the smallest one without equilibrium (`search`). Its error bars follow from those of force and torque
-(`bars`).
-"""
+"""The critical flow: the slowest flow, as a multiple of the scene's, that moves the grain."""
 
 from __future__ import annotations
 
@@ -47,8 +42,13 @@ OTHERWISE = (
     "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
     "for a threshold; use a smaller numerics.mesh_size"
 )
-ROCKED = "before it leaves it rocks, {way}; by the load of the flow past its first pose, off by about {drift:.0%}"
-OF_ROCKING = "not computed: the grain rocks before it leaves, under a load that is that of the flow past its first pose"
+ROCKED = (
+    "before it leaves it rocks, {way}; under the load of the flow past its first pose, with an error of about "
+    "{drift:.0%}"
+)
+OF_ROCKING = (
+    "not computed: the grain rocks before it leaves, under the load of the flow past its first pose"
+)
 
 
 def find_threshold(
@@ -59,7 +59,7 @@ def find_threshold(
 ) -> Threshold:
     """Find the critical flow of a scene with a grain resting on a bed. Collective.
 
-    With `numerics.accuracy` the mesh is refined until the error of the critical flow is small enough.
+    With `numerics.accuracy` the mesh is refined until its error is small enough.
 
     Args:
         keep: called with the threshold before its error bars are estimated; returns its directory.
@@ -77,7 +77,6 @@ def find_threshold(
     def concluded(
         run: Run, search: CriticalSearch, flow: CriticalFlow, adaptation: Adaptation | None = None
     ) -> Threshold:
-        """The threshold, with error bars if requested; first kept without them."""
         threshold = replace(
             _threshold(run, flow), adaptation=adaptation if flow.is_critical else None
         )
@@ -118,7 +117,6 @@ def _require(scene: Scene) -> None:
 
 
 def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
-    """The threshold without error bars. Collective."""
     scene, load, contacts = run.scene, flow.load, run.contacts
     if flow.rocking is not None:  # the pose after rocking
         rest = flow.rocking.rests[-1]
@@ -160,7 +158,6 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
 def _with_bars(
     threshold: Threshold, run: Run, search: CriticalSearch, flow: CriticalFlow
 ) -> Threshold:
-    """The threshold with error bars, or the reason why they were not computed. Collective."""
     with run.stage("error bars"):
         try:
             force, torque = search.at_nearest(flow.factor)
@@ -179,7 +176,6 @@ def _with_bars(
 
 
 def _notes(run: Run, flow: CriticalFlow) -> list[str]:
-    """Notes of effects, walls and the search on the critical flow. Collective."""
     notes = [*threshold_notes(run.setup, flow.factor)]
     if (walls := run.wall_report()) is not None and (doubt := walls.doubt):
         notes.append(f"{DOUBTED}{doubt}")
@@ -196,7 +192,6 @@ def _notes(run: Run, flow: CriticalFlow) -> list[str]:
 
 
 def _mode(run: Run, flow: CriticalFlow, contacts: Contacts) -> str:
-    """The mode of motion slightly above the critical flow."""
     if not np.isfinite(flow.factor):
         return "rest"
     if flow.rocking is not None:

@@ -1,7 +1,6 @@
 """Entrainment by random gusts: fraction of time with a velocity at the grain above the critical one.
 
-The velocity at the grain is the mean times a random factor of mean 1 (`laws`). The grain moves while the factor exceeds
-the ratio of the critical strength to the strength of the mean flow. The load is that of the steady flow of equal
+The velocity is the mean times a random factor of mean 1 (`laws`). The load is that of the steady flow of equal
 strength, with that of the acceleration if the time scales are known.
 """
 
@@ -42,11 +41,11 @@ FARTHEST = 1e6  # largest mean flow over the scene's, and inverse of the least
 NODES = np.linspace(-4.5, 4.5, 31)  # of the quadrature over the flow's growth, in deviations
 WEIGHTS = norm.pdf(NODES) / norm.pdf(NODES).sum()
 SOURCES = {
-    NEAR_WALL: "by u'/u* near the wall (Zanke 2003)",
-    MODEL: "by k of the model as it enters, u'^2 = 2k/3; measured ones near walls are up to 1.3 times that",
+    NEAR_WALL: "from u'/u* near the wall (Zanke 2003)",
+    MODEL: "from k of the inflow, u'^2 = 2k/3; values measured near walls are up to 1.3 times as large",
 }
-NO_ERRORS = "ranges of the rates of gusts that last hold no error of the weakest gusts, searched without error bars"
-ACCELERATION = "acceleration acts by added mass and pressure gradient, without viscosity; in rates it is left out"
+NO_ERRORS = "ranges of the rates of lasting gusts exclude errors of the weakest gusts, which have no error bars"
+ACCELERATION = "acceleration acts through added mass and pressure gradient, without viscosity; rates neglect it"
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,10 @@ class OfStrength:
     """Motion in one mean flow.
 
     strength: of the mean flow over the scene's; shields: its Shields number
-    probability: of motion at an instant; low, high: its range from the errors of threshold and series, and with the
+    probability: fraction of time in motion; low, high: its range from the errors of threshold and series, and with the
         other law of the same intensity
     rate: upcrossings of the critical strength per unit time; None: not known
-    lasting: gusts that last long enough to move the grain out of its pocket; None: not requested
+    lasting: gusts that move the grain out of its pocket; None: not requested
     """
 
     strength: float
@@ -71,7 +70,7 @@ class OfStrength:
 
 @dataclass(frozen=True)
 class Quantile:
-    """The mean flow with a given probability of motion at an instant.
+    """The mean flow with a given probability of motion.
 
     strength, shields, rate, lasting: as of `OfStrength`
     terms: errors of the Shields number by source
@@ -86,11 +85,10 @@ class Quantile:
 
     @property
     def error(self) -> float | None:
-        """Error of the Shields number, the sum of the terms; None: that of the flow is not known."""
+        """Error of the Shields number, the sum of the terms; None: not known."""
         return sum(self.terms.values()) if "flow" in self.terms else None
 
     def line(self) -> str:
-        """Probability and Shields number as text."""
         sources = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
         rate = "" if self.rate is None else f"; {self.rate:.3g} in unit time"
         if self.lasting is not None:
@@ -106,7 +104,7 @@ class Entrainment:
 
     threshold: the critical steady flow; law: of the factor of the velocity
     scene: motion in the scene's own mean flow
-    quantiles: mean flows of given probabilities; curve: motion in mean flows from weak to strong
+    quantiles: mean flows of given probabilities; curve: motion in weak to strong mean flows
     assumed: assumptions, one line each
     """
 
@@ -119,7 +117,6 @@ class Entrainment:
     assumed: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for entrainment.json."""
         named = ("factor", "shields", "shear_reynolds", "mode", "errors")
         return {
             "schema_version": SCHEMA_VERSION,
@@ -133,7 +130,6 @@ class Entrainment:
         }
 
     def text(self) -> str:
-        """The result in a few lines."""
         critical, own = self.threshold, self.scene
         rate = "not known" if own.rate is None else f"{own.rate:.3g} times in unit time"
         if own.lasting is not None:
@@ -163,8 +159,8 @@ def find_entrainment(
 
     Args:
         setup: of a grain that rests on a bed, in a steady flow, with [gusts].
-        probabilities: of motion at an instant, for which mean flows are computed; default: those of `PROBABILITIES`
-            within the range of the data.
+        probabilities: for which mean flows are computed; default: those of `PROBABILITIES` within the range of the
+            data.
         strengths: mean flows over the scene's, for which probabilities are computed; default: along the curve.
         weakest: weakest gusts that move the grain out of its pocket, for the rate of such gusts.
 
@@ -207,7 +203,7 @@ def find_entrainment(
     assumed = [*_assumed(gusts, law), without or ACCELERATION]
     if left_out := [one for one in PROBABILITIES if not probabilities and one not in wanted]:
         missing = ", ".join(f"{probability:g}" for probability in left_out)
-        assumed.append(f"left out, since the data do not resolve them: probabilities {missing}")
+        assumed.append(f"omitted, since the data do not resolve them: probabilities {missing}")
     if weakest is not None and not weakest.known:
         assumed.append(NO_ERRORS)
     assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
@@ -216,9 +212,8 @@ def find_entrainment(
 
 
 def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
-    """Why the load of the flow's growth is omitted; empty if it is known."""
     reasons = (
-        (gusts.law in GIVEN, "the data are taken as of slow changes"),
+        (gusts.law in GIVEN, "the data are treated as slowly varying"),
         (gusts.microscale is None, "gusts.microscale is not given"),
         (setup.is_averaged, "it is computed in laminar flow only"),
         (
@@ -227,11 +222,10 @@ def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
         ),
     )
     why = next((reason for applies, reason in reasons if applies), "")
-    return why and f"the load of the flow's acceleration is left out: {why}"
+    return why and f"the load of the flow's acceleration is neglected: {why}"
 
 
 def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
-    """The law of the factor in a mean flow of a strength."""
     if gusts.record is not None:
         return Events.of(np.array(gusts.points), gusts.record)
     if gusts.law == "measured":
@@ -240,15 +234,16 @@ def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
 
 
 def _assumed(gusts: Gusts, law: Law) -> list[str]:
-    """The assumptions of load and law, one line each."""
-    steady = "the load is that of the steady flow as strong as the gust, of the scene's own profile"
+    steady = "the load is that of a steady flow of the gust's strength, with the scene's profile"
     if isinstance(law, Measured):
         known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
-        series = f"the velocity over its mean is as in the series in all mean flows: {known}"
+        series = f"the velocity over its mean follows the series in all mean flows: {known}"
         return [steady, series]
     if isinstance(law, Events):
-        known = f"{len(law.strengths)} in a time of {law.duration:g}, and nothing moves the grain between them"
-        events = f"the gusts over the mean velocity are those counted, in all mean flows: {known}"
+        known = f"{len(law.strengths)} in a time of {law.duration:g}, without motion between them"
+        events = (
+            f"the gusts relative to the mean velocity are those counted, in all mean flows: {known}"
+        )
         return [steady, events]
     source = SOURCES.get(str(gusts.intensity), "as given")
     random = f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}"
@@ -280,18 +275,15 @@ class Motion:
 
     @cached_property
     def _data(self) -> Measured | Events | None:
-        """The law of data, common to all mean flows."""
         law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in GIVEN else None
         return None if isinstance(law, Gaussian) else law
 
     def law(self, strength: float) -> Law:
-        """The law of the factor in a mean flow."""
         law = self._data or _law_of(self.gusts, self.flow, strength)
         return law.other() if self.other and isinstance(law, Gaussian) else law
 
     @cached_property
     def _within_bars(self) -> list[Motion]:
-        """Motion with the critical strengths at both ends of the threshold's error bar."""
         bars = self.threshold.bars
         if bars is None or not bars.terms:
             return []
@@ -299,7 +291,6 @@ class Motion:
         return [replace(self, factor=max(end, least)) for end in (bars.low, bars.high)]
 
     def at(self, strength: float) -> OfStrength:
-        """Probability and rate of motion in a mean flow."""
         variants = [*self._within_bars, *([] if self._data else [replace(self, other=True)])]
         probability = self.probability(strength)
         ranges = [probability, *(variant.probability(strength) for variant in variants)]
@@ -331,7 +322,6 @@ class Motion:
         return Quantile(probability, strength, shields, terms, *self._rates(strength))
 
     def _rates(self, strength: float) -> tuple[float | None, RateOfLasting | None]:
-        """Upcrossings of the critical strength per unit time, and those that last long enough, if known."""
         law = self.law(strength)
         rate, lasting = law.upcrossings(self.factor / strength), None
         if self.weakest is not None:
@@ -343,7 +333,6 @@ class Motion:
         return rate, lasting
 
     def probability(self, strength: float) -> float:
-        """Probability of motion at an instant in a mean flow."""
         law, growing = self.law(strength), self.growing
         if math.isinf(self.factor):
             return 0.0
@@ -372,7 +361,6 @@ class Motion:
             return self.factor / level if level > 0.0 else math.inf
 
         def excess(logarithm: float) -> float:
-            """Excess of the probability in a mean flow over the given one, in standard deviations of a Gaussian."""
             return _standard(self.probability(math.exp(logarithm))) - _standard(probability)
 
         ends = [math.log(end * self.factor) for end in (WEAKEST, STRONGEST)]
@@ -382,5 +370,4 @@ class Motion:
 
 
 def _standard(probability: float) -> float:
-    """Quantile of the standard normal distribution."""
     return float(norm.ppf(min(max(probability, 1e-300), 1.0 - 1e-15)))

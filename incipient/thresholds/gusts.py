@@ -1,8 +1,7 @@
 """The weakest gusts that move a grain out of its pocket, by their duration.
 
-The strength of a gust of given duration grows until the released grain leaves its pocket, and is then bisected. Shorter
-gusts must be at least as strong, so that lower bounds carry over. The discretisation error is the difference from the
-same search with coarser cells and longer steps.
+The critical strength is bracketed and bisected; that of a shorter gust is not lower. The discretisation error is the
+difference from the same search with coarser cells and longer steps.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
 
 
 def runs_expected(durations: int, with_error_bars: bool) -> int:
-    """Expected number of simulations for a number of durations."""
+    """Expected number of simulations."""
     each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
     return 1 + durations * each * (2 if with_error_bars else 1)
 
@@ -39,7 +38,7 @@ class CriticalGust:
     """The critical strength for one duration.
 
     duration: of the gust [time]; shape: of the gust over time
-    held, leaves: lower and upper bound of the critical strength: the grain stays, and leaves
+    held, leaves: bounds of the critical strength: the grain stays, and leaves
     error: of the strength, from bracket and discretisation; None: not estimated
     runs: number of simulations
     """
@@ -53,25 +52,21 @@ class CriticalGust:
 
     @property
     def strength(self) -> float:
-        """The critical strength."""
         return math.sqrt(self.held * self.leaves)
 
     def line(self) -> str:
-        """Duration and strength as text."""
         error = "not known" if self.error is None else f"{self.error:.2g}"
         return f"gust of {self.duration:<10.4g} strength {self.strength:.4g} +- {error} in {self.runs} runs"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
         impulse = (self.strength - 1.0) * self.duration * (1.0 if self.shape == "top-hat" else 0.5)
         return {**asdict(self), "strength": self.strength, "impulse": impulse}
 
 
 @dataclass
 class GustSearch:
-    """The weakest gusts that move a scene's released grain out of its pocket.
+    """Search for the weakest gusts, with shape and start of the scene's [flow.gust].
 
-    scene: shape and start of the gusts are those of its [flow.gust]
     longer: time steps over those of the scene
     runs: simulations so far
 
@@ -102,10 +97,9 @@ class GustSearch:
         durations: Sequence[float],
         keep: Callable[[CriticalGust], object] = lambda gust: None,
     ) -> list[CriticalGust]:
-        """Search the critical strength for each duration, the longest first. Collective.
+        """Find the critical strength for each duration, the longest first; `keep` receives each. Collective.
 
-        `keep` is called with each result. Raises SceneError if the grain leaves without a gust or never, and
-        IncipientError if a run fails.
+        Raises SceneError if the grain leaves without a gust or never, IncipientError if a run fails.
         """
         require_durations(durations)
         if self.leaves(1.0, min(durations)):
@@ -133,7 +127,7 @@ class GustSearch:
         return gusts
 
     def of_scene(self) -> CriticalGust:
-        """The critical strength for the duration of the scene's own gust. Collective; raises as `critical`."""
+        """The critical strength for the duration of the scene's gust. Collective; raises as `critical`."""
         gust = getattr(self.scene.flow, "gust", None)
         if gust is None:
             why = "is missing; give the duration for which a strength is searched"
@@ -141,7 +135,7 @@ class GustSearch:
         return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
-        """Close lower and upper bounds of the critical strength. Collective."""
+        """Close bounds of the critical strength. Collective."""
         while not self.leaves(leaves, duration):
             held, leaves = leaves, STRONGER * leaves
             if leaves > STRONGEST:
@@ -164,13 +158,11 @@ class GustSearch:
         return left
 
     def _plain(self) -> dict[str, Any]:
-        """The scene as plain data, without error bars and output."""
         plain = self.scene.model_dump(exclude_unset=True)
         plain["numerics"] = {**plain.get("numerics", {}), "error_bars": False}
         return {**plain, "output": {"fields": False, "pictures": False}}
 
     def _course(self, duration: float) -> dict[str, Any]:
-        """Shape, start and rise of the gusts; the rise is the scene's fraction of the duration."""
         gust = getattr(self.scene.flow, "gust", None) or Gust()
         rise = {} if gust.rise is None else {"rise": gust.rise / gust.duration * duration}
         return {"shape": gust.shape, "start": gust.start, **rise}
@@ -185,20 +177,18 @@ class GustSearch:
         return Scene(**plain)
 
     def _coarser(self) -> GustSearch:
-        """The search on coarser cells with longer steps."""
         plain = self._plain()
         plain["numerics"]["mesh_size"] = COARSER_CELLS * self.scene.numerics.mesh_size
         return GustSearch(Scene(**plain), self.comm, self.voice, LONGER_STEPS * self.longer)
 
 
 def require_durations(durations: Sequence[float]) -> None:
-    """Raise SceneError unless there are durations, all of them positive numbers."""
+    """Raise SceneError unless there are durations, all positive."""
     if not durations or not all(0.0 < duration < math.inf for duration in durations):
         raise SceneError("durations: give one or more, each a number above zero")
 
 
 def _missing(scene: Scene) -> str:
-    """Why the scene has no critical gusts; empty otherwise."""
     body, bed, flow = scene.body, scene.bed, scene.flow
     if body is None or body.motion != "released":
         return 'body.motion: gusts are computed for a grain that rests on its bed; use "released"'

@@ -1,9 +1,8 @@
 """Gusts that last long enough to move a grain out of its pocket, in a series of the factor of the velocity.
 
-A gust moves the grain if the velocity exceeds a strength for the duration of the weakest gust of that strength
-(`gusts`). Series of Gaussian laws are generated from their spectrum: the correlation of y is
-(T1 exp(-t/T1) - T2 exp(-t/T2))/(T1 - T2), with the integral time T1 + T2 and the microscale sqrt(2 T1 T2)
-(Sawford 1991, Phys. Fluids A 3, 1577).
+Such a gust exceeds a strength for the duration of the weakest gust of that strength (`gusts`). Gaussian series are
+generated with the correlation (T1 exp(-t/T1) - T2 exp(-t/T2))/(T1 - T2), of integral time T1 + T2 and microscale
+sqrt(2 T1 T2) (Sawford 1991, Phys. Fluids A 3, 1577).
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ DIFFERENT = 1.25  # least ratio of the critical steady flows of different scenes
 
 @dataclass(frozen=True, eq=False)
 class WeakestGusts:
-    """Strengths of the weakest gusts that move a grain out of its pocket, by their duration.
+    """Strengths of the weakest gusts that move a grain out of its pocket.
 
     durations, strengths, errors: (n,) the shortest first; strengths over the flow of the scene
     static: critical strength of a steady flow
@@ -43,7 +42,7 @@ class WeakestGusts:
 
     @classmethod
     def of(cls, stored: dict[str, Any]) -> WeakestGusts:
-        """Read the content of a gusts.json. Raises SceneError for less than two durations or other content."""
+        """Parse the content of a gusts.json. Raises SceneError for less than two durations or other content."""
         try:
             points, static = stored["points"], float(stored["static"])
             known = all(point["error"] is not None for point in points)
@@ -52,13 +51,13 @@ class WeakestGusts:
                 for point in points
             ]
         except (KeyError, TypeError, ValueError):
-            raise _refused("holds no gusts; search them anew with incipient gust") from None
+            raise _refused("holds no gusts; repeat incipient gust") from None
         if len(rows) < 2:
             remedy = "search more with incipient gust --durations"
-            raise _refused(f"has less than two durations; {remedy}")
+            raise _refused(f"has fewer than two durations; {remedy}")
         durations, strengths, errors = np.array(sorted(rows)).T
         if not (durations > 0.0).all() or not (strengths > errors).all():
-            raise _refused("has a strength within its error; search it anew with incipient gust")
+            raise _refused("has a strength within its error; repeat incipient gust")
         return cls(durations, strengths, errors, static, known)
 
     def require_of(self, critical: float) -> None:
@@ -82,14 +81,13 @@ def _refused(why: str) -> SceneError:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """The factor (n,) at equally spaced times, linear in between."""
+    """Factor (n,) at equally spaced times, linear in between."""
 
     factors: Floats
     step: float
 
     @property
     def duration(self) -> float:
-        """Length in time."""
         return self.step * (len(self.factors) - 1)
 
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
@@ -111,7 +109,7 @@ def series_of(law: Law, integral_time: float | None) -> Series | Events:
     if isinstance(law, Measured):
         return Series(*law.even)
     if law.microscale is None or integral_time is None:
-        why = "is missing, by which gusts last; give it and gusts.microscale"
+        why = "is missing, which determines the duration of gusts; give it and gusts.microscale"
         raise SceneError(f"gusts.integral_time: {why}")
     if integral_time < math.sqrt(2.0) * law.microscale:
         why = f"is {integral_time:.3g}, less than the microscale {law.microscale:.3g} times the square root of two"
@@ -132,17 +130,13 @@ def series_of(law: Law, integral_time: float | None) -> Series | Events:
 
 @dataclass(frozen=True)
 class RateOfLasting:
-    """Rate of gusts that last long enough.
-
-    low, high: from the errors of the weakest gusts and the number of gusts in the series
-    """
+    """Rate of gusts that last long enough; low, high: from their errors and their number in the series."""
 
     rate: float
     low: float
     high: float
 
     def words(self) -> str:
-        """Rate and range as text."""
         return f"{self.rate:.3g} ({self.low:.2g} to {self.high:.2g}) of them long enough"
 
 

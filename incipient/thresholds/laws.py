@@ -1,9 +1,8 @@
 """Laws of the factor on the velocity at a grain: fraction of time above a level, and rate of upcrossings.
 
-The factor g has mean 1. A normal one is 1 + I y with a Gaussian process y of variance one, I the relative
-intensity; a lognormal one is exp(s y - s^2/2), s^2 = log(1 + I^2). Where the correlation of y is 1 - (t/lambda)^2 at
-short times, y rises through z exp(-z^2/2)/(sqrt(2) pi lambda) times in unit time (Rice 1945, Bell Syst. Tech. J. 24,
-46).
+With a Gaussian process y of variance 1 and the relative intensity I the factor is 1 + I y, or lognormal:
+exp(s y - s^2/2), s^2 = log(1 + I^2). With the correlation 1 - (t/lambda)^2 at short times, y crosses z upwards
+exp(-z^2/2)/(sqrt(2) pi lambda) times in unit time (Rice 1945, Bell Syst. Tech. J. 24, 46).
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class Gaussian:
     """The law of a factor that is a function of a Gaussian process.
 
     intensity: root mean square of the fluctuation over the mean
-    lognormal: whether the factor's logarithm is Gaussian, instead of the factor
+    lognormal: whether the factor is lognormal
     microscale: lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known
     """
 
@@ -42,11 +41,10 @@ class Gaussian:
 
     @cached_property
     def _deviation(self) -> float:
-        """Standard deviation of the factor's logarithm."""
         return math.sqrt(math.log1p(self.intensity**2))
 
     def standard(self, level: float) -> float:
-        """The Gaussian process of variance one at a level of the factor."""
+        """The process of variance 1 at a level of the factor."""
         if not self.lognormal:
             return (level - 1.0) / self.intensity
         if level <= 0.0:
@@ -54,20 +52,19 @@ class Gaussian:
         return math.log(level) / self._deviation + 0.5 * self._deviation
 
     def factor(self, standard: Floats) -> Floats:
-        """The factor at values of the Gaussian process of variance one."""
+        """The factor at values of the process of variance 1."""
         if not self.lognormal:
             return np.asarray(1.0 + self.intensity * standard)
         return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
 
     def growth(self, strength: float) -> float:
-        """Growth rate of a flow of mean `strength` at unit growth rate of the Gaussian process.
+        """Growth rate of a flow of mean `strength` at unit growth rate of the process.
 
         Relative to the present strength for a lognormal factor, otherwise to the scene's.
         """
         return self._deviation if self.lognormal else strength * self.intensity
 
     def exceeded(self, level: float) -> float:
-        """Probability that the factor is above a level at an instant."""
         return float(norm.sf(self.standard(level)))
 
     def level(self, probability: float) -> float:
@@ -75,14 +72,12 @@ class Gaussian:
         return float(self.factor(norm.isf(probability)))
 
     def upcrossings(self, level: float) -> float | None:
-        """Upcrossings of a level per unit time, Rice's formula; None without a microscale."""
         if self.microscale is None:
             return None
         crossings = math.exp(-0.5 * self.standard(level) ** 2)
         return crossings / (math.sqrt(2.0) * math.pi * self.microscale)
 
     def other(self) -> Gaussian:
-        """The other law with the same intensity."""
         return Gaussian(self.intensity, not self.lognormal, self.microscale)
 
 
@@ -107,19 +102,16 @@ class Measured:
 
     @classmethod
     def of(cls, points: Floats, integral_time: float | None) -> Measured:
-        """The law of a series (n, 2) of times and velocities."""
         times, speeds = points.T
         mean = trapezoid(speeds, times) / (times[-1] - times[0])
         return cls(times, speeds / mean, integral_time)
 
     @property
     def duration(self) -> float:
-        """Length in time."""
         return float(self.times[-1] - self.times[0])
 
     @cached_property
     def intensity(self) -> float:
-        """Root mean square of the fluctuation over the mean."""
         return math.sqrt(trapezoid((self.factors - 1.0) ** 2, self.times) / self.duration)
 
     @property
@@ -130,7 +122,6 @@ class Measured:
 
     @cached_property
     def integral(self) -> float:
-        """Integral of the correlation over time."""
         if self.integral_time is not None:
             return self.integral_time
         factors, step = self.even
@@ -142,7 +133,6 @@ class Measured:
 
     @property
     def independent(self) -> float:
-        """Number of independent samples in the series."""
         return self.duration / (2.0 * self.integral)
 
     @property
@@ -151,7 +141,6 @@ class Measured:
         return 1.0 / self.independent, 1.0 - 1.0 / self.independent
 
     def exceeded(self, level: float) -> float:
-        """Fraction of the time in which the factor is above a level."""
         low, high = np.sort([self.factors[:-1], self.factors[1:]], axis=0) - level
         crosses = (low < 0.0) & (high > 0.0)
         above = np.where(crosses, high / np.where(crosses, high - low, 1.0), low + high > 0.0)
@@ -168,7 +157,6 @@ class Measured:
         )
 
     def upcrossings(self, level: float) -> float:
-        """Upcrossings of a level per unit time."""
         rises = (self.factors[:-1] <= level) & (self.factors[1:] > level)
         return float(np.count_nonzero(rises)) / self.duration
 
@@ -193,22 +181,18 @@ class Events:
 
     @classmethod
     def of(cls, points: Floats, record: float) -> Events:
-        """The law of rows (n, 2) of strength and duration."""
         strengths, lengths = points[np.argsort(-points[:, 0], kind="stable")].T
         return cls(strengths, lengths, record)
 
     @cached_property
     def _fractions(self) -> Floats:
-        """Fraction of the time (n,) in which gusts are at least as strong."""
         return np.cumsum(self.lengths) / self.duration
 
     @property
     def known_range(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the events determine."""
         return float(self._fractions[0]), float(self._fractions[-1])
 
     def exceeded(self, level: float) -> float:
-        """Fraction of the time in which a gust is above a level."""
         return float(self.lengths[self.strengths > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:
@@ -217,7 +201,6 @@ class Events:
         return float(np.interp(probability, self._fractions, self.strengths))
 
     def upcrossings(self, level: float) -> float:
-        """Gusts above a level per unit time."""
         return float(np.count_nonzero(self.strengths > level)) / self.duration
 
     def spread(self, probability: float) -> float:
@@ -236,7 +219,7 @@ class Events:
 def _require_known(probability: float, known: tuple[float, float], what: str) -> None:
     if not known[0] <= probability <= known[1]:
         why = f"probability {probability:g} is outside the range of the {what}, {known[0]:.2g} to {known[1]:.2g}"
-        raise SceneError(f"gusts.points: {why}; give longer data, or a law")
+        raise SceneError(f"gusts.points: {why}; give a longer record, or a law")
 
 
 Law = Gaussian | Measured | Events

@@ -22,9 +22,8 @@ LARGEST = 3.0  # largest intensity of the laws
 
 @dataclass(frozen=True, eq=False)
 class MeanFlow:
-    """The base flow of a scene at its grain. Strengths are relative to the flow of the scene.
-
-    Raises SceneError without an intensity.
+    """The base flow of a scene at its grain; strengths are over the scene's flow. Raises SceneError without an
+    intensity.
     """
 
     setup: Setup
@@ -37,12 +36,10 @@ class MeanFlow:
                 raise SceneError(f"gusts.{name}: {why}")
 
     def shields(self, strength: float) -> float:
-        """Shields number of the mean flow."""
         return self._stress(strength) / self.setup.stress_unit
 
     @cached_property
     def _stress(self) -> Callable[[float], float]:
-        """The bed stress by strength, cached."""
         return cache(self.setup.bed_stress)
 
     def intensity(self, strength: float) -> float:
@@ -58,8 +55,7 @@ class MeanFlow:
     def microscale(self, strength: float) -> float | None:
         """Microscale lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known.
 
-        From the turbulence model: the longitudinal microscale of isotropic turbulence,
-        lambda^2 = 30 nu u'^2/epsilon, over the mean velocity.
+        Turbulence model: lambda^2 = 30 nu u'^2/epsilon of isotropic turbulence, over the mean velocity.
         """
         return self._time(
             self.gusts.microscale,
@@ -70,7 +66,7 @@ class MeanFlow:
     def integral_time(self, strength: float) -> float | None:
         """Integral of the correlation over time; None: not known.
 
-        From the turbulence model: the longitudinal integral scale 0.43 k^1.5/epsilon over the mean velocity.
+        Turbulence model: the longitudinal integral scale 0.43 k^1.5/epsilon over the mean velocity.
         """
         return self._time(
             self.gusts.integral_time, strength, lambda k, epsilon, nu: INTEGRAL * k**1.5 / epsilon
@@ -82,7 +78,6 @@ class MeanFlow:
         strength: float,
         length: Callable[[float, float, float], float],
     ) -> float | None:
-        """A time scale from the scene, or from a length in terms of the model's k and epsilon and the viscosity."""
         if not isinstance(known, str):
             return known
         flow, _ = self._in(strength)
@@ -92,10 +87,6 @@ class MeanFlow:
         return length(energy, loss, flow.setup.scene.viscosity) / (flow.speed * strength)
 
     def _in(self, strength: float) -> tuple[MeanFlow, float]:
-        """A turbulent mean flow in its own units, and the remaining factor of its strength.
-
-        Without a turbulence model the profile is fixed, and the flow is that of the scene.
-        """
         return (self._faster(strength), 1.0) if self.setup.is_averaged else (self, strength)
 
     @cached_property
@@ -148,7 +139,6 @@ class MeanFlow:
 
     @cached_property
     def _speed_at_top(self) -> float:
-        """The scene's velocity at the top of the grain."""
         domain, scene, base_flow = self.setup.scene.domain, self.setup.scene, self.setup.base_flow
         assert scene.placement is not None
         top = np.array([self._places[:, domain.up].max()])
@@ -167,14 +157,12 @@ class MeanFlow:
 
     @cached_property
     def _places(self) -> Floats:
-        """(n, gdim) points of equal volumes in the grain."""
         scene = self.setup.scene
         assert scene.grain is not None and scene.placement is not None
         return DisplacedFluid(scene.grain, self.setup.base_flow).points(scene.placement)
 
     @cached_property
     def _at_inflow(self) -> Floats:
-        """(3, n) points of the inflow at heights of the grain above the datum."""
         domain, base_flow = self.setup.scene.domain, self.setup.base_flow
         heights = self._places[:, domain.up]
         return base_flow.column(domain.entrance, heights[heights > base_flow.datum])

@@ -1,12 +1,7 @@
 """Meshes of the search for a critical flow: refined to an accuracy, or made for the walls.
 
-For an accuracy meshes are refined by the error of the critical flow. The first mesh has the complete search. On later
-meshes the load differs little, and one flow near the previous critical one suffices in most cases.
-
-The wall cells of a turbulent flow depend on its speed: boundary layers of faster flows are thinner. A search from rest
-on the mesh of the scene's flow is therefore followed by searches near its result, each on a mesh for the previous
-critical flow, until wall cells agree to a tenth. The change of the load on a mesh for the critical flow itself is a
-term of its error.
+Boundary layers of faster flows are thinner: after the mesh of the scene's flow, turbulent searches repeat on meshes for
+the last critical flow until wall cells agree to a tenth.
 """
 
 from __future__ import annotations
@@ -41,12 +36,10 @@ DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
 CHANGED = 1.1  # largest ratio of the wall cells of two flows on a common mesh
 MOST_MESHES = 6
 DIFFERING = (
-    "the critical flow differs from mesh to mesh, each made for the walls in the one before: it is {factors} "
-    "times the scene's; use a smaller numerics.mesh_size"
+    "the critical flow does not converge over meshes made for its walls: it is {factors} times the scene's; "
+    "use a smaller numerics.mesh_size"
 )
-OTHER_MESH = (
-    "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
-)
+OTHER_MESH = "all on the mesh of the scene's flow, whose wall cells are too large for these"
 
 Concluded = TypeVar("Concluded")
 
@@ -94,11 +87,10 @@ def to_accuracy(
 ) -> Concluded:
     """Find the critical flow to an accuracy; returns the result of `conclude` on the last mesh. Collective.
 
-    Raises:
-        SceneError: an invalid accuracy of thresholds.
+    Raises SceneError for an invalid accuracy of thresholds.
     """
     if scene.numerics.accuracy == "verdict":
-        why = '"verdict" means nothing for a threshold; give a relative error of the critical flow such as 0.01'
+        why = '"verdict" does not apply to thresholds; give a relative error of the critical flow such as 0.01'
         raise SceneError(f"numerics.accuracy: {why}")
     if scene.numerics.accuracy_includes == "all":
         why = '"all" is for runs; leave it out, and see the error bars of the threshold'
@@ -109,8 +101,6 @@ def to_accuracy(
 
 
 class _DualWeightedThreshold(DualWeighted):
-    """Refinement of cells by their contribution to the error of the critical flow."""
-
     _critical: CriticalSearch
     _flow: CriticalFlow | None = None
 
@@ -119,11 +109,10 @@ class _DualWeightedThreshold(DualWeighted):
         self._conclude = conclude
 
     def solve(self, run: Run) -> LoadsOnMesh:
-        """See `Steady`."""
         self._critical = CriticalSearch(run)
         flow = self._flow = _next(self._critical, self._flow)
         if flow.rocking is not None:
-            why = "the grain rocks before it leaves its pocket, and no error bar of that is known"
+            why = "the grain rocks before it leaves its pocket, and this has no error bar"
             raise SceneError(f"numerics.accuracy: {why}; leave it out")
         if flow.is_critical:
             search, halved = self.search, run.setup.symmetric
@@ -131,14 +120,12 @@ class _DualWeightedThreshold(DualWeighted):
         return LoadsOnMesh(*self._critical.at_nearest(flow.factor))
 
     def following(self, attempt: Attempt, run: Run, *estimated: Any) -> Attempt | None:
-        """See `Strategy`."""
         if self._flow is not None and self._flow.is_critical:
             return super().following(attempt, run, *estimated)
         self.search.reason = "there is no critical flow whose error could be made smaller"
         return None
 
     def concluded(self, run: Run) -> Any:
-        """See `Strategy`."""
         return self._conclude(run, self._critical, self._flow, self.search.adaptation())
 
 
@@ -187,11 +174,10 @@ def on_its_own_mesh(
 
 
 def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
-    """The critical flow near the previous mesh's, on the first mesh from rest. Collective."""
     return search.near(before) if before else search.from_rest()
 
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
-    """Whether a mesh made for one flow does not serve for another; both are factors of the scene's."""
+    """Whether a mesh made for one flow is unsuitable for another; both are factors of the scene's."""
     ratio = setup.faster(made_for).walls.nearest / setup.faster(factor).walls.nearest
     return max(ratio, 1.0 / ratio) > CHANGED

@@ -39,14 +39,13 @@ class Threshold:
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
     size:            d, the largest diameter of the grain
     nominal:         its nominal diameter, of the sphere of equal volume, in 2-D the disc of equal area
-    mode:            how the grain begins to move, by the exact criterion
-    load:            the critical load; if any flow moves the grain that of a weak one, if none does that of the
-                     strongest one computed
-    verdict:         both criteria there
+    mode:            of incipient motion, by the exact criterion
+    load:            the critical load; otherwise that of a weak flow, or of the strongest one computed
+    verdict:         of both criteria there
     trials:          the computed flows in order; unsolved: factors without a converged steady flow
     stress_power:    approximate power of the factor in the bed stress
     steepness:       power of the factor in the load; None without a critical flow
-    bars:            error bars of the factor, None: see `without_bars`, or no threshold
+    bars:            error bars of the factor; None: see `without_bars`, or no threshold
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
     """
 
@@ -77,12 +76,10 @@ class Threshold:
 
     @property
     def is_critical(self) -> bool:
-        """Whether there is a critical flow."""
         return 0.0 < self.factor < np.inf
 
     @property
     def shields_nominal(self) -> float:
-        """The Shields number with the nominal diameter."""
         return self.shields * self.size / self.nominal
 
     @property
@@ -96,7 +93,6 @@ class Threshold:
         return {name: relative * power * getattr(self, name) for name, power in powers.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for threshold.json."""
         return {
             **{name: getattr(self, name) for name in (*self.errors, *AS_THEY_ARE)},
             "schema_version": SCHEMA_VERSION,
@@ -109,7 +105,6 @@ class Threshold:
         }
 
     def text(self) -> str:
-        """The result in a few lines."""
         lines = [f"threshold           {self.why_none()}"]
         if self.is_critical:
             lines = self._critical_lines()
@@ -123,11 +118,10 @@ class Threshold:
         return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
 
     def why_none(self) -> str:
-        """The reason for no critical flow as text."""
         if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
             return f"zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
-            remedy = "with body.settle = true it first rolls and tips to a place where it rests"
+            remedy = "with body.settle = true it first rolls and tips to a stable position"
             return f"none: the grain moves without any flow; {remedy}"
         if not np.isfinite(self.held_to):
             why = "whose load grows in proportion (no inertia)"
@@ -137,7 +131,7 @@ class Threshold:
         return f"{where} (tried: {tried})" if tried else where
 
     def shields_note(self, gdim: int) -> str:
-        """The definition of the Shields number, and its value with the nominal diameter."""
+        """Definition of the Shields number, and its value with the nominal diameter."""
         means = (
             f"tau_b/((rho_s - rho_f) g d), d = {self.size:g}: the largest diameter of the grain; "
         )

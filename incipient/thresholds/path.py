@@ -1,10 +1,8 @@
 """The load on a grain as the flow grows from rest, interpolated between computed flows.
 
-The load over the flow's factor, c(f), is smooth: constant in Stokes flow, later growing. The safety factor need not be
-smooth, finite or monotonic: therefore c is interpolated, and the exact criterion applied to it.
-
-The grain counts as stable in an interval between two flows if it is stable under every load within half of the change
-of c from its chord: twice the deviation of a parabola with its vertex at one end.
+The load over the flow's factor, c(f), is smooth; the safety factor need not be: c is interpolated, and the exact
+criterion applied to it. Between two flows the grain counts as stable if it is stable under every load within half of
+the change of c from its chord: twice the deviation of a parabola with its vertex at one end.
 """
 
 from __future__ import annotations
@@ -51,7 +49,6 @@ class LoadPath:
     before: LoadPath | None = None
 
     def load(self, factor: float) -> Load:
-        """The load in the flow at a factor."""
         flow = factor * self.over_factor(factor)
         return Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
 
@@ -64,7 +61,6 @@ class LoadPath:
         return base + extrapolated(self.factors[chosen].tolist(), list(known[chosen]), factor)
 
     def _nearest(self, factor: float) -> list[int]:
-        """Indices of the adjacent flows, and of the next nearest one."""
         count = len(self.factors)
         low = int(np.clip(np.searchsorted(self.factors, factor) - 1, 0, max(count - 2, 0)))
         chosen = list(range(low, min(low + 2, count)))
@@ -74,7 +70,6 @@ class LoadPath:
         return chosen
 
     def safety(self, factor: float) -> float:
-        """Safety factor in the flow at a factor."""
         return safety_factor(self.load(factor), self.contacts, self.law).value
 
     def loss(self, low: float, high: float) -> float | None:
@@ -113,7 +108,6 @@ class LoadPath:
         return math.log(low / high) / (2.0 * STEP)
 
     def _logarithm(self, factor: float) -> float:
-        """log S, within bounds."""
         with np.errstate(divide="ignore"):
             logarithm = np.log(self.safety(factor))
         return float(np.clip(logarithm, -LARGEST_LOGARITHM, LARGEST_LOGARITHM))

@@ -1,9 +1,7 @@
-"""The search for the critical flow: the slowest flow, as it grows from rest, that moves the grain.
+"""The search for the critical flow on one mesh, as the flow grows from rest.
 
-The search begins with Stokes flow, which always converges and has a proportional load. After each computed flow the
-interpolated load (`path`) determines the critical factor, an intermediate flow that is needed to exclude motion, or the
-next faster flow. If a steady flow does not converge, the search continues below it, or beyond it if the extrapolated
-load is critical there.
+It begins with Stokes flow, which always converges. The interpolated load (`path`) determines the next flow: the
+critical one, an intermediate one to exclude motion, or a faster one. Flows that do not converge are avoided.
 """
 
 from __future__ import annotations
@@ -74,7 +72,7 @@ class OwnMesh:
 class CriticalFlow:
     """The result of a search.
 
-    factor:   of the critical flow; 0: any flow, or the weight alone, moves the grain; inf: no computed flow does
+    factor:   critical; 0: any flow, or the weight alone, moves the grain; inf: no computed flow does
     held_to:  factor up to which the grain is stable
     reason:   why there is no critical flow, or none computed near it
     between:  factors of the adjacent flows, if no nearer one converged
@@ -93,7 +91,6 @@ class CriticalFlow:
 
     @property
     def is_critical(self) -> bool:
-        """Whether there is a critical flow."""
         return 0.0 < self.factor < np.inf
 
     @property
@@ -106,7 +103,7 @@ class CriticalFlow:
 
 
 class CriticalSearch:
-    """The search on one mesh, in a prepared run. Public methods are collective.
+    """The search in a prepared run. Public methods are collective.
 
     Args:
         solve: computes the loads in a flow faster by a factor, starting from another (see `simulation.steady`).
@@ -133,7 +130,6 @@ class CriticalSearch:
         self._held: set[tuple[float, float]] = set()  # intervals in which it is certainly stable
 
     def from_rest(self) -> CriticalFlow:
-        """Search from rest upwards."""
         if bound := slowest_flow(self.run.setup):
             return self._from_slowest(bound)
         slow = CREEPING / self._reynolds if self._inertia else 1.0
@@ -146,7 +142,6 @@ class CriticalSearch:
         return self._upwards(slow)
 
     def _from_slowest(self, bound: SlowestFlow) -> CriticalFlow:
-        """Search upwards from the start of an effect if the grain is stable there, otherwise from its slowest flow."""
         start, slow = bound.start, bound.factor
         if bound.expected:
             self.run.voice.say(bound.expected)
@@ -188,7 +183,7 @@ class CriticalSearch:
         )
 
     def load_at(self, factor: float) -> Load:
-        """The load in the flow at a factor, if necessary started at half the factor. Raises ConvergenceError."""
+        """The load at a factor, if necessary started at half the factor. Raises ConvergenceError."""
         if not self._try(factor):
             self._solve(0.5 * factor)
             self._solve(factor)
@@ -212,7 +207,6 @@ class CriticalSearch:
         return rocking
 
     def _at_once(self, slow: float) -> CriticalFlow | None:
-        """The result for a grain that is not stable in the slowest flow; None if it is stable."""
         at_rest = safety_factor(self._load(slow), *self._holds)
         held = at_rest.status is SafetyStatus.NO_RESERVE
         power = 2.0 if self.run.setup.is_averaged else 1.0
@@ -224,11 +218,6 @@ class CriticalSearch:
         return self._ended(0.0, 0.0, why)
 
     def _rocking(self, factor: float, power: float) -> CriticalFlow | None:
-        """The flow in which a rocking grain leaves its pocket; None without rocking.
-
-        Each computed flow gives the multiple of its load at which the grain leaves. The load is a power of the factor,
-        first `power`, then that of the last two flows.
-        """
         rocking, held_to, reason = self.rocks(factor), 0.0, ROCKS_IN_ALL
         if rocking is None or rocking.critical == 0.0:
             return None
@@ -268,7 +257,6 @@ class CriticalSearch:
         return self._ended(np.inf, self._sure, NOT_WITHIN)
 
     def _inside(self, path: LoadPath) -> float | CriticalFlow | None:
-        """The next flow within the computed ones, or the critical one; None: the grain is stable in all of them."""
         for low, high in pairwise(path.factors.tolist()):
             self._sure = low
             if (low, high) in self._held:
@@ -291,7 +279,6 @@ class CriticalSearch:
         return None
 
     def _beyond(self, path: LoadPath, slow: float) -> float | CriticalFlow:
-        """The next flow beyond the computed ones, or the reason for none."""
         top = float(path.factors[-1])
         goal = min(GROWTH * top, self._largest) if top > slow else self._first(slow)
         loss = path.loss(top, max(goal, top))
@@ -313,7 +300,6 @@ class CriticalSearch:
         return self._ended(np.inf, top, reason)
 
     def _first(self, slow: float) -> float:
-        """The flow after the slowest one."""
         if not self.run.setup.is_averaged:
             return FIRST / self._reynolds
         quadratic = BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5
@@ -323,11 +309,9 @@ class CriticalSearch:
         return any(abs(known / factor - 1.0) < self._near for known in self._states)
 
     def _may_converge(self, factor: float) -> bool:
-        """Whether no flow as fast has failed."""
         return all(max(factor / failed, failed / factor) > APART for failed in self.unsolved)
 
     def _try(self, factor: float, here: bool = False) -> bool:
-        """Solve; for an unconverged flow record it, and solve at the end of the continuation."""
         try:
             self._solve(factor, here)
         except ConvergenceError:
@@ -345,7 +329,6 @@ class CriticalSearch:
         return True
 
     def _solve(self, factor: float, here: bool = False) -> None:
-        """Solve from another flow, or from the nearby present state."""
         run, start = self.run, self._start(factor)
         if start and not here:
             self._restore(start)
@@ -356,7 +339,6 @@ class CriticalSearch:
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
     def _start(self, factor: float) -> float:
-        """The initial flow: the next slower one, with unsteady wakes the nearest; 0: none."""
         if self._states and self._lingers:
             return min(self._states, key=lambda known: abs(np.log(known / factor)))
         return max((known for known in self._states if known < factor), default=0.0)

@@ -283,7 +283,7 @@ def test_a_comparison_that_fails_is_no_error(monkeypatch: pytest.MonkeyPatch) ->
     first, second = found.trials[:2]
     assert (first.estimate, first.note) == (
         None,
-        "not compared: no step was accepted, in a run to compare with",
+        "not compared: no step was accepted, in a run for comparison",
     )
     assert (first.step, second.step) == (0.1, 0.05)
     assert second.note == "" and second.unknowns > first.unknowns

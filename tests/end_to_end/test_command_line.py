@@ -70,8 +70,8 @@ def test_the_levels_of_the_log(command):
 
     assert said("warning") == ""
     info, debug = said("info"), said("debug")
-    assert "yes  inertia" in info and "stage:" not in info and "correction" not in info
-    assert "stage: mesh" in debug and "correction 1" in debug
+    assert "yes  inertia" in info and "stage:" not in info and "Newton update" not in info
+    assert "stage: mesh" in debug and "Newton update 1" in debug
 
 
 @pytest.mark.slow
@@ -364,7 +364,7 @@ BAD_SCENES = {
     ),
     "friction": (
         CYLINDER.read_text() + "[contact]\nfriction = 0.5\n",
-        "contact.friction: friction needs a bed to rub against but there is none; add a section [bed]",
+        "contact.friction: friction needs a bed but there is none; add a section [bed]",
     ),
     "polyline": (
         _changed(GRAIN_ON_BED, 'kind = "flat"', 'kind = "polyline"\nfile = "missing.csv"'),

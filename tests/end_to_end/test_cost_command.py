@@ -19,6 +19,7 @@ from environment import end, environment
 from processes import CAVITY, GRAIN_ON_BED, SCENES, settings
 
 from incipient.cli import main
+from incipient.cost.frontier import seconds
 
 COARSE = settings(
     numerics_mesh_size=2.5, contact_gap=0.05, domain_length=12.0, domain_height=6.0, body_x=4.0
@@ -131,20 +132,27 @@ def test_ranks_are_refused(command: Any) -> None:
     assert "call it without mpirun" in done.stderr
 
 
-def test_a_plan_tells_what_the_last_run_took(
+def test_a_plan_says_the_time_by_runs_of_its_kind(
     capsys: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The run that lies where the scene's results go by default; a damaged result is as good as none."""
+    """Scaled by the unknowns; other kinds of runs and damaged results say nothing."""
     monkeypatch.chdir(tmp_path)
-    assert main(["plan", str(CAVITY)]) == 0
-    before = capsys.readouterr().out
+
+    def planned(*overrides: str) -> list[str]:
+        assert main(["plan", str(CAVITY), *settings(numerics_mesh_size=4), *overrides]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        return [line.strip() for line in lines if "of wall time" in line]
+
+    assert planned() == []
+    coarse = settings(numerics_mesh_size=6)
+    assert main(["run", str(CAVITY), *coarse, "--log-level", "error"]) == 0
     result = tmp_path / "results" / CAVITY.stem / "result.json"
-    result.parent.mkdir(parents=True)
-    taken = {"wall_time": {"total": 150.0}, "unknowns": 4711, "ranks": 2}
-    for text, said in ((json.dumps({"cost": taken}), True), ("{", False)):
-        result.write_text(text)
-        assert main(["plan", str(CAVITY)]) == 0
-        line = f"  the run in results/{CAVITY.stem} took 2.5 min of wall time for 4711 unknowns on 2 ranks\n"
-        assert capsys.readouterr().out == before + line * said
-    assert main(["plan", str(CAVITY), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["estimate"]["cells"] > 0
+    cost = json.loads(result.read_text())["cost"]
+    capsys.readouterr()
+    assert main(["plan", str(CAVITY), *settings(numerics_mesh_size=4), "--json"]) == 0
+    unknowns = json.loads(capsys.readouterr().out)["estimate"]["unknowns"]
+    taken = seconds(cost["wall_time"]["total"] * unknowns / cost["unknowns"])
+    assert planned() == [f"about {taken} of wall time, scaled from 1 run of its kind in results"]
+    assert planned(*settings(numerics_order=2)) == []
+    result.write_text("{")
+    assert planned() == []

@@ -144,7 +144,7 @@ def test_a_measured_series(command, scene: Path) -> None:
     scene.write_text(measured.replace("pictures = true", "pictures = false"))
     done = command("entrainment", scene, "--out", "out", "--probabilities", "0.05", "0.5")
     assert done.returncode == 0, done.stderr
-    assert "as in the series" in done.stdout and "length of the record" in done.stdout
+    assert "follows the series" in done.stdout and "length of the record" in done.stdout
 
 
 @pytest.mark.slow

@@ -278,9 +278,7 @@ def test_a_budget_spent_before_the_error_bars_keeps_the_verdict(tmp_path):
     assert result["error_bars"]["failed"] == {"gap": spent, "domain": spent}
     assert [term["name"] for term in result["error_bars"]["terms"]] == ["discretisation"]
     assert result["verdict"]["moves"] and not result["adaptation"]["met"]
-    assert result["adaptation"]["reason"].startswith(
-        "undecided: certain but for errors that are not known"
-    )
+    assert result["adaptation"]["reason"].startswith("undecided: certain except for unknown errors")
 
 
 # -- no mesh, no convergence -----------------------------------------------------------------------------------

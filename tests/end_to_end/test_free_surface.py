@@ -338,7 +338,7 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
         (
             "[gravity]\nacceleration = 1.0\n",
             "",
-            "domain.top: gravity is what keeps a free surface level; add",
+            "domain.top: a free surface needs gravity; add",
         ),
         (
             "stations = [0.0, 0.3, 1.0]",

@@ -338,7 +338,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         (
             run,
             "folder.gif",
-        ): "folder.gif: cannot be written: is a directory; a directory stands where the file",
+        ): "folder.gif: cannot be written: is a directory; a directory has the name of the file",
     }
     for (directory, name), complaint in cases.items():
         with pytest.raises(OutputError, match=re.escape(complaint)):

@@ -236,7 +236,7 @@ def test_the_plan_tells_of_the_ends():
         (
             'kind = "open-channel"',
             'kind = "shear"',
-            'flow.kind: "shear" is no flow below a free surface',
+            'flow.kind: "shear" is not possible below a free surface',
         ),
         (
             'elevation = "0"',
@@ -278,7 +278,7 @@ def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):
         (
             'elevation = "0"',
             "wave = {amplitude = 0.01, period = 4.0}",
-            "but surface.wave lets waves in",
+            "but surface.wave is unsteady",
         ),
         (f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "still"', "but the fluid is still"),
     ],

@@ -282,7 +282,7 @@ def test_a_disc_released_below_a_free_surface_rolls_and_the_surface_answers(tmp_
 
 CASES = (
     ({"contact": None}, "contact.friction: is missing"),
-    ({"time": None}, "body.motion: a grain moves in time"),
+    ({"time": None}, "body.motion: a moving grain needs time steps"),
     ({"body__locked": ("x",)}, "body.locked"),
     (
         {"body__centre": (3.5, 2.0), "body__x": None},

@@ -69,4 +69,4 @@ def test_a_coarse_run_that_fails_does_not_advise_the_user_for_its_own_scene():
     scene = Scene(domain=domain, fluid=Fluid(reynolds=1.0, scale="flow"), flow=OpenChannel())
     with pytest.raises(ConvergenceError) as told:
         KeptRuns({}, lambda: "", fails)(scene)
-    assert str(told.value) == "cells at walls are thick, in a run to compare with"
+    assert str(told.value) == "cells at walls are thick, in a run for comparison"

@@ -257,7 +257,7 @@ def test_a_case_that_takes_too_much_memory_fails_with_its_reason(tmp_path: Path)
     progress = incipient.sweep.run(scene, file, over, jobs=1, memory_mib=190.0, tries=2)
     assert progress.failed == 1
     ((reason,),) = rows(file, "reason")
-    assert "took more memory than its worker may; give fewer --jobs (tried 2 times)" in reason
+    assert "exceeded the memory of its worker; give fewer --jobs (tried 2 times)" in reason
 
 
 def test_a_sweep_killed_in_the_middle_goes_on(tmp_path: Path, started: Any) -> None:
@@ -316,7 +316,10 @@ def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(
 def test_the_time_is_kept(tmp_path: Path, command: Any) -> None:
     scene, file = written(tmp_path, ENDLESS), tmp_path / "sweep.sqlite"
     ended = command(*order(scene, file, 2, "--jobs", 1, "--wall", "2s"))
-    assert ended.returncode == 130 and "the time is up: 0 of 2 cases are finished" in ended.stderr
+    assert (
+        ended.returncode == 130
+        and "the time limit is reached: 0 of 2 cases are finished" in ended.stderr
+    )
     assert rows(file, "status, tries") == [("waiting", 0)] * 2
 
 

@@ -13,7 +13,9 @@ from domains import rectangle, unit_box
 from floating import Floating, Floats, box_around, floating
 from mpi4py import MPI
 
+from incipient.body.state import BodyState
 from incipient.coupled.coupling import Coupling, InterfaceReport
+from incipient.coupled.rigid import End, Response, RigidPart
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError, IncipientError
 from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
@@ -64,6 +66,18 @@ class Once(Coupling):
         if not report.converged:
             raise ConvergenceError(f"the step of {length:.3g} does not converge")
         return report
+
+
+class Naive(RigidPart):
+    """A body whose iteration passes forces and velocities back and forth, without the traction's derivative."""
+
+    def _responded(self, before: End, end: End) -> Response:
+        size = self.body.size
+        changes = np.zeros((size, len(self.fluid.state.x.array)))
+        return Response(changes, np.zeros((size, size)), end.length)
+
+    def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
+        return np.zeros((self.body.size, self.body.size))
 
 
 @contextmanager

@@ -27,7 +27,6 @@ from hard_map import corrections
 from hard_resumed import resumed
 from remeshed import remeshed_run
 
-from incipient.errors import SceneError
 from incipient.fluid import FlowModel
 
 # Botella & Peyret (1998), Computers & Fluids 27, 421, Re = 1000.
@@ -57,13 +56,6 @@ def test_exact_coupling_where_the_naive_iteration_fails(ratio: float) -> None:
     assert (corrections("step", 1e-2, ratio, exact=True) or 99) <= 4
     naive = corrections("step", 1e-2, ratio, exact=False)
     assert (naive is None) is (ratio <= 1.0)
-
-
-def test_naive_iteration_without_mass_is_refused_by_name() -> None:
-    with in_cavity(0.0) as found:
-        found.part.added_mass = False
-        with pytest.raises(SceneError, match="give the body mass"):
-            found.transient.advance(0.05)
 
 
 @pytest.mark.parametrize(

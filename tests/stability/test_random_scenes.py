@@ -49,7 +49,7 @@ def test_unusual_scenes_run_or_are_refused_in_one_line(seed: int) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("x = " + "9" * 5000, "has a whole number of thousands of digits; shorten it"),
+        ("x = " + "9" * 5000, "has an integer with thousands of digits; shorten it"),
         ("x" * 5000 + " = 1", "unknown key; known are"),
         ('[domain]\nlength = 1\nheight = 1\nkind = "' + "k" * 5000 + '"', "is not known; use"),
     ],

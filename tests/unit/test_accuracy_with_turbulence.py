@@ -197,7 +197,7 @@ def test_a_mesh_that_is_no_coarser_tells_no_error(changes, columns):
     same = Loads(np.zeros(0), np.zeros(0), shear=np.array([0.05, 0.05]))
     if most < 2.0**1.5:
         with pytest.raises(
-            ConvergenceError, match="as few rows or columns of cells: use numerics"
+            ConvergenceError, match="no fewer rows or columns of cells: use numerics"
         ) as refused:
             by_coarser_mesh(scene, same, lambda one: same)
         assert coarse_scenes(scene) == []
@@ -265,7 +265,8 @@ def test_the_mesh_size_that_coarser_meshes_need_is_told_between_planes() -> None
     walls, loads = walls_of(1.0, 1.0, 0.05, 0.05, 0.005), Loads.at_the_end
     computed = loads(None, None, None, None, walls)
     with pytest.raises(
-        ConvergenceError, match=r"as few rows or columns of cells: use numerics\.mesh_size = 2\.77"
+        ConvergenceError,
+        match=r"no fewer rows or columns of cells: use numerics\.mesh_size = 2\.77",
     ):
         by_coarser_mesh(scene, computed, lambda scene: computed)
 

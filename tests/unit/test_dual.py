@@ -247,7 +247,7 @@ def goals(left: float) -> Any:
 def test_corrections_against_upwinding_that_do_not_settle_are_a_doubt() -> None:
     assert by_dual(goals(0.4), 2.0).doubt == ""
     found = by_dual(goals(0.6), 2.0)
-    assert "the second of two corrections for it made 60%" in found.doubt
+    assert "the second of two corrections is 60%" in found.doubt
     assert found.force == pytest.approx([0.2, 0.0, 0.0])
 
 

@@ -78,7 +78,7 @@ REFUSED = [
     ('law = "measured"\npoints = [[0.0, 1.0], [1.0, 2.0]]', "are 2; give 100 or more"),
     ('law = "events"\nrecord = 100.0\npoints = [[1.5, 1.0]]', "gusts.points: are 1"),
     (EVENTS.replace("record = 100.0\n", "") + "]", "gusts.record: is missing"),
-    (EVENTS.replace("100.0", "10.0") + "]", "gusts.record: is 10, less than the 20"),
+    (EVENTS.replace("100.0", "10.0") + "]", "gusts.record: is 10, less than the total"),
     (EVENTS + "]\nintensity = 0.3", "gusts.intensity"),
     (EVENTS + ", [1.5, 0.0]]", "gusts.points: have a strength or duration"),
 ]
@@ -385,7 +385,7 @@ class TestEntrainment:
             Setup(loads(POCKET.replace("intensity = 0.3", words))), MPI.COMM_WORLD
         )
         assert [one.probability for one in told.quantiles] == [0.001, 0.01, 0.05]
-        assert told.assumed[-1] == "left out, since the data do not resolve them: probabilities 0.5"
+        assert told.assumed[-1] == "omitted, since the data do not resolve them: probabilities 0.5"
 
     def test_without_acceleration_slow_changes_are_the_limit(self, found: Entrainment) -> None:
         # With a long microscale the load of acceleration vanishes.

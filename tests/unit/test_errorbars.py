@@ -388,7 +388,7 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
     assert [term.name for term in bars.terms] == ["discretisation"]
-    why = "no steady flow found, in a run to compare with"
+    why = "no steady flow found, in a run for comparison"
     assert bars.failed == {"gap": why, "domain": why}
     assert bars.safety is not None and bars.safety.unknown == ("gap", "domain")
     assert f"  gap               not computed: {why}" in bars.lines()
@@ -414,7 +414,7 @@ def test_what_does_not_apply_is_said() -> None:
     bars = incipient.run(loads(CARRIED, overrides=IN_BOX), comm=MPI.COMM_SELF).error_bars
     assert bars is not None and not bars.failed
     assert bars.left_out == {
-        "gap": "does not apply: the grain moves, and contact.gap says where it stops",
+        "gap": "does not apply: the grain moves, and contact.gap determines where it stops",
         "domain": "does not apply: the domain is closed by walls",
     }
     assert bars.total.place is not None and np.all(bars.total.place > 0.0)
@@ -672,7 +672,9 @@ def test_slower_decay_is_seen_by_the_bar() -> None:
 
 def test_a_load_that_does_not_settle_as_sides_move_away_has_no_bar() -> None:
     scene = grain_on_bed()
-    with pytest.raises(ConvergenceError, match=r"^the sides 1\.5 times as far change the force by"):
+    with pytest.raises(
+        ConvergenceError, match=r"^sides 1\.5 times as far away change the force by"
+    ):
         of_domain(scene, by_distance(-1.0)(scene), by_distance(-1.0))
 
 

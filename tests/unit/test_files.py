@@ -59,7 +59,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path):
     [
         ("absent/result.json", "make the directory first"),
         ("a-file/result.json", "a file stands where a directory is needed"),
-        ("a-directory", "a directory stands where the file is needed"),
+        ("a-directory", "a directory has the name of the file"),
     ],
 )
 def test_errors_say_what_to_do(tmp_path, place, remedy):
@@ -131,7 +131,7 @@ def test_rows_are_on_disk_at_once_with_one_header_and_all_digits(tmp_path):
 def test_a_row_with_other_columns_is_refused(tmp_path):
     path = tmp_path / "history.csv"
     append_row(path, ROW)
-    with pytest.raises(OutputError, match="has other columns"):
+    with pytest.raises(OutputError, match="has different columns"):
         append_row(path, {"time": 1.0})
 
 

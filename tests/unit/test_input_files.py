@@ -142,7 +142,7 @@ def test_measured_grains_are_plain_numbers(cell: str, tmp_path: Path) -> None:
     rows = "".join(f"{k},0,0,2,{cell if k == 1 else 1},1\n" for k in range(3))
     (tmp_path / "grains.csv").write_text("Xc,Yc,Zc,Dmax,Dmed,Dmin\n" + rows, encoding="utf-8")
     bed = MeasuredEllipsoids(kind="ellipsoids", file="grains.csv")
-    assert "has a cell that is no number" in message(lambda: spheres_of(bed, tmp_path))
+    assert "has a cell that is not a number" in message(lambda: spheres_of(bed, tmp_path))
 
 
 def test_tables_with_other_cells_than_names_are_refused(tmp_path: Path) -> None:
@@ -150,7 +150,9 @@ def test_tables_with_other_cells_than_names_are_refused(tmp_path: Path) -> None:
     path.write_bytes(b'\xef\xbb\xbfa , b\r\n\r\n1,"x\r\ny"\r\n')
     assert read_table(path, "") == (["a", "b"], [["1", "x\ny"]])
     path.write_text("a,b\n1,2\n3\n")
-    assert "row 3 has not as many cells as the first" in message(lambda: read_table(path, ""))
+    assert "row 3 has a different number of cells from the first" in message(
+        lambda: read_table(path, "")
+    )
 
 
 def test_a_scheduler_that_accepts_and_says_nothing_is_given_up(

@@ -181,7 +181,7 @@ def both(change: Callable[[Path], Any]) -> Callable[[Path, Path], Any]:
         (lambda f, m: f.write_text(CENTRE), "force.dat has no samples yet"),
         (both(lambda path: changed(path, "\n0.2\t", "\n0.1\t")), "time 0.1 twice or out of order"),
         (lambda f, m: m.write_text(m.read_text() + "# CofR : (0 0 0)\n"), "about 2 points (CofR)"),
-        (lambda f, m: changed(m, "(4.5 ", "(1e999 "), "does not say what point its moments are"),
+        (lambda f, m: changed(m, "(4.5 ", "(1e999 "), "does not name the point of its moments"),
         (both(Path.unlink), "holds no forces; give a folder"),
     ],
 )
@@ -269,7 +269,7 @@ def test_the_point_of_the_moments_does_not_change_the_verdict(where: str, block:
 def test_too_few_samples_are_told_as_those_of_the_mean(block: Case) -> None:
     forces = read_forces(FORCES)
     short = forces.only(np.arange(len(forces.times)) < 50)
-    with pytest.raises(SceneError, match=r"^--forces: the mean would be of 25 samples from time"):
+    with pytest.raises(SceneError, match=r"^--forces: the mean has 25 samples from time"):
         judge_forces(block, short, 1.0, None)
 
 
@@ -378,7 +378,7 @@ GRAIN, BED = BLOCK / "block.stl", BLOCK / "bed.stl"
             [*SET, "gravity.direction=[0, 1, 0]"],
             GRAIN,
             BED,
-            "below the bed; turn gravity.direction",
+            "below the bed; reverse gravity.direction",
         ),
         (SET, BED, FLAT, "bed.stl"),
         (SET, BLOCK / "absent.stl", FLAT, "absent.stl"),
@@ -489,4 +489,4 @@ def test_a_series_is_taken_from_a_time_on(tmp_path: Path, capsys: Any) -> None:
     said = capsys.readouterr().out
     assert "rest                100.000% of the time" in said and "from time 2 on" in said
     assert main([*order, "--since", "5"]) == 2
-    assert "nothing is there from 5 on; the last time is 4" in capsys.readouterr().err
+    assert "there are no samples from 5 on; the last time is 4" in capsys.readouterr().err

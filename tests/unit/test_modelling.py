@@ -91,12 +91,14 @@ def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> 
     assert found is not None and found.met and found.includes == ("discretisation",)
     assert "(of discretisation), asked for 0.02: reached" in found.lines()[0]
     gap, domain, last = found.beside
-    assert gap.startswith("beside it the error of the gap, ")
-    assert domain.startswith("beside it the error of the domain, ") and domain.endswith(" would do")
+    assert gap.startswith("not included: the error of the gap, ")
+    assert domain.startswith("not included: the error of the domain, ") and domain.endswith(
+        " would be sufficient"
+    )
     assert "numerics.accuracy_includes" in last
     overrides = (
         domain.split("; ")[1]
-        .removesuffix(" would do")
+        .removesuffix(" would be sufficient")
         .replace("], ", "]; ")
         .replace(", domain", "; domain")
     )
@@ -122,10 +124,10 @@ def test_a_gap_is_advised_by_the_power_with_which_its_error_falls() -> None:
     twice = Term("gap", np.array([0.02, 0.0, 0.0]), np.zeros(3), "", power=1.0)
     assert (
         advice(0.01, scene, twice)[0]
-        == "beside it the error of the gap, 2.0e-02; contact.gap = 0.003 would do"
+        == "not included: the error of the gap, 2.0e-02; contact.gap = 0.003 would be sufficient"
     )
     assert advice(0.03, scene, twice) == ()
-    assert advice(1e-4, scene, twice)[0].endswith("it cannot be made small enough")
+    assert advice(1e-4, scene, twice)[0].endswith("it cannot be reduced enough")
 
 
 def test_the_power_of_the_gap_is_measured() -> None:
@@ -148,7 +150,7 @@ def test_the_smallest_gap_is_said() -> None:
         return Loads(force, np.zeros(3))
 
     found = suited(scene, 1e-4, Goal.of(scene), solve, lambda line: None)
-    assert found.unmet == "the error of the gap, 1.0e-03, cannot be made smaller"
+    assert found.unmet == "the error of the gap, 1.0e-03, cannot be reduced"
     assert found.scene is scene and found.error == pytest.approx(1e-3, rel=1e-2)
 
 
@@ -163,7 +165,7 @@ def test_a_coarse_run_that_fails_leaves_what_was_found() -> None:
 
     found = suited(scene, 0.01, Goal.of(scene), solve, lambda line: None)
     assert found.scene is scene and {term.name for term in found.terms} == {"gap", "domain"}
-    assert found.unmet == "errors of gap and domain are unknown beyond that: no steady flow found"
+    assert found.unmet == "further errors of gap and domain are unknown: no steady flow found"
 
 
 def by_a_power(power: float, sizes: list[float]) -> Solve:
@@ -187,7 +189,7 @@ def test_an_error_of_the_domain_that_hardly_falls_ends_the_search() -> None:
     assert length == 24.0 and max(sizes) == 36.0
     true = 0.2 * 3.0 ** (-1 / 3)
     assert found.error == pytest.approx(true / (1.0 - true), rel=1e-6)
-    assert found.unmet == "the error of the domain, 1.6e-01, hardly falls as the domain grows"
+    assert found.unmet == "the error of the domain, 1.6e-01, hardly decreases as the domain grows"
 
 
 @pytest.mark.parametrize("power", [1.5, 2.0])
@@ -230,11 +232,11 @@ def test_not_reached_where_gap_and_domain_take_all_of_it() -> None:
     search.conclude(0.005)
     assert (search.reason, search.met) == ("reached", True)
     search.suited = Suited(
-        search.scene, (), 0.02, "the error of the gap, 2.0e-02, cannot be made smaller"
+        search.scene, (), 0.02, "the error of the gap, 2.0e-02, cannot be reduced"
     )
     assert search.allowed == pytest.approx(0.005)
     search.conclude(0.005)
-    assert search.reason == "not reached: the error of the gap, 2.0e-02, cannot be made smaller"
+    assert search.reason == "not reached: the error of the gap, 2.0e-02, cannot be reduced"
     assert not search.met
 
 

@@ -139,7 +139,7 @@ def test_the_file_of_a_sweep_is_no_target(tmp_path: Path) -> None:
         pass
     before = (tmp_path / "s.sqlite").read_bytes()
     for write in (incipient.report, write_parquet):
-        with pytest.raises(OutputError, match=r"s\.sqlite: is no name for this file"):
+        with pytest.raises(OutputError, match=r"s\.sqlite: is not a valid name for this file"):
             write(tmp_path / "s.sqlite", tmp_path / "s.sqlite")
     assert (tmp_path / "s.sqlite").read_bytes() == before
 

@@ -169,7 +169,9 @@ def test_what_is_no_picture_is_named(tmp_path: Path, content: bytes) -> None:
 
 def test_a_page_does_not_replace_a_result(tmp_path: Path) -> None:
     (tmp_path / "result.json").write_text("{}")
-    with pytest.raises(OutputError, match=r"result\.json: is no name for this file; .* \.html"):
+    with pytest.raises(
+        OutputError, match=r"result\.json: is not a valid name for this file; .* \.html"
+    ):
         incipient.report(tmp_path, tmp_path / "result.json")
     (tmp_path / "mine.html").write_text("mine")
     with pytest.raises(OutputError, match=r"mine\.html: was not written by incipient"):

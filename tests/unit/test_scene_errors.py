@@ -92,7 +92,7 @@ ONE_KEY = [
     ),
     (
         lambda: Surface(points=[(0, 0), (1, 0.1)], elevation="x"),
-        "Surface: points: are given beside a formula for the elevation; leave one of them out",
+        "Surface: points: are given with a formula for the elevation; leave one of them out",
     ),
     (
         lambda: Surface(points=[(1, 0), (0, 0.1)]),
@@ -168,7 +168,7 @@ ONE_KEY = [
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed"),
-        "Disc: course: is missing though the motion is prescribed; add it, or hold the grain",
+        'Disc: course: is missing though the motion is prescribed; add it, or set motion = "fixed"',
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed", course=("x", "0", "0")),
@@ -228,7 +228,7 @@ ONE_KEY = [
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 2), settle=True),
-        "Disc: settle: a grain held at its centre does not settle; give x instead of centre, or leave settle out",
+        "Disc: settle: a grain with a given centre does not settle; give x instead of centre, or leave settle out",
     ),
     (lambda: Inclined(slope=95), "Inclined: slope: is 95; give a number less than 90"),
     (
@@ -312,7 +312,7 @@ ONE_KEY = [
     ),
     (
         lambda: Disc(diameter=1, x=1, density=2, mass=1),
-        "Disc: mass: is given beside density, from which it follows; leave one of them out",
+        "Disc: mass: is given with density, from which it follows; leave one of them out",
     ),
     (
         lambda: Disc(diameter=1, x=1, inertia=1),
@@ -372,16 +372,16 @@ BETWEEN = [
     ),
     (
         {"bed": None, "body": Disc(diameter=1, centre=(4, 2)), "contact": Contact(friction=0.5)},
-        "contact.friction: friction needs a bed to rub against but there is none; "
+        "contact.friction: friction needs a bed but there is none; "
         "add a section [bed] or leave [contact] out",
     ),
     (
         {"fluid": FLOW_SCALE, "body": None, "contact": Contact(friction=0.5)},
-        "contact: there is no grain to touch anything; add a section [body] or leave [contact] out",
+        "contact: contact needs a grain but there is none; add a section [body] or leave [contact] out",
     ),
     (
         {"bed": None},
-        "body.x: the grain is to rest on a bed but there is none; add a section [bed], or give centre",
+        "body.x: the grain rests on a bed but there is none; add a section [bed], or give centre",
     ),
     (
         {"bed": Inclined(slope=3)},

@@ -178,9 +178,7 @@ def test_a_flow_without_a_value_is_refused_where_its_mirror_image_is_looked_at()
 
 def test_the_plan_says_why_the_whole_is_computed():
     words = make_plan(scene(body=Sphere(diameter=1.0, x=5.0, y=3.0))).text()
-    assert (
-        "the whole of it is computed: the grain's centroid is 1 beside the middle, y = 4" in words
-    )
+    assert "the whole of it is computed: the grain's centroid is 1 from mid-width, y = 4" in words
     assert "half of it is computed" in make_plan(scene()).text()
 
 
@@ -425,11 +423,11 @@ WRONG_KEYS = [
     ),
     (
         lambda: Cylinder(diameter=1, length=1, x=1),
-        "Cylinder: x: a cylinder is held and does not rest; give",
+        "Cylinder: x: a cylinder is fixed and does not rest on a bed; give",
     ),
     (
         lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), motion="free", density=1),
-        "Cylinder: motion: a cylinder across the flow is held",
+        "Cylinder: motion: a cylinder across the flow is fixed",
     ),
     (
         lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), orientation=(90, 0, 0)),
@@ -500,7 +498,7 @@ WRONG_KEYS = [
     ),
     (
         lambda: HeightMapBed(heights=((0, 0), (0, 0))),
-        "HeightMapBed: cell: is missing; add how far apart",
+        "HeightMapBed: cell: is missing; give the spacing",
     ),
 ]
 

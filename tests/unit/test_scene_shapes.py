@@ -179,7 +179,7 @@ class TestBadScenes:
             (
                 "centre = [4, 2]\nsettle = true",
                 FLAT,
-                "body.settle: a grain held at its centre does not settle; "
+                "body.settle: a grain with a given centre does not settle; "
                 "give x instead of centre, or leave settle out",
             ),
             (
@@ -204,7 +204,7 @@ class TestBadScenes:
         without = text(STAR).split("[bed]")[0].replace("[contact]\nfriction = 0.5\n", "")
         found = refused(without, tmp_path / "case.toml")
         assert found.startswith(
-            "body.x: the grain is to rest on a bed but there is none; add a section [bed]"
+            "body.x: the grain rests on a bed but there is none; add a section [bed]"
         )
 
     def test_settled_it_must_still_lie_within_the_domain(self, tmp_path):

@@ -360,7 +360,7 @@ def test_accuracy_without_a_grain() -> None:
     [
         (
             ("numerics.budget_seconds=5",),
-            r"numerics\.budget_seconds: .*none is asked for; add numerics\.accuracy",
+            r"numerics\.budget_seconds: .*none is requested; add numerics\.accuracy",
         ),
         (("numerics.accuracy=0.01", "flow={kind='still'}"), r"a fluid at rest exerts no force"),
         (("numerics.accuracy=0.01", "numerics.accuracy_of=drag"), r'"drag" is not known'),

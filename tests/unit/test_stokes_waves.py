@@ -125,7 +125,7 @@ step = 0.1
         (
             "height = 1.0",
             'height = 1.0\nwidth = 1.0\nsides = "wall"',
-            "surface.wave: is the same across the channel",
+            "surface.wave: is two-dimensional but",
         ),
     ],
 )

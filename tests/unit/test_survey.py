@@ -358,8 +358,8 @@ class TestBadInput:
             '[bed]\nkind = "spheres"\nfile = "bed.csv"': "has 1 point; give three or more",
             '[bed]\nkind = "spheres"\nfile = "none.csv"': "cannot be read",
             '[bed]\nkind = "ellipsoids"\nfile = "grains.csv"': "has no column Zc; write Xc, Yc, Zc",
-            '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [1, 1]': "give as many of both",
-            '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "h.npy"\ncell = [1, 1]': "is no table of whole",
+            '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [1, 1]': "give equal numbers of both",
+            '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "h.npy"\ncell = [1, 1]': "is not a table of integers",
             DEPOSITED.replace(
                 "6.0", "3.0"
             ): "less than four of its grains; enlarge length and width",

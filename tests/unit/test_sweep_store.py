@@ -15,7 +15,7 @@ from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.sweep.cases import SweepCase
 from incipient.sweep.store import DONE, FAILED, WAITING, Store
-from incipient.sweep.table import as_csv, in_words, rows
+from incipient.sweep.table import as_csv, in_words, pockets, rows
 from incipient.sweep.worker import CaseOutcome
 
 CASES = [
@@ -132,3 +132,37 @@ def test_the_table_prints_the_first_cases_and_counts_all(
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 32
     assert lines[-1].startswith("40 cases: 38 done, 2 waiting; the first 30 are shown")
+
+
+def at_rest(slope: float, *centre: float, **columns: float) -> dict[str, Any]:
+    """The row of a grain of size 20 on a bed with a slope."""
+    axes = {f"centre_{axis}": x for axis, x in zip("xyz", centre, strict=True) if x}
+    return {"bed.slope": slope, "fluid.reynolds": 1.0, "grain_size": 20.0, **axes, **columns}
+
+
+@pytest.mark.parametrize(
+    ("second", "line"),
+    [
+        (at_rest(5.0, 60.0, 0.0, 9.0), None),
+        (at_rest(5.0, 60.1, 0.0, 9.0), None),  # half a percent of its size
+        (at_rest(5.0, 62.0, 0.0, 9.0), "(0.1 of its size apart, 0 degrees turned)"),
+        # In place, but turned by 0.1 rad about y: 5% of its size on its surface; in 2-D by an angle.
+        (at_rest(5.0, 60.0, 0.0, 9.0, rotation_y=0.1), "(0 of its size apart, 5.7 degrees turned)"),
+        (at_rest(5.0, 60.0, 0.0, 9.0, rotation=-0.1), "(0 of its size apart, 5.7 degrees turned)"),
+        (at_rest(5.0, 62.0, 0.0, 9.0) | {"fluid.reynolds": 2.0}, None),  # no neighbour
+        ({"bed.slope": 5.0, "fluid.reynolds": 1.0}, None),  # failed
+    ],
+)
+def test_neighbours_that_rest_elsewhere_are_named(second: dict[str, Any], line: str | None) -> None:
+    lines = pockets([second, at_rest(0.0, 60.0, 0.0, 9.0)], ["bed.slope", "fluid.reynolds"])
+    assert len(lines) == (line is not None)
+    if line is not None:
+        assert lines[0].startswith(
+            "bed.slope = 0 and 5: the grain rests on other points of the bed"
+        )
+        assert line in lines[0] and 'body.settle = "level"' in lines[0]
+
+
+def test_a_grain_moved_by_its_own_section_is_not_named() -> None:
+    table = [at_rest(0.0, x, 0.0, 9.0) | {"body.x": x} for x in (60.0, 70.0)]
+    assert pockets(table, ["body.x"]) == []

@@ -493,7 +493,7 @@ def test_one_mesh_does_where_the_law_of_the_wall_hardly_changes_or_none_is_criti
 def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
     pretended = OnMeshes(monkeypatch, lambda speed: 2.0 / speed)
     with pytest.raises(
-        ConvergenceError, match=r"differs from mesh to mesh.*: it is 2, 1, 2, .* smaller"
+        ConvergenceError, match=r"does not converge over meshes.*: it is 2, 1, 2, .* smaller"
     ):
         pretended.threshold(grain(0.2))
     assert len(pretended.made_for) == meshes.MOST_MESHES

@@ -33,7 +33,7 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
     [
         (
             {"effects": Effects(), "turbulence": Turbulence()},
-            "turbulence: describes turbulence, which effects.",
+            "turbulence: describes turbulence, but effects.",
         ),
         (
             {"domain": Domain(length=20, width=2, height=1, sides="stream")},
@@ -53,7 +53,7 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
         ),
         (
             {"time": Time(end=1, step=0.1), "numerics": Numerics(accuracy=0.05)},
-            "numerics.accuracy: is not sought of turbulence in time by this version; leave it out",
+            "numerics.accuracy: is not available for unsteady turbulence; leave it out",
         ),
         (
             {"numerics": Numerics(accuracy="verdict")},
@@ -149,12 +149,12 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
         *(
             ({"turbulence": MEASURED | {"profile": rows}}, f"turbulence.profile: {words}")
             for rows, words in (
-                ([], "has not two or more rows of one length"),
-                ([[0.1, 0.7], [0.5, 0.9, 0.01]], "has not two or more rows of one length"),
+                ([], "does not have two or more rows of one length"),
+                ([[0.1, 0.7], [0.5, 0.9, 0.01]], "does not have two or more rows of one length"),
                 ([[0.0, 0.7], [0.5, 0.9]], "has heights that do not ascend from above zero"),
                 (
                     [[0.1, 0.0], [0.5, 0.9]],
-                    "has a speed or a k that is not positive; leave walls out",
+                    "has a speed or a k that is not positive; omit walls",
                 ),
             )
         ),

@@ -1,7 +1,8 @@
 """The paper's criteria of incipient motion at the significant reaction surface.
 
-Equation numbers are the label keys of the paper's source; how its print is read stands in docs/explanation/criteria.md.
-Signs: n points out of the grain, r = x - c, and a contact is pressed by a force F where n . F > 0.
+Equation numbers are the labels of the paper's source, interpreted as in
+docs/explanation/criteria.md; n points out of the grain, r = x - c, and a force F presses a contact
+where n . F > 0.
 """
 
 from dataclasses import dataclass
@@ -31,15 +32,15 @@ Located = Literal["force", "torque"]
 
 @dataclass(frozen=True, eq=False)
 class Minima:
-    """The significant reaction surfaces of the force (2) and of the torque (7)."""
+    """Significant reaction surfaces of the force (2) and of the torque (7)."""
 
-    # (n,): the minimised quantities at every contact.
+    # Minimised quantities at every contact, (n,).
     projections_2: Floats
     projections_7: Floats
-    # The signs of the minima, 0 within the tolerance.
+    # Signs of the minima, 0 within the tolerance.
     sign_2: int
     sign_7: int
-    # The contacts at which they are attained.
+    # Minimising contacts.
     surface_2: tuple[int, ...]
     surface_7: tuple[int, ...]
 
@@ -48,8 +49,8 @@ class Minima:
 class Distributions:
     """Reaction and friction of the whole contact surface to the force, to the torque, and to both.
 
-    The table of outcomes does without them; they are what the paper offers where one significant reaction
-    surface is not enough. `force_left`, `torque_left` (3,): force and torque that `of_both` does not balance.
+    Not used by the table of outcomes. `force_left`, `torque_left` (3,): what `of_both` leaves
+    unbalanced.
     """
 
     of_force: Distribution  # P = F_flow&g
@@ -61,18 +62,17 @@ class Distributions:
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """The verdict of the paper's criteria with all intermediate quantities.
+    """Verdict of the paper's criteria with all intermediate quantities.
 
-    Arrays with a first axis of k belong to the contacts `significant`, the place x* of the paper; reaction
-    and friction forces there already carry their `fraction`. Forces act on the grain, torques are about its
-    centre.
+    Arrays (k, ...) belong to the contacts `significant`, x* in the paper, and include their
+    `fraction`. Forces act on the grain; torques are about its centre.
     """
 
     mode: Mode
-    category: Category | None  # the item of the paper's list of modes, with 6(a) and 6(b) apart
+    category: Category | None  # item of the paper's list of modes, 6(a) and 6(b) separated
     criterion: Criterion
-    force: Floats  # F by (3), (24), or the force of uncoupling below (8); (3,)
-    torque: Floats  # tau by the formula below (3), by (8) or (25); (3,)
+    force: Floats  # F of (3), (24), or the force of uncoupling below (8); (3,)
+    torque: Floats  # tau of the formula below (3), of (8) or (25); (3,)
     F_flow_and_g: Floats  # (9), (3,)
     tau_flow_and_g: Floats  # (21) about the centre, (3,)
     minimum_2: float
@@ -108,7 +108,7 @@ class Classification:
 
     @cached_property
     def distributions(self) -> Distributions:
-        """Reaction and friction over the whole contact surface, with the scales c_1 and c_2."""
+        """Reaction and friction over the whole contact surface."""
         load, arms = self.load, self.contacts.points - self.load.centre
         from_force = np.broadcast_to(load.force, arms.shape)
         from_torque = _tangential_force(load.flow_couple, arms)
@@ -123,7 +123,7 @@ class Classification:
 
     @cached_property
     def away(self) -> Away | None:
-        """Exclusion of the torque's axis through the centre by contact normals; None without a torque."""
+        """Whether contact normals exclude the torque's axis through the centre; None without a torque."""
         size, reach = (
             _norm(self.load.flow_couple),
             self.torque_scale / max(self.force_scale, 1e-300),
@@ -152,14 +152,14 @@ def classify(
     law: Law,
     tolerance: float = TOLERANCE,
 ) -> Classification:
-    """Decide by the paper's table of outcomes 1-7 whether and how a grain at rest begins to move.
+    """Predict incipient motion of a grain at rest by the paper's outcomes 1-7.
 
-    `law`: of friction, whose coefficient is zeta. When force and torque act together x* is the minimum of the force
-    (2), or of the torque (7) where the force lifts everywhere. Forces below `tolerance` times the sum of |flow force|,
-    |weight| and |torque| / arm count as zero, torques below that times the longest arm |x - c|.
+    The friction coefficient of `law` is zeta. Under force and torque x* minimises (2), or (7) where
+    the force lifts everywhere. Forces below `tolerance` times the sum of |flow force|, |weight| and
+    |torque| / arm count as zero, torques below that times the longest arm |x - c|.
 
-    Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
-    normals point into the grain.
+    Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass,
+    or all normals point into the grain.
     """
     friction = float(FrictionCone.of(law).coefficient)
     arms = _arms(load, contacts, friction)
@@ -176,7 +176,7 @@ def classify(
     at = minima.surface_2 if located == "force" else minima.surface_7
     answer = _reaction_at(load, contacts, arms, list(at), friction)
     moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["torque"]) > scales[1]
-    # The resultant torques (k, 3) if each of the significant contacts in turn carried everything.
+    # Resultant torques (k, 3) if each significant contact in turn carried the whole load.
     whole = (answer["reaction"] + answer["friction_force"]) / answer["fraction"][:, None]
     held = not turns or can_vanish(load.flow_couple + cross(arms[list(at)], whole), scales[1])
     leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
@@ -208,7 +208,7 @@ def classify(
 
 
 def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
-    """r = x - c of every contact, (n, 3); refuses invalid friction and arms."""
+    """Arms r = x - c (n, 3); raises SceneError for invalid friction or arms."""
     if not (np.isfinite(friction) and friction >= 0.0):
         raise SceneError(
             f"friction {friction} is not a coefficient; give a finite number that is not negative"
@@ -233,16 +233,14 @@ def _criterion(load: Load, scales: tuple[float, float]) -> Criterion:
 def _minima(
     load: Load, contacts: Contacts, arms: Floats, scales: tuple[float, float], tolerance: float
 ) -> Minima:
-    """(2) and (7) at every contact, their signs and where they are least."""
+    """(2) and (7) at every contact, their signs and minimisers."""
     toward = -contacts.normals @ load.force
-    # The lever of the torque on the normal: (7) is -lever |lever|, and has the same minimisers as -lever.
+    # (7) is -lever |lever| with the lever of the torque on the normal, and has the minimisers of -lever.
     lengths = np.linalg.norm(arms, axis=1)
     lever = lengths * (contacts.normals * _tangential_force(load.flow_couple, arms)).sum(axis=1)
     force_zero, torque_zero = scales
     if _norm(load.flow_couple) > torque_zero:
-        torque_zero = tolerance * _norm(
-            load.flow_couple
-        )  # its sign is a matter of direction, not of size
+        torque_zero = tolerance * _norm(load.flow_couple)  # its sign depends on direction alone
     return Minima(
         projections_2=toward,
         projections_7=-lever * np.abs(lever),
@@ -254,12 +252,12 @@ def _minima(
 
 
 def _tangential_force(torque: Floats, arms: Floats) -> Floats:
-    """(6): F_tau = tau ^ r / |r|^2 at the ends of the arms, (n, 3); the part of tau along r has none."""
+    """F_tau = tau ^ r / |r|^2 of (6), (n, 3); the component of tau along r gives none."""
     return np.asarray(cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
 
 
 def _located(criterion: Criterion, minima: Minima) -> Located:
-    """The minimum that is taken as x*."""
+    """The minimum that defines x*."""
     lifts = criterion is Criterion.SIMULTANEOUS and minima.sign_2 > 0
     return "torque" if lifts or criterion is Criterion.ROTATION_ONLY else "force"
 
@@ -267,7 +265,7 @@ def _located(criterion: Criterion, minima: Minima) -> Located:
 def _reaction_at(
     load: Load, contacts: Contacts, arms: Floats, at: list[int], coefficient: float
 ) -> dict[str, Any]:
-    """The quantities at x* and the resultants (24), (25); without a torque (3), without a force (8)."""
+    """Quantities at x* and the resultants (24), (25); (3) without a torque, (8) without a force."""
     arm, normals = arms[at], contacts.normals[at]
     fraction = equal_fractions(contacts.points[at], normals)
     from_torque = _tangential_force(load.flow_couple, arm)
@@ -294,7 +292,6 @@ def _reaction_at(
 def _mode(
     criterion: Criterion, minima: Minima, moves: bool, turns: bool, held: bool, leaves: bool
 ) -> Mode:
-    """The row of the table."""
     if criterion is Criterion.NO_LOAD:
         return Mode.NO_INCIPIENT_MOTION
     if criterion is Criterion.TRANSLATION_ONLY:
@@ -311,10 +308,10 @@ def _obstacles(
     answer: dict[str, Any],
     scales: tuple[float, float],
 ) -> tuple[int, ...]:
-    """Contacts that the resulting motion would press the grain into: where the paper's assumption fails.
+    """Contacts that the motion would penetrate, where the paper's assumption fails.
 
-    Where x* sticks the grain can only turn about it, with the load's torque about x*; else it follows F. With
-    several contacts x* the grain is obstructed if it is whichever of them it turns about.
+    A grain with sticking x* can only turn about it, otherwise it follows F; of several contacts x*
+    any may be the pivot.
     """
     if not mode.moves:
         return ()

@@ -1,9 +1,7 @@
-"""Rotations ``away from the surface'': which axes contact normals exclude (the paper's Fig. 4).
+"""Rotations ``away from the surface'': axes that contact normals exclude (the paper's Fig. 4).
 
-A turn about an axis through p along the unit vector a moves the contact x with normal n into the bed at the rate
-a . ((x - p) ^ n), the lever of the contact. The turn is away from the surface, without reaction or friction, if
-all levers are negative. In 2-D the lever says on which side of a contact's normal the point p lies, so
-points around which normals can be drawn, some to the left and some to the right, are excluded for both senses.
+Rotation about an axis through p along a moves contact x into the bed at the rate a . ((x - p) ^ n),
+its lever; the rotation is away from the surface if all levers are negative.
 """
 
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ from incipient.arrays import Floats, cross
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.statics import nearest_motion
 
-PARALLEL = 1e-12  # sine of the angle to the axis below which a normal is along it
+PARALLEL = 1e-12  # sine of the angle between a normal and a parallel axis
 
 
 class Axis(Enum):
@@ -33,12 +31,11 @@ class Axis(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Away:
-    """The condition on the axis through the centre of mass along the torque, and the nearest axis that meets it.
+    """Condition on the axis through the centre of mass along the torque, and the nearest admissible axis.
 
-    `levers` (n,) are lengths, negative where the turn takes the contact away. `nearest` (3,) is where, by the
-    paper's principle of least action, the grain is presumed to turn instead: on the edge of the nearest
-    region that no normal excludes, the centre itself if it may; None if normals exclude every axis along the
-    torque. `distance` is how far that is from the centre, infinite for None.
+    `levers` (n,): lengths, negative where the contact opens. `nearest` (3,): pivot by the paper's
+    principle of least action, on the edge of the nearest region that no normal excludes; None, at
+    infinite `distance`, if all axes along the torque are excluded.
     """
 
     direction: Floats
@@ -49,10 +46,7 @@ class Away:
 
 
 def levers(points: Floats, direction: Floats, contacts: Contacts) -> Floats:
-    """The levers (k, n) of all contacts for turns about axes through `points` (k, 3) along one direction (3,).
-
-    A positive lever presses the contact. `direction` is a unit vector; its sign is the sense of the turn.
-    """
+    """Levers (k, n) of all contacts for rotation about axes through `points` (k, 3) along a unit vector (3,)."""
     about_origin = cross(contacts.points, contacts.normals) @ direction
     return np.asarray(about_origin[None] - points @ cross(contacts.normals, direction).T)
 
@@ -73,15 +67,15 @@ def away(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 def nearest_axis(
     contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 ) -> Floats | None:
-    """The point (3,) nearest to the centre at which an axis along `direction` lies beyond no normal.
+    """Point (3,) nearest to the centre with an admissible axis along `direction`; None if there is none.
 
-    The points allowed are an intersection of half-planes across `direction`, one for each contact. A region must be
-    wider than `tolerance`, a length, so that beside its edge there are axes that no normal meets.
+    Points admitted are an intersection of half-planes, one per contact, wider than `tolerance` (a
+    length).
     """
     inward = cross(contacts.normals, direction)
     length = np.linalg.norm(inward, axis=1)
     if (length <= PARALLEL).any():
-        return None  # that contact's normal is along the axis: it rubs wherever the axis is
+        return None  # that contact slides about every such axis
     edge = levers(centre[None], direction, contacts)[0] / length + 2.0 * tolerance
     inward, size = inward / length[:, None], float(np.abs(edge).max()) or 1.0
     nearest = size * nearest_motion(inward, edge / size, np.zeros(3))

@@ -1,10 +1,10 @@
-"""The paper's modes of incipient motion and its table of outcomes 1-7 (end of its section 3)."""
+"""The paper's modes of incipient motion and its table of outcomes 1-7 (end of section 3)."""
 
 from enum import Enum
 
 
 class Mode(Enum):
-    """An outcome of the paper's table: its `row` there and the paper's `wording`."""
+    """Outcome of the paper's table, with `row` and `wording`."""
 
     SLIDING = ("1a", "translation: sliding")
     LIFTING = ("1b", "translation: lifting")
@@ -32,10 +32,7 @@ class Mode(Enum):
 
 
 class Category(Enum):
-    """The paper's list of possible modes of incipient motion: its `item` there and the paper's `wording`.
-
-    The table of outcomes has one row for both ways of sliding and pivotting; the list keeps them apart.
-    """
+    """Item of the paper's list of possible modes, which has two kinds of sliding and pivoting."""
 
     TRANSLATION_ONLY = ("1", "translation only (lifting or sliding)")
     SLIDING_WITH_AWAY_ROTATION = (
@@ -60,10 +57,9 @@ class Category(Enum):
 
 
 def category(mode: Mode, common_position: bool) -> Category | None:
-    """The item of the paper's list that an outcome of its table belongs to; None without motion.
+    """Item of the paper's list for an outcome of its table; None without motion.
 
-    `common_position`: the minima (2) and (7) share a contact. If they do not, sliding and pivotting are about
-    different contacts, the one mode that the paper leaves open.
+    `common_position`: the minima (2) and (7) share a contact.
     """
     if mode is Mode.SLIDING_AND_PIVOTTING and not common_position:
         return Category.PIVOTTING_WITH_SLIDING_APART
@@ -72,7 +68,7 @@ def category(mode: Mode, common_position: bool) -> Category | None:
 
 
 class Criterion(Enum):
-    """The paper's section that applies: a force, a torque, or both."""
+    """Applicable section of the paper: force, torque, or both."""
 
     NO_LOAD = "neither force nor torque acts"
     TRANSLATION_ONLY = "incipient translation only, (3): no torque acts"
@@ -81,11 +77,10 @@ class Criterion(Enum):
 
 
 def simultaneous(force_sign: int, torque_sign: int, moves: bool, turns: bool) -> Mode:
-    """The row of the table by the signs of the minima (2), (7), by F != 0 (24) and tau != 0 (25).
+    """Row of the table from the signs of minima (2) and (7), F != 0 (24) and tau != 0 (25).
 
-    Where the table is silent because a minimum is zero: minimum (2) = 0 presses nowhere but keeps the contact
-    (sliding); minimum (7) = 0 leaves the contact to the force: pivotting where the force presses, away from
-    the surface where it lifts.
+    The table omits zero minima: (2) = 0 keeps the contact (sliding); (7) = 0 means pivoting where
+    the force presses, away from the surface where it lifts.
     """
     if not turns:
         return translation(force_sign) if moves else Mode.NO_INCIPIENT_MOTION
@@ -97,14 +92,14 @@ def simultaneous(force_sign: int, torque_sign: int, moves: bool, turns: bool) ->
 
 
 def translation(force_sign: int) -> Mode:
-    """Row 1: lifting where minimum (2) is positive, otherwise sliding."""
+    """Row 1: lifting if minimum (2) is positive, otherwise sliding."""
     return Mode.LIFTING if force_sign > 0 else Mode.SLIDING
 
 
 def translation_only(force_sign: int, moves: bool, held: bool) -> Mode:
-    """The outcome without a torque: row 1 if F != 0 by (3), otherwise row 5a or 7.
+    """Outcome without a torque: row 1 if F != 0 by (3), otherwise row 5a or 7.
 
-    `held`: the torque of the contact forces vanishes, or can vanish by sharing them among the minimisers.
+    `held`: the torque of the contact forces vanishes for some sharing among the minimisers.
     """
     if moves:
         return translation(force_sign)
@@ -112,10 +107,10 @@ def translation_only(force_sign: int, moves: bool, held: bool) -> Mode:
 
 
 def rotation_only(torque_sign: int, turns: bool, leaves: bool) -> Mode:
-    """The outcome without a force: row 5, or row 1 if friction stops the turn, tau = 0 by (8).
+    """Outcome without a force: row 5, or row 1 if friction prevents rotation, tau = 0 by (8).
 
-    Minimum (7) = 0 is a rotation away from the surface, which the paper defines by the absence of a counter torque.
-    `leaves`: the force of uncoupling that is left then points away from every contact.
+    Minimum (7) = 0 means rotation away from the surface. `leaves`: the force of uncoupling points
+    away from every contact.
     """
     if torque_sign >= 0:
         return Mode.AWAY_ROTATION

@@ -1,4 +1,4 @@
-"""A free surface on the fluid; a rigid lid instead neglects a rise of Fr^2/2 of the depth (Bernoulli's equation)."""
+"""Free surface; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli's equation)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class FreeSurfaceEffect(Effect):
-    """A top of the fluid that moves with it."""
+    """A top boundary that moves with the fluid."""
 
     name = EffectName.FREE_SURFACE
 
@@ -45,7 +45,7 @@ class FreeSurfaceEffect(Effect):
         return Decision(self.name, False, reason, expected=rise)
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """A flow that is nearly critical."""
+        """A nearly critical flow."""
         yield from filter(None, (near_critical(setup),))
 
     def part_in_time(
@@ -59,14 +59,14 @@ class FreeSurfaceEffect(Effect):
         return MovingSurface(setup, stage)
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of a 3-D surface."""
+        """Memory [MiB] of a 3-D surface."""
         scene = setup.scene
         if scene.gdim == 2 or not scene.has_surface:
             return 0.0
         return memory_of_surface(unknowns, scene.time is not None and scene.time.start != "rest")
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Rise of a surface by the pressure under a rigid lid, as a fraction of the depth."""
+        """Rise of a surface by the pressure under a rigid lid, relative to the depth."""
         if decision.expected is None:
             return
         scene = solved.run.scene
@@ -88,7 +88,7 @@ class FreeSurfaceEffect(Effect):
 
 
 def _ends(setup: Setup) -> str:
-    """The conditions at the ends of a channel with a free surface; empty for a box."""
+    """Describe the end conditions of a channel with a free surface; "" for a box."""
     if setup.geometry.domain.kind == "box":
         return ""
     surface, speed, wave = setup.surface, froude(setup), wave_of(setup)

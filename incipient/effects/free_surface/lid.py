@@ -1,4 +1,4 @@
-"""Error of a rigid lid: the rise of a free surface by the pressure under the lid."""
+"""Error of a rigid lid: rise of a free surface by the pressure under the lid."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ..run_part import Solving
 
 
 def rise_under_lid(run: Solving) -> float:
-    """The largest pressure head at the nodes under the lid; zero at the outflow, or on average. Collective."""
+    """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the mean. Collective."""
     scene, fluid, comm = run.scene, run.fluid, run.comm
     space, gravity = fluid.space.pressure, scene.gravity_vector
     nodes = boundary_blocks(space, fluid.domain.facets_of(Setup(scene).sides.top))
     own = nodes[nodes < space.dofmap.index_map.size_local]
     away = space.tabulate_dof_coordinates()[own, 0] - scene.domain.right
-    # The hydrostatic part that the pressure does not have changes along a lid that is inclined.
+    # The omitted hydrostatic pressure varies along an inclined lid.
     heads = (fluid.pressure.x.array[own] + gravity[0] * away) / abs(gravity[scene.up])
     if fluid.constraints.closed:
         total, count = comm.allreduce(np.array([heads.sum(), len(heads)]))

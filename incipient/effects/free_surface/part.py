@@ -1,4 +1,4 @@
-"""The free surface of a run: its part in the coupling with the flow, and its columns of the history."""
+"""Free surface of a run: coupling with the flow, and history."""
 
 from __future__ import annotations
 
@@ -31,22 +31,16 @@ from ..run_part import RunPart, Stage
 if TYPE_CHECKING:
     from ...restart.checkpoint import Checkpoint
 
-# Distance of a moving grain from the surface, in its size, that counts as touching; and distance from the still level
-# below which a new mesh has its top at the height of the surface above the grain.
+# Distances of a moving grain, in its size: from the surface, counting as contact; from the still level, below which a
+# new mesh has its top at the mean surface above the grain.
 TOUCHING, NEAR = 0.05, 0.25
 
 
 class MovingSurface(RunPart):
-    """The free surface above a fluid whose mesh is as it was made, level on top. Every method is collective.
+    """Free surface above a fluid on a mesh with a level top. Every method is collective.
 
-    Where the mesh's top is not the still level, the mesh is moved by the elevation less the height in between.
-
-    Args:
-        stage: context managers by name that take the time.
-
-    Attributes:
-        part: the surface in the coupling, once `joined` has made it.
-        readings: elevations so far; none before the first step.
+    Where that top is not the still level, the mesh moves by the elevation less the difference.
+    Attributes: `part`, set by `joined`; `readings` of elevations.
     """
 
     effect = EffectName.FREE_SURFACE
@@ -57,7 +51,7 @@ class MovingSurface(RunPart):
         self.readings: list[ElevationReading] = []
 
     def joined(self, fluid: Fluid, before: MovingSurface | None = None) -> None:
-        """Enter a fluid; the surface on the mesh before continues above it, and its volume stays."""
+        """Enter a fluid; the surface of the previous mesh continues with the same volume."""
         assert fluid.surface is not None
         self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
         setup = self._setup
@@ -79,7 +73,7 @@ class MovingSurface(RunPart):
             self._take_over(before)
 
     def moving(self, motion: MeshMotion) -> tuple[SurfacePart, ...]:
-        """The surface; the motion of the mesh is kept, from whose reference another mesh reads."""
+        """The surface; keeps the mesh motion for its reference positions."""
         self._motion = motion
         return (self.part,)
 
@@ -88,7 +82,7 @@ class MovingSurface(RunPart):
         return MovingSurface(self._setup, self._stage)
 
     def _take_over(self, old: MovingSurface) -> None:
-        """Take elevations now and before from the surface of another mesh; the meshes are where they are."""
+        """Transfer present and past elevations from the surface of another mesh."""
         mesh = old.fluid.domain.mesh
         comm, now = mesh.comm, mesh.geometry.x.copy()
         everywhere = comm.allgather(self._places + old.part.mesh.raised * np.eye(3)[self._up])
@@ -106,11 +100,7 @@ class MovingSurface(RunPart):
         mesh.geometry.x[:] = now
 
     def check(self, step: TimeStep, placement: Placement | None) -> None:
-        """Refuse to continue from a surface that cannot, above a moving grain's placement if there is one.
-
-        Raises:
-            ConvergenceError: it is too steep, or touches what is below it; why, and a remedy.
-        """
+        """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's placement."""
         why = self.part.ends()
         if not why and placement is not None and self._room_above(placement) <= 0.0:
             why = "the grain touches the free surface: end before it does, or use a heavier grain or deeper water"
@@ -118,12 +108,10 @@ class MovingSurface(RunPart):
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
     def drawn_height(self, height: float, placement: Placement) -> float:
-        """Height of the domain for which a new mesh is made around a grain.
+        """Height of the domain for a new mesh around a grain: the still level or, near it, the mean
+        surface above the grain.
 
-        Its top is the still level, or where the grain comes near to that the mean height of the surface above it.
-
-        Raises:
-            MeshError: the grain reaches up to there.
+        Raises MeshError if the grain reaches it.
         """
         grain, domain = self._scene.grain, self._scene.domain
         assert grain is not None
@@ -145,7 +133,7 @@ class MovingSurface(RunPart):
         return height + raised
 
     def _mean_above(self, placement: Placement, size: float) -> float:
-        """The mean elevation of the surface's nodes within half of a grain's size of its centre along the level."""
+        """Mean elevation within half a grain size of its centre."""
         own = slice(0, self.part.mesh.owned)
         away = self._places[own, : self._up] - np.asarray(placement.centre)[: self._up]
         near = self.part.elevation[self.part.mesh.nodes[own]][
@@ -155,7 +143,7 @@ class MovingSurface(RunPart):
         return float(total / max(count, 1.0))
 
     def _room_above(self, placement: Placement) -> float:
-        """Distance of the grain from the nodes of the surface, less the contact tolerance."""
+        """Distance of the grain from the surface nodes, less the contact tolerance."""
         grain, nodes = self._scene.grain, self.part.mesh.nodes
         assert grain is not None
         gdim, points = self._up + 1, self._places[:, : self._up + 1].copy()
@@ -171,21 +159,21 @@ class MovingSurface(RunPart):
         return float(nearest - TOUCHING * grain.size)
 
     def accept_step(self, step: TimeStep) -> None:
-        """Keep the elevations."""
+        """Record the elevations."""
         self.begin()
 
     def change(self, depth: float) -> float:
-        """Root mean square displacement of the surface in the last step, over the depth."""
+        """Root-mean-square displacement of the surface in the last step, over the depth."""
         return self.part.risen() / depth
 
     def begin(self) -> None:
-        """Keep the elevations at the stations now, and the largest anywhere."""
+        """Record the elevations at the stations, and the largest."""
         values = self._stations.values(self.part.elevation)
         self.readings.append(ElevationReading(self.fluid.time, values, self.part.largest()))
 
     @property
     def elevations(self) -> Elevations | None:
-        """The elevations so far; None before the first step."""
+        """Recorded elevations; None before the first step."""
         return Elevations.of(self.readings) if self.readings else None
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, float]:
@@ -207,7 +195,7 @@ class MovingSurface(RunPart):
             }
 
     def reported(self) -> dict[str, Any]:
-        """The surface at the end, and its elevations on the way."""
+        """Final surface and its history."""
         stations = [
             one[0] if len(one) == 1 else one
             for one in stations_of(self._scene.surface, self._scene.domain)
@@ -216,12 +204,12 @@ class MovingSurface(RunPart):
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
-        """Volume flux at the inflow of a channel, of the whole where half is meshed."""
+        """Volume flux at the inflow of a channel, of the whole domain."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
         return {"inflow": whole * held.influx} if held.entries else {}
 
     def unknowns(self) -> dict[str, int]:
-        """Nodes of the surface."""
+        """Number of surface nodes."""
         return {
             EffectName.FREE_SURFACE: int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))
         }
@@ -229,7 +217,7 @@ class MovingSurface(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """Elevations now and before, and the places of the mesh."""
+        """Checkpoint data: present and past elevations, mesh positions."""
         from ...restart.checkpoint import StoredSurface
         from ...restart.redistribution import numbered_nodes
 
@@ -244,7 +232,7 @@ class MovingSurface(RunPart):
         return {"surface": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Take elevations and places of the mesh from a checkpoint."""
+        """Restore elevations and mesh positions from a checkpoint."""
         from ...restart.redistribution import spread_nodes
 
         assert kept.surface is not None and coupling is not None
@@ -257,14 +245,14 @@ class MovingSurface(RunPart):
 
 
 class _Stations:
-    """Reads the elevation at the stations of a scene, of which the weights of the nodes do not change."""
+    """Elevation at the stations of a scene, by constant nodal weights."""
 
     def __init__(self, rising: RisingDisplacement, setup: Setup):
         comm, space, scene = rising.domain.comm, rising.space, setup.scene
         across = stations_of(scene.surface, scene.domain)
         top = scene.domain.ceiling + rising.raised
         points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
-        if setup.symmetric:  # the half that is computed has the larger y
+        if setup.symmetric:  # the meshed half has the larger y
             points[:, 1] = scene.domain.middle + np.abs(points[:, 1] - scene.domain.middle)
         places = Locator(rising.domain.mesh).inside(spatial(points))
         ranks = np.array(comm.allgather(np.where(places.located, comm.rank, comm.size)))
@@ -275,7 +263,7 @@ class _Stations:
         self._weights = compat.tabulate(space, mine.reference)
 
     def values(self, elevation: Floats) -> list[float]:
-        """Elevations at the points, of those at all nodes. Collective."""
+        """Elevations at the stations from all nodes. Collective."""
         local = np.zeros(self._count)
         local[self._mine] = (self._weights * elevation[self._nodes]).sum(axis=1)
         total: list[float] = self._comm.allreduce(local).tolist()

@@ -1,4 +1,4 @@
-"""A grain that moves in the flow, freely or on a prescribed way."""
+"""Free or prescribed motion of a grain in the flow."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class FreeBodyEffect(Effect):
-    """The motion of a rigid grain by flow and weight, or by prescription."""
+    """Free or prescribed motion of a rigid grain."""
 
     name = EffectName.FREE_BODY
     quantities = (
@@ -47,7 +47,7 @@ class FreeBodyEffect(Effect):
     def part_in_time(
         self, setup: Setup, stage: Stage, kept: Checkpoint | None
     ) -> MovingGrain | None:
-        """A grain that moves, freely or not."""
+        """The moving grain."""
         if not setup.scene.moves:
             return None
         state = (
@@ -63,7 +63,7 @@ class FreeBodyEffect(Effect):
         return MovingGrain(setup, stage, state)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """A grain that is held in time though it would have begun to move."""
+        """A fixed grain that would have begun to move."""
         verdict = solved.verdict or {}
         since, rocking = verdict.get("first_motion"), verdict.get("rocking")
         if since is None:

@@ -1,7 +1,6 @@
-"""Contacts of a moving grain with its bed in each step: mode, works, path.
+"""Contact of a moving grain with its bed in each step: mode, work, trajectory. Not collective.
 
-Contact begins where the gap is `contact.gap`, so that the flow between grain and bed stays resolved. Nothing here is
-collective: every rank computes the same.
+Contact begins at the gap `contact.gap`, which keeps the flow in between resolved.
 """
 
 from __future__ import annotations
@@ -25,21 +24,20 @@ from ...scene.model import Contact
 
 REST, FLIGHT = "rest", "flight"
 WORKS = ("flow", "gravity", "friction", "impact")
-STILL = 1e-6  # velocity, relative to the flow's, below which nothing moves
+STILL = 1e-6  # velocity, relative to the flow's, that counts as zero
 RESTED = 3  # steps without motion after which a grain rests
-RISEN = 1e-3  # of the grain's size: a rise below it is none
-SUNK = 0.5  # of its highest height: where a grain is on its way back into its pocket
-ELSEWHERE = 0.05  # of the grain's size: how far apart two rests are that are not the same
+RISEN = 1e-3  # smallest rise, in grain sizes
+SUNK = 0.5  # fraction of its highest position below which a grain returns into its pocket
+ELSEWHERE = 0.05  # smallest distance of different rest positions, in grain sizes
 
 
 @dataclass(frozen=True)
 class Course:
-    """The history of a grain.
+    """History of a grain.
 
-    mode: of the last step; rested: steps without motion since the first
-    first_motion: start of the first step in which it moved; first_step: length of that step, in which motion begins
-    left: the time at which it left its pocket; heights: of the grain against gravity now and a step before, from its
-        start; highest: of all so far; flow, gravity, friction, impact: works on the grain
+    first_motion, first_step: start and length of the first step with motion. rested: later steps
+    without motion. left: time of leaving the pocket. heights: against gravity from the start, now
+    and a step before; highest: so far. flow, gravity, friction, impact: work on the grain.
     """
 
     mode: str = REST
@@ -56,28 +54,26 @@ class Course:
 
     @property
     def sinks(self) -> bool:
-        """Whether the grain has not left its pocket, and is at rest or has come down again by half."""
+        """Whether the grain, still in its pocket, is at rest or has come down by half."""
         return self.left is None and (self.mode == REST or self.heights[0] < SUNK * self.highest)
 
     @property
     def done(self) -> list[str]:
-        """Events of `time.until` that have occurred: the grain has left its pocket, or come to rest again."""
+        """Events of `time.until` that have occurred."""
         left, rested = self.left is not None, self.rested >= RESTED
         return [*(["out-of-pocket"] if left else []), *(["at-rest"] if rested else [])]
 
 
 class BedContact:
-    """Contact of a grain in motion with its bed.
+    """Contact of a moving grain with its bed.
 
     Args:
-        near: grain and bed; gap: [length] at which they touch.
-        body: the grain's mass, moments and freedom.
-        contact: the scene's coefficients.
-        speed: the flow's reference velocity.
-        start: where the grain is at time zero; weight: in the fluid (gdim,), zero where there is none.
+        gap: [length] of contact.
+        speed: reference velocity of the flow.
+        start: placement at time zero; weight: submerged (gdim,), possibly zero.
 
     Attributes:
-        motion: the grain's motion in contact; course: what it has done so far.
+        motion: in contact; course: history.
     """
 
     def __init__(
@@ -114,8 +110,9 @@ class BedContact:
         weight: Floats,
         contacts: ActiveContacts,
     ) -> None:
-        """Take note of a step between two states: its mean load (k,) of all but contact, the constant part of it
-        (k,), and the contacts at its end."""
+        """Record a step between two states, with mean non-contact load and its constant part (k,),
+        and final contacts.
+        """
         (before, after), course = ends, self.course
         now = self._mode(after, contacts)
         done = _works(before, after, mean_load, weight, contacts)
@@ -155,12 +152,12 @@ class BedContact:
     # -- the pocket -------------------------------------------------------------------------------
 
     def _height(self, state: BodyState) -> float:
-        """The height over the start against the weight in the fluid; zero without one."""
+        """Height above the start against the submerged weight."""
         heavy = float(np.linalg.norm(self._weight))
         return float((state.place - self._start) @ -self._weight) / heavy if heavy else 0.0
 
     def _over_the_top(self, height: float) -> bool:
-        """Whether the grain comes down after it has risen."""
+        """Whether the grain descends after a rise."""
         last, before = self.course.heights
         return last > RISEN * self._near.grain.size and height < last >= before
 
@@ -182,7 +179,7 @@ class BedContact:
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, contacts: ActiveContacts) -> dict[str, float | int | str]:
-        """Columns of the history on contact: number of contacts, fastest slip, mode, works."""
+        """History columns: number of contacts, fastest slip, mode, work."""
         slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
         course = self.course
         return {
@@ -193,7 +190,7 @@ class BedContact:
         }
 
     def reported(self) -> dict[str, Any]:
-        """The history of the grain as plain data."""
+        """History of the grain as plain data."""
         course = self.course
         times = {name: getattr(course, name) for name in ("mode", "first_motion", "first_step")}
         works = {name: getattr(course, name) for name in WORKS}
@@ -202,12 +199,12 @@ class BedContact:
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, contacts: ActiveContacts) -> dict[str, Any]:
-        """Contacts and course as plain data."""
+        """Contacts and history as plain data."""
         named = {name: value.tolist() for name, value in vars(contacts).items() if name != "work"}
         return {"contacts": named, "course": asdict(self.course), "done": self.course.done}
 
     def restore(self, kept: dict[str, Any]) -> ActiveContacts:
-        """Take the course from a checkpoint; the contacts in it."""
+        """Restore the history from a checkpoint; returns the contacts."""
         course = kept["course"]
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)
@@ -221,7 +218,7 @@ class BedContact:
 def _works(
     before: BodyState, after: BodyState, mean_load: Floats, weight: Floats, contacts: ActiveContacts
 ) -> dict[str, float]:
-    """The works of flow, weight and contact in a step."""
+    """Work of flow, weight and contact in a step."""
     way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
     gravity = float(weight @ way)
     return dict(

@@ -1,8 +1,7 @@
-"""Contacts of a moving grain that has met the bed, or rests on it, and its stability there.
+"""Contacts and stability of a moving grain that has met the bed or rests on it. Not collective.
 
-A run may end when the grain is within `contact.gap` of the bed and still moves, or rests there. Its contacts are taken
-to be where it is that near, and both judges are asked about the loads of that moment: the flow's, which holds what the
-fluid sets against the grain's motion, and weight and buoyancy. Nothing here is collective.
+Its contacts are the points within `contact.gap`; both criteria use the loads of that moment,
+including the fluid's resistance to its motion.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact
 from .bed_contact import REST
 
-# Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.
+# Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
 SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
 STANDS = "at rest where it is, under the loads at the end of the run"
@@ -35,7 +34,7 @@ ROLLING = "contact.rolling_resistance, which also holds the grain, is not in the
 
 @dataclass(frozen=True)
 class Landing:
-    """The contacts and the verdict in plain data, each None where there is none, and why there is no verdict."""
+    """Contacts and verdict as plain data, or None, and the reason for a missing verdict."""
 
     contacts: Contacts | None = None
     verdict: dict[str, Any] | None = None
@@ -79,10 +78,7 @@ def landing(
 def _factor_where_it_touches(
     setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Torques]
 ) -> float | None:
-    """The safety factor under the same load of the grain without the gap at which contact acts; None: there is none.
-
-    A release is shifted by its difference to the safety factor at the gap.
-    """
+    """Safety factor under the same load with the contact gap closed, or None; it shifts a later release."""
     scene, geometry = setup.scene, setup.geometry
     assert scene.contact is not None
     placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, geometry.gap)
@@ -95,7 +91,7 @@ def _factor_where_it_touches(
 
 
 def _left_open(contact: Contact, factor: float | None) -> str:
-    """The uncertainty of a verdict at rest: the gap at which contact acts, resistance to rolling, error bars."""
+    """Uncertainty of a verdict at rest: contact gap, rolling resistance, error bars."""
     where = f"without the gap at which contact acts, {contact.gap:g} of its size"
     said = [] if factor is None else [f"{where}, the safety factor is {factor:.4g}"]
     said += [ROLLING] if contact.rolling_resistance else []
@@ -103,7 +99,7 @@ def _left_open(contact: Contact, factor: float | None) -> str:
 
 
 def _note(state: BodyState) -> str:
-    """The uncertainty of the verdict, and how to remove it."""
+    """Uncertainty of the verdict, and its remedy."""
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
         "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
@@ -112,7 +108,7 @@ def _note(state: BodyState) -> str:
 
 
 def _missing(setup: Setup) -> str:
-    """The reason why a grain that has met the bed has no verdict; empty: there is none."""
+    """Reason for a missing verdict, or ""."""
     scene = setup.scene
     if scene.contact is None:
         return "it needs a section [contact] with a friction"
@@ -125,9 +121,6 @@ def _missing(setup: Setup) -> str:
 
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
-    """Contacts of a grain with the bed, or the lower side in its place, from which it is that far [length].
-
-    Raises SceneError if there are none.
-    """
+    """Contacts of a grain with the bed at a `distance` [length]. Raises SceneError without any."""
     near, gap = setup.geometry.near_bed, setup.geometry.gap
     return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))

@@ -1,4 +1,4 @@
-"""The grain of a run that rolls, slides and rests where it touches its bed, and leaves its pocket."""
+"""Grain that rolls, slides and rests on its bed, and leaves its pocket."""
 
 from __future__ import annotations
 
@@ -19,24 +19,20 @@ from ...results.loads import named
 from .bed_contact import BedContact
 from .part import MovingGrain, columns_of_load
 
-# Gaps by which a mesh may be made ahead of a grain next to its bed, by the dimension: with more cells fold on the way
-# back, in 3-D at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).
+# Largest advance, in gaps, of a new mesh ahead of a grain on its bed, by dimension: beyond, cells fold on the way back,
+# in 3-D at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).
 AHEAD = {2: 3.0, 3: 0.3}
-IN_POCKET = "in-pocket"  # after a gust: on its way back, or at rest
+IN_POCKET = "in-pocket"  # returning or at rest after a gust
 
 
 class GrainOnBed(MovingGrain):
-    """A grain that moves in its scene and touches its bed.
-
-    Attributes:
-        bed_contact: its contact with the bed, and its history.
-    """
+    """Moving grain in contact with its bed."""
 
     part: RigidPartOnBed
 
     @cached_property
     def bed_contact(self) -> BedContact:
-        """Contact with the bed of a grain that began at the placement of the scene."""
+        """Contact with the bed, and history, since the scene's placement."""
         scene, geometry = self.scene, self.setup.geometry
         first = geometry.stance.placement
         assert scene.contact is not None and first is not None
@@ -55,11 +51,13 @@ class GrainOnBed(MovingGrain):
         return replace(around, sides=sides, bed=None)
 
     def _in_the_way(self) -> Surroundings:
-        """The boundaries of the grain other than the bed."""
+        """Boundaries other than the bed."""
         return self._around
 
     def _meshed_at(self) -> Placement:
-        """Next to contact a placement up to half-way through the next step: cells in the gap shear half as much."""
+        """Next to contact a placement up to half the next step ahead, which halves the shear of
+        cells in the gap.
+        """
         now, length, gap = self.state, self.last_step(), self.setup.geometry.gap
         if length is None or not len(self.bed_contact.motion.near(now.placement, gap)):
             return now.placement
@@ -89,19 +87,18 @@ class GrainOnBed(MovingGrain):
 
     @property
     def does(self) -> str:  # type: ignore[override]
-        """The grain's motion in the last step: the name of a mode, "flight" or "rest"."""
+        """Motion in the last step: a mode, "flight" or "rest"."""
         return self.bed_contact.course.mode
 
     @property
     def ends(self) -> str:
-        """The event that ends the run, as in `time.until`, "contact" or IN_POCKET; empty: none."""
+        """Event that ends the run, as in `time.until`, "contact" or IN_POCKET; or ""."""
         until, course = self.time.until, self.bed_contact.course
         if until == "out-of-pocket" and course.sinks and self._gust_is_over():
             return super().ends or IN_POCKET
         return super().ends or (until if until in course.done else "")
 
     def _gust_is_over(self) -> bool:
-        """Whether there was a gust, and none is to come."""
         gust = self.setup.base_flow.gust
         return gust is not None and self._fluid.time >= gust.knots().max()
 
@@ -119,7 +116,7 @@ class GrainOnBed(MovingGrain):
         }
 
     def contact_rows(self) -> list[dict[str, Any]]:
-        """Place, normal from the bed, mean force on the grain over the last step, and slip of each contact."""
+        """Point, normal, mean force over the last step, and slip of each contact."""
         contacts, length, gdim = self.part.contacts, self.last_step(), self.scene.gdim
         if length is None:
             return []
@@ -149,7 +146,7 @@ class GrainOnBed(MovingGrain):
         return {"trajectory": {**trajectory, "on_bed": {**self.bed_contact.reported(), **on_bed}}}
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """The grain with its contacts, its coupling to the fluid and its mesh."""
+        """Checkpoint data with contacts and history."""
         body = super().stored(coupling, transient)["body"]
         return {"body": replace(body, on_bed=self.bed_contact.stored(self.part.contacts))}
 

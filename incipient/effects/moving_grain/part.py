@@ -1,4 +1,4 @@
-"""The grain that moves in a run: rigid body and flow in one coupling, its loads and its history."""
+"""Moving grain of a run: coupling with the flow, loads, and history."""
 
 from __future__ import annotations
 
@@ -32,26 +32,25 @@ from ..run_part import RunPart, Stage
 if TYPE_CHECKING:
     from ...restart.checkpoint import Checkpoint
 
-# Positions (in grain sizes) and angles are rounded to this before meshing, and the mesh is then moved by the
-# remainder: round-off cannot change the mesh, on any number of ranks and after resuming.
+# Positions (in grain sizes) and angles are rounded before meshing, and the mesh moved by the remainder: the mesh does
+# not depend on round-off, the number of ranks, or resuming.
 ROUNDING = 1e-6
-# Columns of the history for the orientation, by the dimension.
+# History columns of the orientation, by dimension.
 ORIENTATION = {2: ("angle",), 3: ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")}
 
 
 class MovingGrain(RunPart):
-    """A grain that moves in its scene.
+    """Moving grain of a scene.
 
     Args:
-        stage: context managers by name that take the time.
-        state: the grain's state; None: that of the scene.
-        made_for: the grain's placement for which the mesh was made; None: that of the state.
+        stage: context managers by name, for timing.
+        state: None: that of the scene.
+        made_for: placement for which the mesh was built; None: that of the state.
 
     Attributes:
-        part: the rigid body in the coupling, once `moving` has made it.
-        remeshings, interface_iterations: of the run so far.
-        turns_mesh: whether the mesh turns with the grain: not with a round one.
-        meshes_ahead: whether a new mesh may be made for where the grain will be.
+        part: rigid body in the coupling, set by `moving`.
+        turns_mesh: whether the mesh rotates with the grain: not with a round one.
+        meshes_ahead: whether remeshing may anticipate the motion.
     """
 
     meshes_ahead = True
@@ -86,18 +85,18 @@ class MovingGrain(RunPart):
 
     @property
     def probe(self) -> TractionProbe:
-        """Reads the traction on the grain where it is."""
+        """Traction probe at the present position."""
         return self.part.probe
 
     @property
     def state(self) -> BodyState:
-        """The grain at present."""
+        """Present state."""
         return self.part.state
 
     # -- solution ---------------------------------------------------------------------------------
 
     def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
-        """Enter a fluid; what `before` has counted is counted on."""
+        """Enter a fluid, with the counts of `before`."""
         self._fluid, self.energy = fluid, EnergyBudget(fluid)
         free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
         made_for = self._made_for or self._start.placement
@@ -111,7 +110,7 @@ class MovingGrain(RunPart):
             )
 
     def moving(self, motion: MeshMotion) -> tuple[RigidPart, ...]:
-        """The body in the fluid at the grain's placement; the mesh moves there from where it was made."""
+        """The body in the fluid; the mesh moves to its placement."""
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
@@ -126,42 +125,41 @@ class MovingGrain(RunPart):
         return RigidPart(*others, **named)
 
     def drawn(self) -> Placement:
-        """The placement for which a new mesh is made, rounded."""
+        """Rounded placement for a new mesh."""
         assert self.scene.placement is not None
         placement = self._meshed_at() if self.meshes_ahead else self.state.placement
         return rounded(placement, self.scene.placement, ROUNDING * self.grain.size)
 
     def _meshed_at(self) -> Placement:
-        """The placement at present."""
         return self.state.placement
 
     def on(self, domain: Domain) -> MovingGrain:
-        """The grain as it is on a mesh that was made for `drawn`."""
+        """The grain on a mesh built for `drawn`."""
         return type(self)(self.setup, self._stage, self.state, self.drawn())
 
     def last_step(self) -> float | None:
-        """The length of the last step; None before the first."""
+        """Length of the last step, or None."""
         times = [one.time for one in self.part.past]
         return None if len(times) == 1 else times[0] - times[1]
 
     def accept_step(self, step: TimeStep) -> None:
-        """Count the iterations of fluid and grain."""
+        """Count the coupling iterations."""
         assert isinstance(step.report, InterfaceReport)
         self.interface_iterations.append(step.report.corrected)
 
     def contact_rows(self) -> list[dict[str, Any]]:
-        """Rows of contacts.csv after a step: one for each contact with the bed. Not collective."""
+        """Rows of contacts.csv after a step, one per contact. Not collective."""
         return []
 
     @property
     def ends(self) -> str:
-        """The event that ends the run, as in `time.until`, or "contact"; empty: none."""
+        """Event that ends the run, as in `time.until`, or "contact"; or ""."""
         return "contact" if self.part.met else ""
 
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        """Place, velocities and loads."""
+        """Position, velocities and loads."""
         assert coupling is not None
         return {
             **columns_of_state(self.state),
@@ -171,11 +169,11 @@ class MovingGrain(RunPart):
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        """Columns that a grain moving on its bed adds."""
+        """Columns of a grain on its bed."""
         return {}
 
     def energies(self) -> dict[str, float]:
-        """Energies of fluid and grain, after the number of meshes."""
+        """Number of meshes, and energies of fluid and grain."""
         with self._stage("tractions"):
             kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
             power = self.energy.power()
@@ -188,11 +186,11 @@ class MovingGrain(RunPart):
         }
 
     def unknowns(self) -> dict[str, int]:
-        """The degrees of freedom that are free."""
+        """Number of free degrees of freedom."""
         return {EffectName.FREE_BODY: int(self.body.mask.sum())}
 
     def reported(self) -> dict[str, Any]:
-        """End of the motion, position and trajectory. `landing` makes a verdict at contact."""
+        """End of the motion, position and trajectory."""
         state, near = self.state, self.clearance()
         iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
         trajectory = {
@@ -221,30 +219,30 @@ class MovingGrain(RunPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        """Distance of the grain from the nearest other boundary. Not collective."""
+        """Distance from the nearest other boundary. Not collective."""
         return self.surroundings.clearance(self.state.placement)
 
     def _in_the_way(self) -> Surroundings:
-        """The boundaries that the grain may not touch."""
+        """Boundaries that the grain may not touch."""
         return self.surroundings
 
     def _room(self, state: BodyState) -> float:
-        """Distance that the grain may still move before a gap closes to the contact gap."""
+        """Distance that the grain may move before contact."""
         gap = self.scene.contact_gap
         return self._in_the_way().clearance(state.placement, 2.0 * gap).distance - gap
 
     def _weight(self) -> Floats:
-        """Weight and buoyancy (gdim,)."""
+        """Submerged weight (gdim,)."""
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
 
     def _other_load(self, state: BodyState) -> Floats:
-        """Weight and buoyancy, and what a gust exerts on the fluid displaced."""
+        """Submerged weight, and the gust's load on the displaced fluid."""
         load = np.zeros(self.body.size)
         load[: self.body.gdim] = self._weight()
         return load + self.displaced_load(state)
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
-        """Force and torque (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
+        """Force and torque (k,) of a gust on the displaced fluid, at present or in a state."""
         force, torque = self._fluid.load_on_displaced((state or self.state).placement)
         gdim = self.body.gdim
         load = np.concatenate([force[:gdim], torque if gdim == 3 else torque[2:]])
@@ -255,7 +253,7 @@ class MovingGrain(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """The grain, its coupling to the fluid and its mesh."""
+        """Checkpoint data of the grain, its coupling and its mesh."""
         from ...restart.checkpoint import StoredBody
         from ...restart.redistribution import numbered_nodes
 
@@ -283,7 +281,7 @@ class MovingGrain(RunPart):
         return {"body": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Take state and past from a checkpoint; the part is one made for its mesh."""
+        """Restore state and past from a checkpoint."""
         from ...restart.redistribution import spread_nodes
 
         assert kept.body is not None and coupling is not None
@@ -301,18 +299,18 @@ class MovingGrain(RunPart):
         self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()
 
     def _restore_contacts(self, kept: dict[str, Any] | None) -> None:
-        """Take contacts with the bed from a checkpoint, for a grain that moves on its bed."""
+        """Restore contacts with the bed."""
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:
-    """The placement with its way from the first one rounded to a unit of length, and its turn to ROUNDING."""
+    """Round displacement to a unit of length, and rotation to ROUNDING, since the first placement."""
     way = np.subtract(placement.centre, first.centre)
     turn = placement.turn_since(first)
     return first.moved(unit * np.round(way / unit), ROUNDING * np.round(turn / ROUNDING))
 
 
 def columns_of_state(state: BodyState) -> dict[str, float]:
-    """Place, orientation and velocities by the names of the history's columns. Not collective."""
+    """History columns of position, orientation and velocities. Not collective."""
     gdim = len(state.place)
     turned = dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True))
     place = dict(zip("xyz", state.place.tolist(), strict=False))
@@ -326,6 +324,6 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
 
 
 def columns_of_load(load: Floats, force: str, torque: str) -> dict[str, float]:
-    """A load (3,), in 3-D (6,), by the names of the history's columns. Not collective."""
+    """History columns of a load (3,), in 3-D (6,). Not collective."""
     gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
     return named(force, pushed, gdim) | named_torque(torque, twisted, gdim)

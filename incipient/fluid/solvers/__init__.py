@@ -1,4 +1,4 @@
-"""Solution of the flow's linear systems, and the solvers of assembled matrices by name."""
+"""Linear solvers of the flow, by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Iterative solution of the flow's linear systems in 3-D, with separate preconditioners of velocity and pressure."""
+"""Iterative linear solver of 3-D flow, with separate preconditioners of velocity and pressure."""
 
 from __future__ import annotations
 
@@ -14,28 +14,23 @@ from .options import defaults
 from .triangle import Triangle
 
 PREFIX = "fluid_"
-# In steady and in unsteady flow, where a shorter step helps more than further iterations.
+# In steady and unsteady flow; in the latter a shorter step helps more than further iterations.
 MOST_ITERATIONS, MOST_IN_TIME = 250, 200
 RESTART = 100
-# A preconditioner is rebuilt when it needs this many times the iterations that it needed when new.
+# Iterations, relative to a new preconditioner, after which it is rebuilt, or abandoned within a solve.
 AGED = 1.5
-# An old one is abandoned after this many times the iterations that it needed when it was new.
 USELESS = 4.0
-# Residual, relative to the right-hand side, of one of several updates in steady and unsteady flow: a step of the
-# chord method. In unsteady flow it is that of the preconditioned system, which is nearer to the error.
+# Relative residual of chord-method updates in steady flow and, of the preconditioned system, in unsteady flow.
 ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
 
 
 class Block(LinearSolver):
-    """Solves A x = b by GMRES with a block triangle as preconditioner (`triangle`).
+    """GMRES with a block-triangular preconditioner (`triangle`), reused until iterations have grown by half.
 
-    Its blocks are those of A when last prepared, and are reused until the number of iterations has grown by half. A^T
-    has its own triangle, unless A is symmetric. The rows of Dirichlet conditions are those of the identity, solved
-    beforehand. In closed domains the constant pressures are removed from right-hand side and solution. A steady flow
-    that GMRES does not solve is solved by LU factorisation from then on, if the memory suffices. In unsteady flow the
-    residual is that of the preconditioned system, which is nearer to the error of inexact updates. PETSc options with
-    the prefix ``fluid_`` are for GMRES, those with ``fluid_velocity_`` and ``fluid_pressure_`` for the blocks. See
-    `LinearSolver`.
+    Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains
+    projected out. A steady flow that GMRES fails on is solved by LU factorisation from then on,
+    memory permitting. In unsteady flow the residual is that of the preconditioned system, which is
+    closer to the error. PETSc prefixes: ``fluid_``, ``fluid_velocity_``, ``fluid_pressure_``.
     """
 
     regular: ClassVar[bool] = False
@@ -44,7 +39,7 @@ class Block(LinearSolver):
         self.matrix, self._equations = matrix, equations
         self.statistics = LinearStatistics()
         self._held = np.flatnonzero(equations.owned_held())
-        # The matrix's state when last prepared (-1: never), and the iterations a decade of the residual needed then.
+        # Matrix state when last prepared (-1: never), and iterations per decade of the residual then.
         self._state, self._usual = -1, np.inf
         self._direct: Direct | None = None
         steady = equations.rate is None
@@ -53,7 +48,7 @@ class Block(LinearSolver):
         self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
         self._rough = ROUGH if steady else ROUGH_IN_TIME
         self._side, self._most = ("right", MOST_ITERATIONS) if steady else ("left", MOST_IN_TIME)
-        # By whether for the transpose, whose solver is made when first needed.
+        # By transposition; the solver of the transpose is built on demand.
         self._solvers: dict[bool, tuple[Any, Triangle]] = {False: self._made(matrix, False)}
         self._most = self._solvers[False][0].getTolerances()[3]
 
@@ -71,7 +66,7 @@ class Block(LinearSolver):
         return solver, triangle
 
     def prepare(self) -> None:
-        """Rebuild the blocks of the preconditioner from the present matrix. Collective."""
+        """Rebuild the preconditioner from the present matrix. Collective."""
         if self._direct is not None:
             self._direct.prepare()
             return
@@ -81,7 +76,7 @@ class Block(LinearSolver):
         self._state, self._usual = self.matrix.stateGet(), np.inf
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b with the matrix as it is, to the accuracy of one of several updates. Collective."""
+        """Solve A x = b with the present matrix, to the accuracy of a chord-method update. Collective."""
         self._solve(b, x, self._rough, transposed=False)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
@@ -92,13 +87,13 @@ class Block(LinearSolver):
             return
         try:
             (self._direct.solve_transposed if transposed else self._direct.solve)(b, x, rtol)
-        except UnsolvedError:  # because of this state: from another one the blocks may do
+        except UnsolvedError:  # specific to this state: the blocks may serve another
             self._direct.destroy()
             self._direct, self._state = None, -1
             raise
 
     def _by_blocks(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
-        """Solve by GMRES; if it does not converge, make the direct solver. Collective."""
+        """Solve by GMRES; without convergence, create the direct solver."""
         if self._state < 0:
             self.prepare()
         iterations = self._iterate(b, x, rtol, transposed)
@@ -122,23 +117,23 @@ class Block(LinearSolver):
 
     @property
     def _new(self) -> bool:
-        """Whether the preconditioner is that of the present matrix."""
+        """Whether the preconditioner belongs to the present matrix."""
         return bool(self.matrix.stateGet() == self._state)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
-        """Number of iterations, or None if GMRES does not converge."""
+        """Number of iterations, or None without convergence."""
         if transposed not in self._solvers:
             self._solvers[True] = self._made(PETSc.Mat().createTranspose(self.matrix), True)
             self._solvers[True][1].assemble()
         solver = self._solvers[transposed][0]
         right = b.copy()
-        # Set whole: entries changed through a view that lives on would leave the norm that PETSc remembers.
+        # Set as a whole: changes through a live view would not reset PETSc's cached norm.
         free = b.array_r.copy()
         prescribed, free[self._held] = free[self._held], 0.0
         right.setArray(free)
         if self._null_space is not None:
             self._null_space.remove(right)
-        # With an old preconditioner a new one is made where iterations are many.
+        # An old preconditioner is replaced if it needs many iterations.
         expected = -USELESS * self._usual * np.log10(rtol)
         most = self._most if self._new else int(min(self._most, 1.0 + expected))
         solver.setTolerances(rtol=rtol, max_it=most)
@@ -152,7 +147,6 @@ class Block(LinearSolver):
         return solver.getIterationNumber() if solver.getConvergedReason() > 0 else None
 
     def _why_not_solved(self, b: Any) -> str:
-        """Why GMRES has not converged with a new preconditioner, from its reason. Collective."""
         if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
             return NOT_FINITE
         solver = self._solvers[False][0]

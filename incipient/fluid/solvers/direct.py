@@ -1,4 +1,4 @@
-"""Direct solution of the flow's linear systems, keeping factorisations for as long as they are useful."""
+"""Direct linear solver of the flow, which reuses LU factorisations."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ...errors import ConvergenceError, UnsolvedError
 from ...installed import free_bytes
 from .equations import Equations, LinearSolver, LinearStatistics
 
-# MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
-# percent, and how rows and columns are scaled (MUMPS's ICNTL(8)), at first and when that was not enough. At first MUMPS
-# chooses; of scenes in metres for microns, whose viscosity is 1e-12 next to gradients of 1e-6, it then finds no pivots.
+# Additional workspace in percent, since MUMPS underestimates it for saddle points with pivoting, and scaling ICNTL(8),
+# at first (automatic) and after a failure: scenes of microns in metres, with viscosities of 1e-12 next to gradients of
+# 1e-6, otherwise lack pivots.
 ATTEMPTS = ((200, 77), (800, 8))
 
-# Of factors in 3-D over n^(4/3): 1.9 GB at 95,000 second-order unknowns (docs/contribute/defaults.md).
+# LU memory in 3-D over n^(4/3): 1.9 GB at 95,000 second-order unknowns (docs/contribute/defaults.md).
 LU_BYTES = 440.0
-WIDEST = 1e12  # factor between entries of a matrix beyond which a lack of memory is not the cause
-SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
+WIDEST = 1e12  # ratio of matrix entries beyond which memory is not the cause of failure
+SINGULAR = (-6, -10)  # MUMPS's errors for structurally or numerically singular matrices
 NOT_FINITE = (
     "the linear system of the flow is not finite, its numbers have overflowed: use a smaller fluid.reynolds or, with "
     "[time], a smaller time.step"
@@ -28,23 +28,21 @@ NOT_FINITE = (
 
 
 def bytes_of_factors(matrix: Any, part: float = 1.0) -> float:
-    """Memory of the LU factorisation of a flow's matrix in 3-D, or of a part of it. Not collective."""
+    """Memory of the LU factorisation of a 3-D flow matrix, or of a part of it. Not collective."""
     return float(part * LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
 
 
 def fits(matrix: Any, part: float = 1.0) -> bool:
-    """Whether LU factorisation of a flow's matrix in 3-D, or a part, fits into half of the free memory. Collective."""
+    """Whether such a factorisation fits into half of the free memory. Collective."""
     least = matrix.comm.tompi4py().allreduce(free_bytes(), MPI.MIN)
     return bool(bytes_of_factors(matrix, part) < 0.5 * least)
 
 
 class Direct(LinearSolver):
-    """Solves A x = b by LU factorisation of A, or by GMRES preconditioned with that of an earlier, similar A.
+    """LU factorisation of A, or GMRES preconditioned with that of an earlier, similar A.
 
-    A factorisation is reused until more than `patience` iterations are needed; for its own matrix one
-    application is the solution, and its residual is checked. The symbolic factorisation is made once. PETSc options
-    with the prefix ``fluid_`` override everything (``PETSC_OPTIONS="-fluid_pc_factor_mat_solver_type umfpack"``).
-    See `LinearSolver`.
+    A factorisation is reused until more than `patience` iterations are needed. PETSc options with
+    the prefix ``fluid_`` take precedence.
     """
 
     regular: ClassVar[bool] = True
@@ -87,11 +85,9 @@ class Direct(LinearSolver):
 
     @property
     def _exact(self) -> bool:
-        """Whether the factorisation is that of the present matrix."""
         return bool(self.matrix.stateGet() == self._factored)
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
-        """Number of iterations, or None if GMRES with the present factorisation does not converge."""
         if self._exact and self._applied(b, x, transposed) <= rtol * b.norm():
             return 1
         self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=4 * self.patience)
@@ -99,7 +95,7 @@ class Direct(LinearSolver):
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
 
     def _applied(self, b: Any, x: Any, transposed: bool) -> float:
-        """Set x by one application of the factorisation, and return the norm of its residual."""
+        """Apply the factorisation once to give x; returns the residual norm."""
         preconditioner, left = self._solver.getPC(), b.duplicate()
         if transposed:
             preconditioner.applyTranspose(b, x)
@@ -113,17 +109,12 @@ class Direct(LinearSolver):
         return size
 
     def prepare(self) -> None:
-        """Factorise the present matrix. Collective.
-
-        Raises:
-            UnsolvedError: the matrix is singular or not finite.
-            ConvergenceError: the factorisation failed for another reason, also with more workspace.
-        """
+        """Factorise the present matrix. Collective. Raises UnsolvedError or ConvergenceError."""
         self._factorise()
         self._aged = False
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve for x = b with the present factorisation, even if the matrix has changed. Collective."""
+        """Solve for x with the present factorisation, even if the matrix has changed. Collective."""
         self._solver.getPC().apply(b, x)
         self.statistics.solves += 1
 
@@ -138,7 +129,7 @@ class Direct(LinearSolver):
             if error >= 0:
                 self._factored = self.matrix.stateGet()
                 return
-            # PETSc never factorises again with an object of MUMPS that has failed: make a new one.
+            # PETSc cannot reuse a MUMPS object after a failure.
             self._solver.destroy()
             self._solver = self._make(*following)
         raise self._why_not_factorised(error)
@@ -147,12 +138,11 @@ class Direct(LinearSolver):
         self._solver.getPC().setReusePreconditioner(False)
         self._solver.setOperators(self.matrix)
         self._solver.setUp()
-        # Otherwise PETSc factorises again when the matrix has changed.
+        # Otherwise PETSc would refactorise a changed matrix.
         self._solver.getPC().setReusePreconditioner(True)
         self.statistics.factorisations += 1
 
     def _why_not_factorised(self, error: int) -> ConvergenceError:
-        """The failure that MUMPS reports: not finite, singular, or short of memory. Collective."""
         if not np.isfinite(self.matrix.norm()):
             return UnsolvedError(NOT_FINITE)
         rows = self.matrix.getLocalSize()[0]
@@ -172,7 +162,7 @@ class Direct(LinearSolver):
         return ConvergenceError(why)
 
     def _span(self) -> float:
-        """The largest entry of the matrix over the least nonzero one of its diagonal. Collective."""
+        """Ratio of the largest entry to the smallest non-zero diagonal entry. Collective."""
         diagonal = self.matrix.getDiagonal()
         sizes = np.abs(diagonal.array)
         least = self.matrix.comm.tompi4py().allreduce(
@@ -182,7 +172,6 @@ class Direct(LinearSolver):
         return float(self.matrix.norm(PETSc.NormType.NORM_INFINITY) / least)
 
     def _why_not_solved(self, b: Any) -> str:
-        """The cause of divergence of GMRES with a new factorisation, from its reason. Collective."""
         if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
             return NOT_FINITE
         reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()

@@ -1,4 +1,4 @@
-"""PETSc options that hold where the user has given none."""
+"""Default PETSc options."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-# Convection is smoothed by neither Chebyshev's iteration nor Jacobi nor incomplete factors without fill.
+# Chebyshev, Jacobi and incomplete LU without fill do not smooth convection.
 RELAXATION = {
     "mg_levels_ksp_type": "richardson",
     "mg_levels_ksp_max_it": 1,
@@ -27,7 +27,7 @@ AGGREGATED = {"pc_type": "gamg", "pc_gamg_threshold": 0.01} | RELAXATION
 
 @contextmanager
 def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
-    """Set default options of a prefix within the context; options of the user take precedence."""
+    """Set default options of a prefix within the context; user options take precedence."""
     options = PETSc.Options(prefix)
     added = {name: value for name, value in chosen.items() if not options.hasName(name)}
     for name, value in added.items():
@@ -40,15 +40,15 @@ def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
 
 
 def algebraic(prefix: str = "") -> dict[str, Any]:
-    """Options of algebraic multigrid: BoomerAMG, or PETSc's GAMG without hypre, as in the wheels on PyPI."""
+    """Options of algebraic multigrid: BoomerAMG, or GAMG without hypre."""
     chosen = BOOMERAMG if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
 def preconditioner(matrix: Any, prefix: str, chosen: Mapping[str, Any], **more: Any) -> Any:
-    """PETSc's preconditioner of the present matrix, set up with options that the user may replace. Collective.
+    """Set up PETSc's preconditioner of a matrix with default options. Collective.
 
-    `more` is for multigrid of two levels: `interpolation` from the coarse unknowns.
+    `more`: `interpolation` from the coarse unknowns for two-level multigrid.
     """
     pc = PETSc.PC().create(matrix.comm)
     pc.setOptionsPrefix(prefix)

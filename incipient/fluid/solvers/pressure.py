@@ -1,6 +1,6 @@
-"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the flow's Jacobian [[F, G], [B, 0]].
+"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the Jacobian [[F, G], [B, 0]].
 
-Vectors are (owned pressures,), in the order of their own space.
+Vectors are (owned pressures,).
 """
 
 from __future__ import annotations
@@ -33,10 +33,7 @@ CHEBYSHEV = {
 
 
 class PressureMass:
-    """S^-1 = M^-1, M the mass matrix over the viscosity, by four steps of Chebyshev's iteration: for Stokes flow.
-
-    Methods are collective.
-    """
+    """S^-1 = M^-1, mass matrix over viscosity, by four Chebyshev steps, for Stokes flow. Methods are collective."""
 
     def __init__(self, equations: Equations, viscosity: Any = None):
         space = equations.space
@@ -53,19 +50,17 @@ class PressureMass:
             self._solver.setFromOptions()
 
     def assemble(self, blocks: Blocks | None = None) -> None:
-        """Reassemble with the viscosity of the present state."""
-        self._mass.zeroEntries()
-        petsc.assemble_matrix(self._mass, self._form)
-        self._mass.assemble()
+        """Reassemble with the present viscosity."""
+        compat.matrix_of(self._form, matrix=self._mass)
         self._solver.setOperators(self._mass)
 
     def diagonal(self) -> np.ndarray:
-        """The diagonal of M, to be copied."""
+        """Diagonal of M, to be copied."""
         self._mass.getDiagonal(self._left)
         return np.asarray(self._left.array_r)
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximately S^-1 times the right-hand side, to be copied."""
+        """Approximate S^-1 `right`, to be copied."""
         self._right.setArray(right)
         self._solver.solve(self._right, self._left)
         return np.asarray(self._left.array_r)
@@ -77,11 +72,10 @@ class PressureMass:
 
 
 class CahouetChabard:
-    """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for unsteady flow.
+    """S^-1 = M^-1 + a0 A^-1 for unsteady flow, with the Laplacian A and rate coefficient a0.
 
-    Where fluid leaves freely the pressure vanishes weakly: the diagonal of A is doubled there, which unlike a condition
-    leaves the preconditioner regular. A free surface adds a term. Without viscosity there is no M.
-    Source: Cahouet & Chabard (1988), Int. J. Numer. Methods Fluids 8, 869.
+    At free outflow the doubled diagonal of A keeps the preconditioner regular. Cahouet & Chabard
+    (1988), Int. J. Numer. Methods Fluids 8, 869.
     """
 
     def __init__(self, equations: Equations):
@@ -95,12 +89,11 @@ class CahouetChabard:
         self._poisson = _Poisson(equations.closed)
 
     def assemble(self, blocks: Blocks) -> None:
-        """Take the rate's coefficient, the viscosity and the mesh as they are. Collective."""
+        """Update rate coefficient, viscosity and mesh. Collective."""
         self._coefficient = float(self._rate.value)
         if self._mass is not None:
             self._mass.assemble()
-        matrix = petsc.assemble_matrix(self._form)
-        matrix.assemble()
+        matrix = compat.matrix_of(self._form)
         diagonal = matrix.getDiagonal()
         entries = diagonal.array_r.copy()
         entries[self._open] *= 2.0
@@ -110,7 +103,7 @@ class CahouetChabard:
         self._poisson.prepare(matrix)
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximately S^-1 times the right-hand side. Collective."""
+        """Approximate S^-1 `right`. Collective."""
         pressure = self._coefficient * self._poisson.solve(right)
         return pressure if self._mass is None else pressure + self._mass.solve(right)
 
@@ -122,12 +115,11 @@ class CahouetChabard:
 
 
 class LeastSquaresCommutator:
-    """S^-1 = L^-1 (B D^-1 F D^-1 G) L^-1, L = B D^-1 G: for steady flow with inertia.
+    """S^-1 = L^-1 (B D^-1 F D^-1 G) L^-1, L = B D^-1 G, for steady flow with inertia.
 
-    F are the diagonal blocks of the velocity's components, and D their diagonals. G is the pressure's block in
-    momentum, with what upwinding adds to it: both it and F have the upwinded tests, so that these cancel in S. Source:
-    Elman, Howle, Shadid, Shuttleworth & Tuminaro (2006), SIAM J. Sci. Comput. 27, 1651; scaling and G are measured
-    (docs/contribute/defaults.md).
+    F is reduced to the diagonal blocks of the velocity components, with diagonals D. G includes
+    upwinding, whose tests cancel in S. Elman, Howle, Shadid, Shuttleworth & Tuminaro (2006), SIAM
+    J. Sci. Comput. 27, 1651; scaling and G are measured (docs/contribute/defaults.md).
     """
 
     def __init__(self, equations: Equations):
@@ -137,7 +129,7 @@ class LeastSquaresCommutator:
         )
 
     def assemble(self, blocks: Blocks) -> None:
-        """Take the blocks of the Jacobian as they are. Collective."""
+        """Use the present blocks of the Jacobian. Collective."""
         self._blocks, self._scale = blocks, 1.0 / np.abs(blocks.diagonal())
         diagonal, scaled = blocks.gradient.createVecLeft(), blocks.gradient.copy()
         diagonal.setArray(self._scale)
@@ -147,7 +139,7 @@ class LeastSquaresCommutator:
         scaled.destroy()
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximately S^-1 times the right-hand side. Collective."""
+        """Approximate S^-1 `right`. Collective."""
         blocks, pressure = self._blocks, np.empty_like(right)
         forces = blocks.push(self._poisson.solve(right[self._order]))
         carried = blocks.carry(self._scale * forces)
@@ -163,7 +155,7 @@ Schur = PressureMass | CahouetChabard | LeastSquaresCommutator
 
 
 def schur_complement(equations: Equations) -> Schur:
-    """The approximation for the terms that there are. Collective."""
+    """Choose the approximation for the terms present. Collective."""
     if equations.rate is not None:
         return CahouetChabard(equations)
     if equations.carrier is not None:
@@ -172,7 +164,7 @@ def schur_complement(equations: Equations) -> Schur:
 
 
 def _bounds(space: Any, order: int) -> tuple[float, float]:
-    """Bounds of the eigenvalues of the mass matrix over its diagonal: those of a straight cell's (Wathen 1987)."""
+    """Bounds of the eigenvalues of the diagonally scaled mass matrix, from a straight cell (Wathen 1987)."""
     points, weights = basix.make_quadrature(CELLS[space.mesh.geometry.dim], 2 * order)
     values = compat.tabulate(space, points)
     mass = (values.T * weights) @ values
@@ -182,13 +174,13 @@ def _bounds(space: Any, order: int) -> tuple[float, float]:
 
 
 class _Poisson:
-    """One cycle of algebraic multigrid for a matrix; constants are taken out if `closed`. Methods are collective."""
+    """One cycle of algebraic multigrid; constants are projected out if `closed`. Collective."""
 
     def __init__(self, closed: bool):
         self._closed, self._held = closed, list[Any]()
 
     def prepare(self, matrix: Any) -> None:
-        """Set the cycle up for a matrix, which is freed with it."""
+        """Set up for a matrix, which is then owned."""
         self.destroy()
         self._right, self._left = matrix.createVecs()
         self._constant = PETSc.NullSpace().create(constant=self._closed, comm=matrix.comm)
@@ -196,7 +188,7 @@ class _Poisson:
         self._held = [self._cycle, self._right, self._left, self._constant, matrix]
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """(owned rows,) the approximate solution, to be copied."""
+        """Approximate solution (owned rows,), to be copied."""
         self._right.setArray(right)
         self._constant.remove(self._right)
         self._cycle.apply(self._right, self._left)

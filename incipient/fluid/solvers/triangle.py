@@ -13,22 +13,17 @@ from .options import RELAXATION, algebraic, preconditioner
 from .pressure import schur_complement
 
 VELOCITY = "fluid_velocity_"
-# The velocity's matrix in a projection is a mass matrix: relaxation is enough.
+# Relaxation suffices for the mass matrix of a projection.
 OF_MASS = {"pc_type": "sor"}
 OF_COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
 
 
 class Triangle:
-    """The upper block triangle of [[F, G], [B, 0]]: a context of PETSc's `PCPYTHON`. Methods are collective.
+    """Upper block triangle of [[F, G], [B, 0]], or its transpose: a `PCPYTHON` context. Methods are collective.
 
-    One application is z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`)
-    and, for each component's own diagonal block of F, one V-cycle from the order of the velocity to linear elements and
-    from these on by algebraic multigrid. Where conditions hold the equations are those of the identity.
-
-    Args:
-        matrix: [[F, G], [B, 0]].
-        equations: those that the matrix is of.
-        transposed: whether the preconditioner is that of the transpose.
+    z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`)
+    and, for each component's block of F, one V-cycle to linear elements and on by algebraic
+    multigrid. Constrained rows are identities.
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool = False):
@@ -39,11 +34,11 @@ class Triangle:
         self._held = np.flatnonzero(equations.owned_held())
         self._interpolations: list[Any] = []
         if equations.viscosity is not None:
-            self._interpolations = _interpolations(equations, self.blocks.velocities)
+            self._interpolations = _interpolations(equations)
         self._cycles: list[Any] = []
 
     def assemble(self) -> None:
-        """Take the blocks of the matrix, and the state, as they are."""
+        """Update for the present matrix and state."""
         self._forget()
         self.blocks.extract()
         self._schur.assemble(self.blocks)
@@ -58,7 +53,7 @@ class Triangle:
         ]
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
-        """One application; called by PETSc."""
+        """Apply the preconditioner; called by PETSc."""
         r, z, blocks = right.array_r, np.zeros(right.getLocalSize()), self.blocks
         z[self._pressures] = -self._schur.solve(r[self._pressures])
         forces = blocks.push(z[self._pressures[self._order]])
@@ -82,12 +77,10 @@ class Triangle:
 
 
 class Blocks:
-    """The blocks of the Jacobian: F's diagonal one for each component, G and B. Methods are collective.
+    """Blocks of the Jacobian: F's diagonal blocks, G `gradient` and B `divergence`. Methods are collective.
 
-    Of the velocities there are the free ones, of the pressures all; in blocks they ascend as in the mixed system.
-
-    velocities: (n,) numbers of the owned ones in the mixed system
-    gradient:   G; divergence: B
+    Free velocities and all pressures ascend as in the mixed system; velocities (n,): numbers of the
+    owned ones.
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool):
@@ -106,7 +99,7 @@ class Blocks:
         self._vectors: list[tuple[Any, Any]] = []
 
     def extract(self) -> None:
-        """Take the blocks as they are."""
+        """Extract the present blocks."""
         self._forget()
         *each, velocities, pressures = self._sets
         pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
@@ -118,7 +111,7 @@ class Blocks:
         self._vectors = [block.createVecs() for block in submatrices]
 
     def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
-        """(n,) results of functions of PETSc's vectors, one per component, for the velocities (n,)."""
+        """Apply functions of PETSc vectors, one per component, to velocities (n,)."""
         results = np.empty_like(values)
         for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
             right.setArray(values[at])
@@ -127,11 +120,11 @@ class Blocks:
         return results
 
     def carry(self, values: np.ndarray) -> np.ndarray:
-        """(n,) the diagonal blocks of F times velocities (n,)."""
+        """Diagonal blocks of F times velocities (n,)."""
         return self.each(values, [block.mult for block in self.components])
 
     def diagonal(self) -> np.ndarray:
-        """(n,) the diagonal of F."""
+        """Diagonal (n,) of F."""
         entries = np.empty(len(self.velocities))
         for at, block, (_, left) in zip(self._places, self.components, self._vectors, strict=False):
             block.getDiagonal(left)
@@ -139,11 +132,11 @@ class Blocks:
         return entries
 
     def push(self, pressures: np.ndarray) -> np.ndarray:
-        """(n,) G times pressures, ascending; to be copied."""
+        """G times ascending pressures, (n,), to be copied."""
         return _times(self.gradient, self._vectors[-2], pressures)
 
     def gather(self, velocities: np.ndarray) -> np.ndarray:
-        """(owned pressures,) B times velocities (n,), ascending; to be copied."""
+        """B times velocities (n,), (owned pressures,) ascending, to be copied."""
         return _times(self.divergence, self._vectors[-1], velocities)
 
     def _forget(self) -> None:
@@ -167,8 +160,8 @@ def _times(matrix: Any, vectors: tuple[Any, Any], values: np.ndarray) -> np.ndar
     return np.asarray(left.array_r)
 
 
-def _interpolations(equations: Equations, velocities: np.ndarray) -> list[Any]:
-    """The interpolation from free nodes of linear elements to the free velocities of each component, ascending."""
+def _interpolations(equations: Equations) -> list[Any]:
+    """Interpolation from free linear nodes to the free velocities of each component, ascending."""
     fine, rows = component_rows(equations.space)
     coarse = compat.space(fine.mesh, ("Lagrange", 1))
     whole = compat.interpolation_matrix(coarse, fine)
@@ -186,7 +179,7 @@ def _interpolations(equations: Equations, velocities: np.ndarray) -> list[Any]:
 
 
 def _among(matrix: Any, rows: np.ndarray, columns: np.ndarray) -> Any:
-    """The part of a matrix in some owned rows, in their order, and some owned columns. Collective."""
+    """Submatrix of owned rows, in their order, and owned columns. Collective."""
     starts = matrix.getOwnershipRange()[0], matrix.getOwnershipRangeColumn()[0]
     above, below = (
         PETSc.Mat().createAIJ(

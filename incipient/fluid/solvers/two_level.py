@@ -1,4 +1,4 @@
-"""p-multigrid for higher-order elements: smoothing in these, the coarse system by the solver of the lower order."""
+"""p-multigrid: smoothing in higher-order elements, coarse systems by the lower-order solver."""
 
 from __future__ import annotations
 
@@ -20,37 +20,32 @@ from .equations import Equations, LinearSolver, LinearStatistics, component_rows
 from .options import preconditioner
 from .pressure import PressureMass
 
-# One cycle: numbers of smoothing steps, in creeping flow and with convection, then the coarse system solved to this
-# residual.
+# Smoothing steps per cycle, in creeping flow and with convection, and relative residual of the coarse system.
 SMOOTHING, CONVECTED_SMOOTHING, COARSE = 4, 6, 0.2
 MOST_CYCLES, MOST_DIRECTIONS = 40, 60
-# Residual, relative to the right-hand side, of a correction that tells of an error, in creeping flow and where
-# something convects: that of force and torque then is known to a sixth of itself, where it was measured
-# (docs/contribute/defaults.md). A free sphere at Re 100 has, improved, a drag of 0.4283 by 0.05, and of 0.4288 by 0.02
-# and 0.001.
+# Relative residual of error estimates in creeping flow and with convection: force and torque errors are then known to a
+# sixth (docs/contribute/defaults.md). The improved drag of a free sphere at Re 100 is 0.4283 with 0.05, 0.4288 with
+# 0.02 and 0.001.
 ROUGH, CONVECTED_ROUGH = 0.05, 0.02
-# Fraction of upwinding's viscosity in the smoother's Schur complement. A sphere in shear with G d^2/nu = 400 (70,000
-# unknowns) takes 95 iterations; without that, and with the mass matrix next to the relaxation, more than 200.
+# Fraction of the upwind viscosity in the smoother's Schur complement. A sphere in shear with G d^2/nu = 400 (70,000
+# unknowns) takes 95 iterations, otherwise more than 200.
 UPWINDED = 0.15
 RELAXED = "fluid_finer_velocity_"
 SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 
 
 class TwoLevel(LinearSolver):
-    """Solves A x = b for a flow in elements of a higher order than k, which is solved in order k on the same mesh.
+    """Matrix-free GCR for higher-order elements, with the flow in order k as coarse level.
 
-    GCR, matrix-free. The search directions of a cycle are those of a smoother, and then a solution in elements of order
-    k. The smoother is the pressure's mass matrix over the viscosity and symmetric relaxation of each velocity
-    component, with convection after that pressure's force; it removes short waves, where diffusion dominates. Residuals
-    are measured in the dual of the energy norm, by the diagonals of the smoother's operators: otherwise the largest
-    cells, far away from the bodies, outweigh all others.
-    Source: Eisenstat, Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
+    Search directions are smoothing steps (pressure mass over viscosity, symmetric relaxation of
+    each velocity component), then a coarse solution. Residuals are measured in the dual of the
+    energy norm, since the largest cells, far from the bodies, would otherwise dominate. Eisenstat,
+    Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
 
     Args:
-        times: the product of A, or its transpose, with a vector (owned unknowns,).
-        pressure_force: that of its part by which pressures act on momentum, or continuity does if transposed.
-        equations: those of the higher order.
-        coarse: the solver of order k, whose matrix is that of about the same state, and its equations.
+        times: product of A, or its transpose, with a vector (owned unknowns,).
+        pressure_force: product with the pressure's part in momentum, transposed continuity's.
+        coarse: solver of order k at about the same state, and its equations.
     """
 
     regular: ClassVar[bool] = False
@@ -76,10 +71,10 @@ class TwoLevel(LinearSolver):
         self._constant = equations.constant_pressures() if equations.closed else None
         matrix = self._solver.matrix
         self._right, self._left = matrix.createVecLeft(), matrix.createVecRight()
-        self._scale: np.ndarray | None = None  # of residuals, made when first prepared
+        self._scale: np.ndarray | None = None  # of residuals, set when first prepared
 
     def prepare(self) -> None:
-        """Reassemble the smoother's operators at the present state. Collective."""
+        """Reassemble the smoother at the present state. Collective."""
         self._velocity.assemble()
         self._pressure.assemble()
         self._mass.assemble()
@@ -91,7 +86,7 @@ class TwoLevel(LinearSolver):
         self._scale = 1.0 / weights
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b as well as an estimate of an error needs. Collective. Raises ConvergenceError."""
+        """Solve A x = b to the accuracy of an error estimate. Collective. Raises ConvergenceError."""
         self._solve(b, x, CONVECTED_ROUGH if self._convected else ROUGH, transposed=False)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
@@ -99,12 +94,12 @@ class TwoLevel(LinearSolver):
             self.prepare()
         right = b.array_r.copy()
         solution = self._free(self._reduced(self._free(right), rtol, transposed))
-        # The rows of Dirichlet conditions are those of the identity.
+        # Constrained rows are identities.
         x.setArray(np.where(self._held, right, solution))
         self.statistics.solves += 1
 
     def _reduced(self, residual: np.ndarray, rtol: float, transposed: bool) -> np.ndarray:
-        """The solution to a residual of `rtol` times the given one, which is overwritten."""
+        """Solution to a relative residual of `rtol`; overwrites the residual."""
         solution, size = np.zeros_like(residual), self._size(residual)
         if size == 0.0:
             return solution
@@ -136,7 +131,6 @@ class TwoLevel(LinearSolver):
         )
 
     def _smoothed(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
-        """The pressure by its mass matrix, and a few relaxations of the velocity's components."""
         z, pressure = np.zeros_like(residual), np.zeros_like(residual)
         pressure[self._pressures] = -self._pressure.solve(residual[self._pressures])
         if self._convected:
@@ -148,7 +142,6 @@ class TwoLevel(LinearSolver):
         return z
 
     def _coarsely_solved(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
-        """The solution in elements of lower order for the residual as they see it."""
         self._right.setArray(self._transfer.restricted(residual))
         if self._right.norm() == 0.0:
             return np.zeros_like(residual)
@@ -165,21 +158,21 @@ class TwoLevel(LinearSolver):
         return float(np.sqrt(self._inner(residual, residual)))
 
     def _free(self, values: np.ndarray) -> np.ndarray:
-        """The vector, zero where conditions hold, less its part along constant pressures where these are not known."""
+        """Zero at constrained unknowns, without undetermined constant pressures."""
         values = np.where(self._held, 0.0, values)
         if self._constant is None:
             return values
         return values - self._comm.allreduce(float(self._constant @ values)) * self._constant
 
     def destroy(self) -> None:
-        """Free PETSc's memory; the solver of lower order is left alone."""
+        """Free PETSc's memory, except the lower-order solver's."""
         held = (self._velocity, self._pressure, self._mass, self._transfer, self._right, self._left)
         for one in held:
             one.destroy()
 
 
 class Relaxation:
-    """Two sweeps of symmetric relaxation of each velocity component's own operator, each rank by itself. Collective."""
+    """Two sweeps of rank-wise symmetric relaxation of each velocity component's operator. Collective."""
 
     def __init__(self, equations: Equations):
         scalar, rows = component_rows(equations.space)
@@ -201,16 +194,14 @@ class Relaxation:
         self._sweeps: dict[bool, dict[int, Any]] = {}  # by whether transposed
 
     def assemble(self) -> None:
-        """Take the operators of the state as it is."""
+        """Update the operators to the present state."""
         self._forget()
         for k, matrix in self._matrices.items():
-            matrix.zeroEntries()
-            petsc.assemble_matrix(matrix, self._form, self._conditions[k])
-            matrix.assemble()
+            compat.matrix_of(self._form, self._conditions[k], matrix)
         self._sweeps[False] = {k: _swept(matrix) for k, matrix in self._matrices.items()}
 
     def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
-        """Relax with the operators or their transposes, both (owned rows of the mixed system,)."""
+        """Relax with the operators or their transposes, (owned rows of the mixed system,)."""
         transposed = transposed and self._convected
         if transposed not in self._sweeps:
             self._sweeps[True] = {
@@ -222,7 +213,7 @@ class Relaxation:
             left[rows] = self._left.array_r
 
     def weigh(self, weights: np.ndarray) -> None:
-        """Put the sizes of the operators' diagonals into (owned rows of the mixed system,) where no condition holds."""
+        """Write the operators' diagonal magnitudes into free rows (owned rows of the mixed system,)."""
         for rows, held, k in zip(self._rows, self._held, self._alike, strict=True):
             self._matrices[k].getDiagonal(self._left)
             free = ~held[: len(rows)]
@@ -248,16 +239,16 @@ def _swept(matrix: Any) -> Any:
 
 
 def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
-    """The first component with the same conditions as each, on all ranks. Collective."""
+    """First component with the same conditions as each, on all ranks. Collective."""
     same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=int)
     comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)
     return [int(number) for number in same.argmax(axis=1)]
 
 
 class OrderTransfer:
-    """Transfer from a mixed space into that of a higher order on the same mesh, and back by the transpose. Collective.
+    """Transfer between mixed spaces of two orders on one mesh, by interpolation and its transpose. Collective.
 
-    Vectors are (owned unknowns,) of one space or the other, and vanish where conditions hold.
+    Vectors are (owned unknowns,), zero where constrained.
     """
 
     def __init__(self, coarse: Equations, fine: Equations):
@@ -275,7 +266,7 @@ class OrderTransfer:
         self._vectors = {id(m): m.createVecs() for m in (self._velocity, self._pressure)}
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
-        """The function in the space of higher order."""
+        """Interpolate to the higher order."""
         fine_values = np.zeros(len(self._held[1]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
@@ -285,7 +276,7 @@ class OrderTransfer:
         return np.where(self._held[1], 0.0, fine_values)
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
-        """Restrict a residual of higher order to the lower order."""
+        """Restrict a residual to the lower order."""
         values, coarse_values = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
@@ -304,7 +295,6 @@ class OrderTransfer:
 
 
 def _smoothing_mass(equations: Equations) -> PressureMass:
-    """The pressure's mass matrix over the viscosity, which includes a fraction of the upwinding's viscosity."""
     carrier = equations.carrier
     if carrier is None:
         return PressureMass(equations)
@@ -315,15 +305,10 @@ def _smoothing_mass(equations: Equations) -> PressureMass:
 
 
 class Action:
-    """Applies the Jacobian of the present state, or its transpose; where conditions hold that of the identity.
+    """Jacobian of the present state, or its transpose, as an action; identity where `held`. Collective.
 
-    In elements of third or higher order on tetrahedra one application costs about three times that of a matrix, which
-    takes twenty to make and 1.5 kB an unknown to keep. Methods are collective.
-
-    Args:
-        state: function of the mixed space that the residual is of.
-        residual: its residual as a UFL form, tested with velocity and pressure.
-        held: (owned unknowns,) where conditions hold.
+    For orders of three and more on tetrahedra, one application costs about three of a matrix, which
+    takes twenty to assemble and 1.5 kB per unknown.
     """
 
     def __init__(self, state: Any, residual: Callable[[Any, Any], Any], held: np.ndarray):
@@ -333,17 +318,14 @@ class Action:
         self._vector: Any = None
 
     def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """(owned unknowns,) the product with a vector (owned unknowns,)."""
+        """Product with a vector (owned unknowns,)."""
         form = self._form(transposed)
         owned = len(values)
         self._direction.x.array[:owned] = np.where(self._held, 0.0, values)
         self._direction.x.scatter_forward()
         if self._vector is None:
             self._vector = compat.create_vector(form, self._state.function_space)
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, form)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        compat.vector_of(form, self._vector)
         return np.where(self._held, values, self._vector.array_r)
 
     def _form(self, transposed: bool) -> Any:
@@ -361,15 +343,10 @@ class Action:
 
 
 class PressureForce:
-    """Applies the part of the Jacobian by which pressures act on momentum, or the transpose of continuity's part.
+    """Pressure part of momentum, or transposed continuity part (without upwinding), of the Jacobian. Collective.
 
-    The latter is the former without upwinding. It is a matrix, since a smoother needs it at each step: of 430 actions
-    for two corrections and two dual solutions of a sphere in shear (30,000 unknowns in order two) it spares 198.
-    Methods are collective.
-
-    Args:
-        space: of velocity and pressure.
-        form: the bilinear form of both spaces (test function: velocity), with upwinding or without.
+    A matrix, which saves 198 of 430 actions for two updates and two dual solutions of a sphere in
+    shear (30,000 unknowns, order two).
     """
 
     def __init__(self, space: TaylorHood, form: Callable[[bool], Any]):
@@ -386,20 +363,18 @@ class PressureForce:
         self._fresh: set[bool] = set()
 
     def renew(self) -> None:
-        """Reassemble at the present state before the next application. Not collective."""
+        """Reassemble before the next application. Not collective."""
         self._fresh = set()
 
     def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """(owned unknowns,) the forces of the pressures among the values (owned unknowns,); zero for pressures."""
+        """Pressure forces (owned unknowns,) of values (owned unknowns,)."""
         if transposed not in self._made:
             form = compat.form(self._form(not transposed))
             matrix = petsc.create_matrix(form)
             self._made[transposed] = form, matrix, *matrix.createVecs()
         form, matrix, right, left = self._made[transposed]
         if transposed not in self._fresh:
-            matrix.zeroEntries()
-            petsc.assemble_matrix(matrix, form)
-            matrix.assemble()
+            compat.matrix_of(form, matrix=matrix)
             self._fresh.add(transposed)
         right.setArray(values[self._pressures])
         matrix.mult(right, left)
