@@ -117,7 +117,6 @@ class Entrainment:
     assumed: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for entrainment.json."""
         named = ("factor", "shields", "shear_reynolds", "mode", "errors")
         return {
             "schema_version": SCHEMA_VERSION,

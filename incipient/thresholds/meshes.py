@@ -176,6 +176,6 @@ def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
 
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
-    """Whether a mesh made for one flow does not serve for another; both are factors of the scene's."""
+    """Whether a mesh made for one flow is unsuitable for another; both are factors of the scene's."""
     ratio = setup.faster(made_for).walls.nearest / setup.faster(factor).walls.nearest
     return max(ratio, 1.0 / ratio) > CHANGED
