@@ -179,15 +179,15 @@ def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
     for raised, said in (
         (
             MemoryError("Unable to allocate 89.0 GiB"),
-            "too small (Unable to allocate 89.0 GiB); ask",
+            "too small (Unable to allocate 89.0 GiB); reduce",
         ),
         (  # of `ulimit -v 400000`, when gmsh is imported
             OSError("libgmsh.so.4.8: failed to map segment from shared object"),
-            "too small (libgmsh.so.4.8: failed to map segment from shared object); ask",
+            "too small (libgmsh.so.4.8: failed to map segment from shared object); reduce",
         ),
         (
             ImportError("libvtk.so: failed to map segment from shared object"),
-            "too small (libvtk.so: failed to map segment from shared object); ask",
+            "too small (libvtk.so: failed to map segment from shared object); reduce",
         ),
         (
             OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/a.png"),
