@@ -109,7 +109,6 @@ PARTS = {
         "unit/test_coupling_space.py",
         "unit/test_meshing_in_space.py",
         "unit/test_scene_in_space.py",
-        "unit/test_settle_in_space.py",
         "unit/test_solid_meshes.py",
     ),
     "stones": (
