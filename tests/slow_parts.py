@@ -95,7 +95,7 @@ PARTS = {
         "end_to_end/test_moving_sand.py",
     ),
     "space": (
-        "unit/test_triangulations.py",
+        "unit/test_solids.py",
         "unit/test_wall_layers.py",
         "convergence/test_cylinder_in_space.py",
         "convergence/test_space.py",
