@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from .quantity import OutputQuantity, at
 
@@ -56,6 +55,8 @@ def _rotation(stored: Mapping[str, Any]) -> list[float] | None:
     quaternion = at(stored, "grain.quaternion")
     if quaternion is None:
         return None
+    from scipy.spatial.transform import Rotation
+
     turned: list[float] = Rotation.from_quat(np.roll(quaternion, -1)).as_rotvec().tolist()
     return turned
 
