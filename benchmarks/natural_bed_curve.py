@@ -1,4 +1,4 @@
-"""Critical Shields numbers of the grains of a natural bed in a fluctuating stream: their median and spread.
+"""Critical Shields numbers of the grains of a natural bed in a fluctuating flow: their median and spread.
 
 Loads of each grain are those of its own run or by emulators of the kind of `incipient survey`, fitted anew at each
 u* d/nu, with draws of what these cannot tell; its contacts are its own. At one u* d/nu loads over bed stress are

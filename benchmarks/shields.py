@@ -1,4 +1,4 @@
-"""Shields' curve from computed flows: a natural bed and single beads in a fluctuating stream, beside flumes.
+"""Shields' curve from computed flows: a natural bed and single beads in a fluctuating flow, compared with flumes.
 
 The natural bed: grains of random beds by their own contacts (natural_bed.py), loads by full runs and an emulator
 (natural_bed_curve.py). Thresholds of the beads are those of beads.csv, in the linear profile next to a bed. The
@@ -64,7 +64,7 @@ POCKETS = ROOT / "docs/validation/pockets.csv"
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 VISCOSITY, GRAVITY = 1e-6, 9.81  # of water at 20 degrees, of the flumes [m^2/s, m/s^2]
 SAMPLES, SEED = 20_000, 1
-# Mean flows of the natural bed, u* d/nu, and of the share of its grains whose gusts are beyond the flows computed.
+# Mean flows of the natural bed, u* d/nu, and of the fraction of its grains whose gusts exceed the computed flows.
 PLACES, BEYOND = (0.0, 0.3, 1.0, 3.0, 10.0, 15.0, 30.0, 100.0, 300.0, 1000.0), 0.1
 SHOWN, LEFT = 0.01, 0.1  # probability of the figure; where creeping flow is drawn
 DRAWS = 6  # of what emulators cannot tell
@@ -376,8 +376,11 @@ def table(rows: list[dict[str, object]]) -> str:
     return "\n".join(lines)
 
 
-def figure(rows: list[dict[str, object]], of_bed: list[dict[str, float]]) -> Figure:
-    """Observations, curves, the natural bed's median and spread, and beads."""
+def figure(of_bed: list[dict[str, float]]) -> Figure:
+    """Observations, curves, and the natural bed's median and spread.
+
+    Beads on regular substrates are left out: their datum is at the crests, that of the bed at its mean level.
+    """
     drawn = Figure(figsize=(7.2, 6.0), layout="constrained")
     axes = drawn.add_subplot()
     axes.plot(*flumes(), ".", color="#b5b5b5", markersize=3, label="flumes, 511 observations")
@@ -389,7 +392,7 @@ def figure(rows: list[dict[str, object]], of_bed: list[dict[str, float]]) -> Fig
         median,
         color=style.WEIGHT,
         lw=1.0,
-        label="balance of forces, assumed drag and protrusion",
+        label="force balance, assumed drag and protrusion",
     )
     size = np.geomspace(0.5, 600.0, 80)
     curve = soulsby_whitehouse(size)
@@ -399,20 +402,14 @@ def figure(rows: list[dict[str, object]], of_bed: list[dict[str, float]]) -> Fig
         "--",
         color=style.INK,
         lw=0.9,
-        label="Soulsby & Whitehouse 1997",
+        label="Soulsby & Whitehouse (1997)",
     )
     lines = [line for line in ZANKE.read_text().splitlines() if not line.startswith("#")]
     zanke = np.array(
         [[float(row["Re_star"]), float(row["theta_c"])] for row in csv.DictReader(lines)]
     )
-    axes.plot(*zanke.T, ":", color=style.INK, lw=1.1, label="Zanke 2003")
+    axes.plot(*zanke.T, ":", color=style.INK, lw=1.1, label="Zanke (2003)")
     draw_bed(axes, of_bed)
-    chosen = [one for one in rows if one["probability"] == SHOWN]
-    # Creeping flow has no Reynolds number: it is drawn at the left.
-    across = [max(float(str(one["shear_reynolds"])), LEFT) for one in chosen]
-    up = [float(str(one["shields"])) for one in chosen]
-    label = f"beads on regular substrates, {100 * SHOWN:g}%"
-    axes.plot(across, up, "^", color=style.PUSH, markerfacecolor="white", markersize=4, label=label)
     axes.set(
         xscale="log",
         yscale="log",
@@ -430,7 +427,7 @@ def draw_bed(axes: Axes, of_bed: list[dict[str, float]]) -> None:
     for probability, line in ((SHOWN, "-"), (PROBABILITIES[-1], "-.")):
         own = [one for one in of_bed if one["probability"] == probability]
         across = [max(one["shear_reynolds"], LEFT) for one in own]
-        label = f"natural bed, {100 * probability:g}% of instants: median"
+        label = f"natural bed, {100 * probability:g}% of the time: median"
         if probability == SHOWN:
             for ends, alpha in (((0, -1), 0.15), ((1, -2), 0.25)):
                 low, high = ([min(one[QUANTILES[end]], 10.0) for one in own] for end in ends)
@@ -450,7 +447,7 @@ def main() -> None:
     )
     POCKETS.write_text(csv_text(*rows_of_pockets(shares)))
     with style.applied():
-        drawn = figure(rows, of_bed)
+        drawn = figure(of_bed)
         with BytesIO() as held:
             drawn.savefig(held, dpi=style.DOTS_PER_INCH, format="png")
             Image.open(held).convert("RGB").save(PICTURE, "WEBP", quality=85)

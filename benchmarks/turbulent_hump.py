@@ -23,7 +23,7 @@ from tables import publish
 
 from incipient import scene as of
 from incipient.simulation.build import prepared
-from incipient.simulation.steady import solve_with_parts
+from incipient.simulation.steady import solve_with_turbulence
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "benchmarks/reference"
@@ -114,7 +114,7 @@ def computed(name: str, asked: of.Scene, hump: str) -> Pressures:
     """The flow of a scene, whose hump is a named boundary or a part of it."""
     began = time.process_time()
     with prepared(asked, MPI.COMM_SELF) as run:
-        solve_with_parts(run, run.fluid, run.parts)
+        solve_with_turbulence(run, run.fluid, run.turbulence)
         space, unknowns = run.fluid.state.function_space.sub(1).collapse()
         pressure, places = run.fluid.state.x.array[unknowns], space.tabulate_dof_coordinates()
 

@@ -98,7 +98,7 @@ def by_openfoam(size: float, name: str = "upwind", **changed: Any) -> Found:
     """The inflow, viscosity, outline and walls of the scene, with a convection scheme of `CONVECTION`."""
     from programs import openfoam_stone
 
-    from incipient.coupled.enclosed import load_of
+    from incipient.coupled.tractions import load_of
     from incipient.setup.setup import Setup
 
     asked = scene(1.0, **changed)

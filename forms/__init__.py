@@ -1,4 +1,4 @@
-"""UFL forms of the flow: one function a term, no assembly, no input or output, no PETSc."""
+"""UFL forms of the flow: one function a term."""
 
 from .kinematics import ReferenceMap, surface_vector
 from .terms import stress, surface_traction, vorticity

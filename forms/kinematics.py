@@ -1,7 +1,6 @@
 """The reference description: x = X + d(X, t), and derivatives with respect to x taken on X.
 
-Every function takes the map of the reference domain. Where the reference is renewed at each step, the mesh itself
-being moved, F is UFL's identity and J is one: both drop out when a form is compiled.
+Where the reference is renewed at each step, F is UFL's identity and J is one: both drop out when a form is compiled.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ class ReferenceMap:
 
     @classmethod
     def renewed(cls, gdim: int) -> ReferenceMap:
-        """The reference renewed at each step: X is the present place, and the mesh velocity is the carrier's part."""
+        """The reference renewed at each step: X is the present place."""
         still, identity = ufl.zero(gdim), ufl.Identity(gdim)
         return cls(still, still, identity, identity, ufl.as_ufl(1))
 
@@ -63,7 +62,7 @@ def rate_of_strain(v: Any, reference_map: ReferenceMap) -> Any:
 
 
 def weighted(expression: Any, reference_map: ReferenceMap) -> Any:
-    """The expression times J, the spatial volume of a unit of reference volume."""
+    """The expression times J."""
     return reference_map.J * expression
 
 
@@ -73,7 +72,7 @@ def surface_vector(n: Any, reference_map: ReferenceMap) -> Any:
 
 
 def rigid_velocity(velocity: Any, spin: Any, arm: Any) -> Any:
-    """Velocity of a rigid body at an arm from its centre; the spin has one component in 2-D, three in 3-D."""
+    """Velocity of a rigid body at an arm; the spin has one component in 2-D, three in 3-D."""
     if len(arm) == 2:
         return velocity + spin[0] * ufl.perp(arm)
     return velocity + ufl.cross(spin, arm)

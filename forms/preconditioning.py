@@ -1,4 +1,4 @@
-"""Scalar operators that stand for blocks of the flow's Jacobian in preconditioners: integrands of bilinear forms."""
+"""Scalar operators that stand for blocks of the flow's Jacobian in preconditioners."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def component(
 ) -> Any:
     """Momentum of one velocity component u, tested with w: nu grad u . grad w + a0 u w + (c . grad u) w.
 
-    `rate` is the coefficient a0 of u in its rate of change, `carrier` the velocity c that convects (None: absent, as
-    with the viscosity). With the `size` of cells convection is stabilised as by `terms.streamline_upwind`. The
-    components are coupled by the symmetric gradient only, which by Korn's inequality is equivalent to the plain one.
+    `rate` is a0, `carrier` the velocity c (None: absent); with the `size` of cells convection is stabilised as by
+    `terms.streamline_upwind`. By Korn's inequality the symmetric gradient, which couples components, is equivalent to
+    the plain one.
     """
     integrand = 0 * u * w if rate is None else rate * u * w
     if viscosity is not None:
@@ -48,12 +48,12 @@ def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap) -
 
 
 def upwinded_viscosity(viscosity: Any, carrier: Any, size: Any, share: float) -> Any:
-    """nu + share tau |c|^2: the viscosity and a fraction of that of `terms.streamline_upwind` along the carrier c."""
+    """nu + share tau |c|^2: with a fraction of that of `terms.streamline_upwind` along c."""
     return viscosity + share * streamline_time(carrier, viscosity, size) * ufl.dot(carrier, carrier)
 
 
 def pressure_laplacian(p: Any, q: Any, reference_map: ReferenceMap) -> Any:
-    """grad p . grad q: the Schur complement of flow dominated by its inertia (Cahouet & Chabard 1988)."""
+    """grad p . grad q: the Schur complement of flow dominated by inertia (Cahouet & Chabard 1988)."""
     return weighted(
         ufl.inner(gradient(p, reference_map), gradient(q, reference_map)), reference_map
     )

@@ -1,7 +1,7 @@
-"""The load of a free surface on the fluid, and the weak kinematic condition (337), for a surface that is a graph.
+"""The load of a free surface on the fluid, and the weak kinematic condition (337), for a graph.
 
-The surface is the boundary where the last coordinate is the still level plus the elevation, and n its outward normal.
-Its area times n's last component is the area below it of the plane, which does not change in time.
+n is the outward normal of the surface, on which the last coordinate is the still level plus the elevation. Its area
+times n . up is the area below it, which does not change in time.
 """
 
 from __future__ import annotations
@@ -37,11 +37,10 @@ class SurfaceTerms:
 
 
 def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
-    """Minus the power of what acts on the surface in the velocity w, with its sign in the residual of momentum.
+    """Minus the power of what acts on the surface in the velocity w, as in the residual of momentum.
 
-    The hydrostatic part, which the pressure does not have, is g h - b . (x - x0) along the level, and h is not that of
-    the mesh but what the velocity makes of it in this step, known + v . n/(a0 n . up): so gravity resists the velocity
-    with g/a0 (v . n)(w . n)/(n . up), the surface's added mass.
+    The hydrostatic part is g h - b . (x - x0) along the level, with h as the velocity makes it in this step, known +
+    v . n/(a0 n . up): gravity resists the velocity with g/a0 (v . n)(w . n)/(n . up), the surface's added mass.
     """
     up = len(v) - 1
     rise = surface.known + ufl.dot(v, n) / (surface.rate * n[up])
@@ -56,31 +55,31 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
 def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:
     """The surface's term in the Laplacian that approximates a0 times the pressure's Schur complement: a0 p q/m.
 
-    A pressure p on the surface raises it at the rate p/m: m has the added mass g/a0 and what a layer of cells, of a
-    `size` each, resists, a0 size, without which the pressure would vanish there. For preconditioners.
+    A pressure p on the surface raises it at the rate p/m: m has the added mass g/a0 and the inertia a0 size of a
+    layer of cells. For preconditioners.
     """
     up = len(n) - 1
     return surface.rate**2 * n[up] / (-surface.gravity[up] + LAYER * surface.rate**2 * size) * p * q
 
 
 def flux(v: Any, q: Any, n: Any) -> Any:
-    """q v . n, what the kinematic condition int q (dh/dt (n . up) - v . n) ds = 0 has of the velocity."""
+    """q v . n, of the kinematic condition int q (dh/dt (n . up) - v . n) ds = 0."""
     return q * ufl.dot(v, n)
 
 
 def below(h: Any, q: Any, n: Any) -> Any:
-    """q h (n . up), what the kinematic condition has of the elevation or of its rate."""
+    """q h (n . up), of the elevation or its rate in the kinematic condition."""
     return q * h * n[len(n) - 1]
 
 
 def _slope(h: Any, axis: int, n: Any) -> Any:
-    """n . up times the slope of a function on the surface along a horizontal axis, in which only the surface counts."""
+    """n . up times the slope of a function on the surface along a horizontal axis."""
     up = len(n) - 1
     return n[up] * h.dx(axis) - n[axis] * h.dx(up)
 
 
 def carried(h: Any, q: Any, u: Any, n: Any) -> Any:
-    """q u . grad h (n . up): how the flow u carries an elevation along."""
+    """q u . grad h (n . up): an elevation carried along by the flow u."""
     return q * sum(u[axis] * _slope(h, axis, n) for axis in range(len(n) - 1))
 
 
@@ -96,22 +95,21 @@ def levelled(h: Any, q: Any, u: Any, n: Any, zone: Any) -> Any:
 
 
 def returned(h: Any, q: Any, u: Any, n: Any, zone: Any) -> Any:
-    """r h q (n . up), r = |u| `zone`: an elevation is brought back to the still level in a zone, at a rate."""
+    """r h q (n . up), r = |u| `zone`: an elevation returns to the still level in a zone."""
     return zone * _speed(u, n) * below(h, q, n)
 
 
 def _speed(u: Any, n: Any) -> Any:
-    """The size of the velocity along the level."""
     return ufl.sqrt(sum(u[axis] ** 2 for axis in range(len(n) - 1)))
 
 
 def crossing(v: Any, known: Any, elevation: Any, rate: Any, n: Any) -> Any:
-    """((v - v_mesh) . n)^2: what crosses the surface per unit of its area, squared."""
+    """((v - v_mesh) . n)^2."""
     return (ufl.dot(v, n) - rate * (elevation - known) * n[len(v) - 1]) ** 2
 
 
 def potential(elevation: Any, place: Any, n: Any, gravity: Any, origin: Any) -> Any:
-    """Potential energy of gravity above that of the still level, g h^2/2 - b . (x - x0) h along it, times n . up."""
+    """Potential energy above that of the still level, g h^2/2 - b . (x - x0) h along it, times n . up."""
     up = len(n) - 1
     density = -gravity[up] * elevation**2 / 2
     for axis in range(up):

@@ -1,8 +1,7 @@
 """One function a term of the weak momentum and continuity equations (338), (339).
 
-Each returns the integrand to be tested with w (velocity) or q (pressure) and integrated over the
-reference domain. Signs are those of the residual: everything on the left-hand side. The kinematic `viscosity`
-(fluid density one) is any UFL expression, 1/Re where the fluid has but that of its molecules.
+Each returns the integrand, tested with w (velocity) or q (pressure), over the reference domain, as on the left-hand
+side. The kinematic `viscosity` (fluid density one) is any UFL expression.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ RESOLVED = 10.0
 
 
 def stress(v: Any, p: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
-    """Cauchy stress sigma = -p I + 2 nu D, nu being the viscosity."""
+    """Cauchy stress sigma = -p I + 2 nu D."""
     return -p * ufl.Identity(len(v)) + 2 * viscosity * rate_of_strain(v, reference_map)
 
 
@@ -36,10 +35,7 @@ def inertia(rate: Any, w: Any, reference_map: ReferenceMap) -> Any:
 
 
 def convection(v: Any, carrier: Any, w: Any, reference_map: ReferenceMap) -> Any:
-    """J [grad(v) F^-1 (u - v_mesh)] . w, carried by the velocity u (`carrier`).
-
-    The carrier is v itself (implicit), or its extrapolation from earlier steps, which makes the term linear.
-    """
+    """J [grad(v) F^-1 (u - v_mesh)] . w, carried by the velocity u (`carrier`): v, or its extrapolation."""
     carrier = carrier - reference_map.velocity
     return weighted(ufl.inner(ufl.dot(gradient(v, reference_map), carrier), w), reference_map)
 
@@ -54,11 +50,9 @@ def grad_div(
 ) -> Any:
     """J gamma div(v) div(w), gamma = nu P^3/(P0^2 + P^2) with the Reynolds number of cells P = |c| size/nu.
 
-    Where P is large gamma is |c| size, where P is small it vanishes like P^3. The exact flow is free of divergence,
-    so that the term is consistent; with w = v it is not negative, so that it takes energy and never gives any.
-    `size` is a cell's, divided by the order of the velocity, on the domain of X. Source: Olshanskii, Lube, Heister
-    & Loewe (2009), Comput. Methods Appl. Mech. Engrg. 198, 3975; the dependence on P is measured
-    (docs/contribute/defaults.md).
+    Consistent, since the exact flow is free of divergence, and dissipative. `size` is a cell's over the order of the
+    velocity, on the domain of X. Source: Olshanskii, Lube, Heister & Loewe (2009), Comput. Methods Appl. Mech. Engrg.
+    198, 3975; the dependence on P is measured (docs/contribute/defaults.md).
     """
     carrier = carrier - reference_map.velocity
     size = size * reference_map.J ** (1 / len(v))
@@ -79,9 +73,8 @@ def streamline_upwind(
 ) -> Any:
     """J delta r . (c . grad w): the residual r of momentum tested along streamlines as well (SUPG).
 
-    `strong` is r, which vanishes for the exact flow: the term is consistent where it has its viscous part. With
-    r = c . grad v it is not negative. delta is `streamline_time` with the `size` of cells over the order. Source:
-    Brooks & Hughes (1982), Comput. Methods Appl. Mech. Engrg. 32, 199.
+    `strong` is r; delta is `streamline_time` with the `size` of cells over the order. Source: Brooks & Hughes (1982),
+    Comput. Methods Appl. Mech. Engrg. 32, 199.
     """
     carrier = carrier - reference_map.velocity
     size = size * reference_map.J ** (1 / len(carrier))
@@ -100,10 +93,7 @@ def momentum(
     force: Any,
     reference_map: ReferenceMap,
 ) -> Any:
-    """dv/dt + c . grad v + grad p - nu div grad v - b, the residual of momentum.
-
-    nu is constant; viscosity, rate and force may be None: without that term.
-    """
+    """dv/dt + c . grad v + grad p - nu div grad v - b, nu constant; viscosity, rate and force may be None."""
     carrier = carrier - reference_map.velocity
     strong = ufl.dot(gradient(v, reference_map), carrier) + gradient(p, reference_map)
     if viscosity is not None:
@@ -124,10 +114,7 @@ def streamline_time(carrier: Any, viscosity: Any, size: Any) -> Any:
 
 
 def internal_force(v: Any, p: Any, w: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
-    """P : grad w with P = J sigma F^-T, the weak form of -div P.
-
-    Written as 2 nu D(v) : D(w) - p div w, which is the same since sigma is symmetric.
-    """
+    """P : grad w with P = J sigma F^-T, the weak form of -div P."""
     strain_v, strain_w = rate_of_strain(v, reference_map), rate_of_strain(w, reference_map)
     viscous = 2 * viscosity * ufl.inner(strain_v, strain_w)
     return weighted(viscous - p * divergence(w, reference_map), reference_map)
@@ -146,9 +133,9 @@ def body_force(b: Any, w: Any, reference_map: ReferenceMap) -> Any:
 def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
     """-nu (grad(v)^T n - div(v) n) . w on an open boundary, so that a parallel flow leaves it undisturbed.
 
-    The natural condition then is -p n + nu dv/dn = 0 instead of sigma n = 0; the latter bends the
-    streamlines of a developed channel flow as they leave (Heywood, Rannacher & Turek 1996). The vanishing
-    div v keeps the Stokes operator symmetric: without it half an order of the velocity in L2 is lost.
+    The natural condition then is -p n + nu dv/dn = 0 instead of sigma n = 0, which bends streamlines (Heywood,
+    Rannacher & Turek 1996). The vanishing div v keeps the Stokes operator symmetric: without it half an order of the
+    velocity is lost.
     """
     normal = surface_vector(n, reference_map)
     shear = ufl.dot(gradient(v, reference_map).T, normal) - divergence(v, reference_map) * normal
@@ -156,11 +143,11 @@ def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: Referen
 
 
 def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistance: Any) -> Any:
-    """-(n . sigma(v, p) n) w . n - (n . sigma(w, q) n) v . n + b v . n w . n: nothing crosses a wall of any shape.
+    """-(n . sigma(v, p) n) w . n - (n . sigma(w, q) n) v . n + b v . n w . n on a wall of any shape.
 
-    Nitsche's way (1971, Abh. Math. Sem. Hamburg 36, 9), for slip that of Freund & Stenberg (1995, Proc. 9th Int. Conf.
-    Finite Elements in Fluids, 327). The resistance b is a velocity: that of the flow, so that what does leak brings no
-    energy, and nu/h with a factor that grows with the square of the elements' order. There is no shear in it.
+    Nitsche's method (1971, Abh. Math. Sem. Hamburg 36, 9), for slip as Freund & Stenberg (1995, Proc. 9th Int. Conf.
+    Finite Elements in Fluids, 327). The resistance b is a velocity: that of the flow, so that leakage brings no
+    energy, plus nu/h with a factor that grows with the square of the elements' order.
     """
     of_flow, of_tests = (
         2 * viscosity * ufl.inner(ufl.dot(ufl.grad(one), n), n) - pressure
@@ -171,26 +158,23 @@ def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistan
 
 
 def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
-    """-min(c . n, 0) v . w on an end through which fluid enters, its velocity along n being given.
+    """-min(c . n, 0) v . w where fluid enters through an end, its velocity along n being given.
 
-    Across n the natural condition, with `open_boundary`, then is (c . n) v = nu dv/dn: the inflow brings no momentum
-    across the flow with it. Otherwise kinetic energy would enter with every motion across the flow there, as it does
-    through an open boundary where fluid comes back (Braack & Mucha 2014, J. Comput. Math. 32, 507).
+    With `open_boundary` (c . n) v = nu dv/dn across n: the inflow brings no momentum across the flow, and so no
+    kinetic energy, as fluid that comes back through an open boundary does (Braack & Mucha 2014, J. Comput. Math. 32,
+    507).
     """
     inwards = ufl.conditional(ufl.lt(ufl.dot(carrier, n), 0), ufl.dot(carrier, n), 0)
     return -inwards * ufl.inner(v, w)
 
 
 def relaxation(v: Any, base_flow: Any, rate: Any, w: Any) -> Any:
-    """s (v - u) . w: the flow is relaxed to the base flow u at a rate s, zero outside of a sponge."""
+    """s (v - u) . w: relaxation to the base flow u at a rate s, zero outside of a sponge."""
     return rate * ufl.inner(v - base_flow, w)
 
 
 def surface_traction(v: Any, p: Any, n: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
-    """sigma n per unit of reference area, n being the unit normal the caller chooses.
-
-    With n out of the body and into the fluid it is the traction of the fluid on the body.
-    """
+    """sigma n per unit of reference area: with n out of the body the traction of the fluid on it."""
     return ufl.dot(stress(v, p, viscosity, reference_map), surface_vector(n, reference_map))
 
 

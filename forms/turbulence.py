@@ -35,7 +35,7 @@ STEEPEST = 3.0
 
 
 @dataclass(frozen=True)
-class Stream:
+class FlowFields:
     """What carries and makes the turbulence: the velocity, viscosity of the molecules, and measure of the cells.
 
     size:  that of a cell over the order of the elements, for upwinding along streamlines; None: without
@@ -84,26 +84,26 @@ class KEpsilon:
         """nu_t = C_mu k^2/epsilon."""
         return math.log(self.c_mu), 2.0, -1.0
 
-    def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
+    def eddy_viscosity(self, logarithms: Any, flow: FlowFields) -> Any:
         """nu_t."""
         return unlimited(logarithms, self)
 
-    def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
+    def diffusivities(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
         """Diffusivities of k and of epsilon, molecules and eddies together."""
         eddies = unlimited(logarithms, self)
         return (
-            stream.viscosity + eddies / self.sigma_k,
-            stream.viscosity + eddies / self.sigma_epsilon,
+            flow.viscosity + eddies / self.sigma_k,
+            flow.viscosity + eddies / self.sigma_epsilon,
         )
 
-    def sources(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
+    def sources(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
         """What makes k and epsilon less what destroys them, over k and epsilon."""
-        strain, lost = ufl.sym(ufl.grad(stream.velocity)), ufl.exp(logarithms[1] - logarithms[0])
+        strain, lost = ufl.sym(ufl.grad(flow.velocity)), ufl.exp(logarithms[1] - logarithms[0])
         made = self.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
         made = ufl.min_value(made, MOST_PRODUCED * lost)
         return made - lost, self.c_1 * made - self.c_2 * lost
 
-    def powers_at_wall(self, viscous: Any) -> tuple[Any, Any]:
+    def powers_at_wall(self, eddies: Any) -> tuple[Any, Any]:
         """Powers of the distance from a wall as which k and epsilon go: those of a logarithmic layer."""
         return 0, -1
 
@@ -114,7 +114,7 @@ def unlimited(logarithms: Any, closure: Any) -> Any:
     return ufl.exp(constant + of_k * logarithms[0] + of_second * logarithms[1])
 
 
-def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Any) -> Any:
+def residual(logarithms: Any, rate: Any, tests: Any, flow: FlowFields, closure: Any) -> Any:
     """Weak residual of both equations; `rate` (2,) is the time derivative, None in a steady flow.
 
     On a mesh that is moved it is that at its nodes. Nothing is conserved by the form itself, each equation being that
@@ -123,37 +123,37 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
 
     Boundaries let nothing of both quantities diffuse through; see `at_wall` for what epsilon does at a wall.
     """
-    carrier = stream.velocity if stream.carrier is None else stream.carrier
+    carrier = flow.velocity if flow.carrier is None else flow.carrier
     diffusivities, sources = (
-        closure.diffusivities(logarithms, stream),
-        closure.sources(logarithms, stream),
+        closure.diffusivities(logarithms, flow),
+        closure.sources(logarithms, flow),
     )
-    known = None if stream.size is None else closure.diffusivities(stream.known, stream)
+    known = None if flow.size is None else closure.diffusivities(flow.known, flow)
     form = 0
     for i, diffusivity in enumerate(diffusivities):
         one, test = logarithms[i], tests[i]
         slope = ufl.grad(one)
-        square = _square(slope, stream.across if i == 0 else None)
-        strong = ufl.dot(carrier, slope) - (diffusivity * square + sources[i] + stream.added[i])
+        square = _square(slope, flow.across if i == 0 else None)
+        strong = ufl.dot(carrier, slope) - (diffusivity * square + sources[i] + flow.added[i])
         if rate is not None:
             strong += rate[i]
-        form += (strong * test + diffusivity * ufl.inner(slope, ufl.grad(test))) * stream.measure
+        form += (strong * test + diffusivity * ufl.inner(slope, ufl.grad(test))) * flow.measure
         if known is not None:
-            along, size = carrier, stream.size
-            if stream.reach is not None:
-                along = carrier - 2 * known[i] * ufl.grad(stream.known[i])
-                size, strong = stream.reach(along), strong - diffusivity * ufl.div(slope)
+            along, size = carrier, flow.size
+            if flow.reach is not None:
+                along = carrier - 2 * known[i] * ufl.grad(flow.known[i])
+                size, strong = flow.reach(along), strong - diffusivity * ufl.div(slope)
             delta = streamline_time(along, known[i], size)
-            if stream.balanced:
-                delta /= ufl.max_value(1, delta * abs(closure.sources(stream.known, stream)[i]))
+            if flow.balanced:
+                delta /= ufl.max_value(1, delta * abs(closure.sources(flow.known, flow)[i]))
             # Much longer than a step in time the rate would weigh more along the flow than by itself.
-            delta /= ufl.max_value(1, stream.per_step * delta / LONGEST_UPWINDING)
-            form += delta * strong * ufl.dot(along, ufl.grad(test)) * stream.measure
+            delta /= ufl.max_value(1, flow.per_step * delta / LONGEST_UPWINDING)
+            form += delta * strong * ufl.dot(along, ufl.grad(test)) * flow.measure
     return form
 
 
 def _square(slope: Any, across: Any) -> Any:
-    """|grad K|^2, bounded where K changes by more than `STEEPEST` from node to node, see `Stream`.
+    """|grad K|^2, bounded where K changes by more than `STEEPEST` from node to node, see `FlowFields`.
 
     div(D grad K) lowers a peak at one node in proportion to its height, D |grad K|^2 raises it in proportion to the
     square of that: a peak of ln k higher than about two would grow for ever, which k itself never does. Valleys need
@@ -163,18 +163,17 @@ def _square(slope: Any, across: Any) -> Any:
     return square if across is None else square / (1 + (across(slope) / STEEPEST**2) ** 4) ** 0.25
 
 
-def at_walls(logarithms: Any, tests: Any, distance: Any, stream: Stream, closure: Any) -> Any:
+def at_walls(logarithms: Any, tests: Any, distance: Any, flow: FlowFields, closure: Any) -> Any:
     """-D p/y b: the fluxes of both logarithms where a wall is a distance y beyond the boundary, for any y.
 
     Each quantity goes as a power p of the distance: in a logarithmic layer k does not change, and epsilon and omega go
     as 1/y (Kuzmin, Mierka & Turek 2007, Int. J. Computing Science and Mathematics 1, 193); in the viscous sublayer
-    powers are those of the closure. Between them goes the square of the fraction of molecules in the viscosity.
+    and in the buffer layer powers are those of the closure, by the eddy viscosity over the viscosity.
     """
     eddies = unlimited(logarithms, closure)
-    viscous = (stream.viscosity / (stream.viscosity + eddies)) ** 2
     powers, diffusivities = (
-        closure.powers_at_wall(viscous),
-        closure.diffusivities(logarithms, stream),
+        closure.powers_at_wall(eddies / flow.viscosity),
+        closure.diffusivities(logarithms, flow),
     )
     fluxes = zip(diffusivities, powers, tests, strict=True)
     return sum(diffusivity * power / distance * test for diffusivity, power, test in fluxes)

@@ -1,4 +1,4 @@
-"""Terms of walls that resist the flow along them by a law of the wall, with the layer between them and the mesh."""
+"""Terms of walls that resist the flow by a law of the wall."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ def speed(v: Any) -> Any:
 
 
 def friction(v: Any, w: Any, drag: Any) -> Any:
-    """c v . w: the shear stress of a wall that resists with c times the velocity along it."""
+    """c v . w: the shear stress of a wall, c times the velocity along it."""
     return drag * ufl.inner(v, w)
 
 
 def layer(p: Any, rate: Any, w: Any, distance: Any) -> Any:
-    """y (dv/dt + grad p) . w: the layer between the boundary and a wall y beyond speeds up with it, and is pushed.
+    """y (dv/dt + grad p) . w: the layer between the boundary and a wall y beyond accelerates as its edge does.
 
-    The layer is taken to speed up as its edge does, so that where pressure alone moves the fluid nothing is exerted.
     `rate` stands for dv/dt; None in a steady flow.
     """
     pushed = ufl.grad(p) if rate is None else ufl.grad(p) + rate

@@ -30,7 +30,7 @@ def unwarned() -> Iterator[None]:
 def decimal(text: str) -> float:
     """Parse a number. Raises ValueError, also for Python's 1_2."""
     if "_" in text or not text.isascii():
-        raise ValueError(f'"{text[:40]}" is no plain number')
+        raise ValueError(f'"{text[:40]}" is not a plain number')
     return float(text)
 
 
@@ -41,7 +41,7 @@ def number(cell: Any) -> float:
     if isinstance(cell, str):
         return decimal(cell)
     if isinstance(cell, bool) or not isinstance(cell, int | float | Decimal):
-        raise ValueError(f"{type(cell).__name__} is no number")
+        raise ValueError(f"{type(cell).__name__} is not a number")
     return float(cell)
 
 

@@ -93,7 +93,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "flume",
             "flume",
             options.of_flume,
-            "say in a second whether a bed of grains moves, from known thresholds",
+            "say whether a bed of grains moves, from published thresholds",
         ),
         ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
         (
@@ -106,19 +106,19 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "threshold",
             "runs",
             options.of_threshold,
-            "find the flow at which the scene's grain first moves",
+            "compute the flow at which the scene's grain first moves",
         ),
         (
             "gust",
             "runs",
             options.of_gust,
-            "find the weakest gusts that move the grain out of its pocket",
+            "compute the weakest gusts that move the grain out of its pocket",
         ),
         (
             "entrainment",
             "runs",
             options.of_entrainment,
-            "find the probability of motion in a fluctuating flow",
+            "compute the probability of motion in a fluctuating flow",
         ),
         (
             "plan",
@@ -142,14 +142,19 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "report",
             "showing",
             options.of_report,
-            "write one HTML page of results, to be read anywhere",
+            "write the results as one HTML page",
         ),
-        ("sweep", "sweep", options.of_sweep, "run or judge many cases, or find their thresholds"),
+        (
+            "sweep",
+            "sweep",
+            options.of_sweep,
+            "run or judge many cases, or compute their thresholds",
+        ),
         (
             "survey",
             "survey",
             options.of_survey,
-            "find the thresholds of the exposed grains of a bed of many",
+            "compute the thresholds of the exposed grains of a bed",
         ),
         (
             "table",
@@ -161,7 +166,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "judge",
             "judge",
             options.of_judge,
-            "judge forces of another program or a measurement, without a flow",
+            "judge forces from another program or a measurement",
         ),
         ("new", "writing", options.of_new, "write a commented example scene"),
         ("schema", "writing", options.no_options, "print the JSON schema of scenes, for editors"),
@@ -236,7 +241,7 @@ def _system_errors_reported() -> Iterator[None]:
             f"PETSc failed with PETSC_OPTIONS={shortened(options)} ({why}); correct them or leave them out"
         ) from error
     except MemoryError as error:
-        why = shortened(error) or "no more can be had"
+        why = shortened(error) or "an allocation failed"
         raise OutputError(f"the memory is too small ({why}); {_MORE}") from error
     except (OSError, ImportError) as error:
         if any(words in str(error) for words in _UNLOADED):
@@ -244,7 +249,7 @@ def _system_errors_reported() -> Iterator[None]:
         # From a library, or for the standard output.
         if isinstance(error, ImportError) or not error.errno or error.filename is None:
             raise
-        remedy = "give another name or directory, or make room"
+        remedy = "choose another name or directory, or free some space"
         name = shortened(error.filename, 300)
         raise OutputError(f"{name}: {cause_of(error)}; {remedy}") from error
 

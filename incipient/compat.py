@@ -165,6 +165,13 @@ def gmsh_order(gdim: int, nodes: int) -> np.ndarray:
     return np.asarray(dolfinx.cpp.io.perm_gmsh(cell, nodes), dtype=np.int64)
 
 
+def vtk_order(dimension: int, nodes: int) -> np.ndarray:
+    """Positions (nodes,) in the library's order of VTK's nodes of an interval, triangle or tetrahedron."""
+    types = dolfinx.mesh.CellType
+    cell = (types.interval, types.triangle, types.tetrahedron)[dimension - 1]
+    return np.argsort(dolfinx.cpp.io.perm_vtk(cell, nodes))
+
+
 def partitioner() -> Any:
     """Cell partitioner whose ghosts share a facet (the default of 0.5.2 only)."""
     mode = dolfinx.mesh.GhostMode.shared_facet
@@ -251,9 +258,7 @@ def interpolation_points(function_space: Any) -> np.ndarray:
 
 
 def tabulate(function_space: Any, reference: np.ndarray) -> np.ndarray:
-    """Shape functions (n, nodes) of a scalar space, or of one component, at reference points, in the order of
-    `cell_dofs`.
-    """
+    """Shape functions (n, nodes) of a scalar space, or of a component, at reference points; nodes as in `cell_dofs`."""
     return function_space.element.basix_element.tabulate(0, reference)[0, :, :, 0]
 
 

@@ -80,7 +80,7 @@ def read_table(path: Path, remedy: str) -> tuple[list[str], list[list[str]]]:
     names = [name.strip() for name in names]
     twice = next((name for name in names if name and names.count(name) > 1), None)
     if twice is not None:
-        raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
+        raise SceneError(f"{path}: has two columns {shortened(twice)}; remove one of them")
     wrong = next((k for k, row in enumerate(rows, 2) if len(row) != len(names)), None)
     if wrong is not None:
         why = f"row {wrong} has a different number of cells from the first"

@@ -145,7 +145,7 @@ def missing_in_words(words: str) -> str | None:
         r"CompileError.*|Compilation failed on root node|JIT compilation failed on rank 0", words
     )
     if failed:
-        return f"a form was not compiled, it takes a C compiler and Python's headers ({failed[0]}): {SYSTEM_REMEDY}"
+        return f"a form was not compiled: it needs a C compiler and Python's headers ({failed[0]}): {SYSTEM_REMEDY}"
     return None
 
 

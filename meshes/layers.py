@@ -1,4 +1,4 @@
-"""Layers of thin cells along walls: columns of points above the walls' points, and the cells between them."""
+"""Layers of thin cells along walls: columns of points, and the cells between them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NO_ROOM = "there is no room for layers of cells along the walls: use another num
 class Columns:
     """Columns of points on the points of walls.
 
-    points (n, gdim): the mesh's own, of which some are on walls, and those above them
+    points (n, gdim): the mesh's own, and those above walls
     rows (columns, layers + 1): numbers of a column's points, the last ones alike where it has fewer layers
     share (columns, layers + 1): one at the wall, zero where the layers end
     """
@@ -40,7 +40,7 @@ class Columns:
         first: Floats,
         layers: WallLayers,
     ) -> Columns:
-        """Columns on some of the points in directions (columns, gdim), as thick and with first layers as given."""
+        """Columns on points of walls in directions (columns, gdim), of given thickness and first layers."""
         heights = layer_heights(thickness, first, layers)
         new = np.diff(heights, axis=1, prepend=0.0) > 0.0
         numbers = np.where(new, len(points) + np.cumsum(new.ravel()).reshape(new.shape) - 1, -1)
@@ -51,7 +51,7 @@ class Columns:
         return cls(np.concatenate([points, above[new]]), rows, share)
 
     def by_point(self, count: int) -> tuple[Integers, Floats]:
-        """The wall's point below each of a mesh's points (count,), -1 where there is none, and the share there."""
+        """The wall's point below each of a mesh's points (count,), -1: none, and the share there."""
         foot, share = np.full(count, -1), np.zeros(count)
         foot[self.rows] = self.rows[:, :1]
         share[self.rows] = self.share
@@ -59,7 +59,7 @@ class Columns:
 
 
 def stacked(rows: Integers) -> Integers:
-    """The simplices between columns (k, gdim, layers + 1) on each facet of a wall, those without volume left out.
+    """The simplices between columns (k, gdim, layers + 1) on each facet of a wall.
 
     They have one sense where facets have: seen from the fluid, edges run with it on the left, triangles turn left.
     """
@@ -76,7 +76,7 @@ def stacked(rows: Integers) -> Integers:
 
 
 def stacked_by_diagonals(points: Floats, rows: Integers) -> Integers:
-    """The triangles between columns (k, 2, layers + 1), quadrilaterals cut along their shorter diagonals."""
+    """The triangles between columns (k, 2, layers + 1), cut along the shorter diagonals."""
     pairs = np.stack([rows[:, :, :-1], rows[:, :, 1:]], axis=-1).transpose(0, 2, 1, 3)
     pairs = pairs.reshape(-1, 2, 2)
     (a, d), (b, c) = points[pairs].transpose(1, 2, 0, 3)
@@ -85,7 +85,7 @@ def stacked_by_diagonals(points: Floats, rows: Integers) -> Integers:
 
 
 def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:
-    """Thickness (n,) that differs by at most the slack (k,) of links (k, 2) between neighbours."""
+    """Thickness (n,) that differs by at most the slack (k,) of links (k, 2)."""
     a, b = links.T
     even = thickness.copy()
     while True:
@@ -99,7 +99,7 @@ def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:
 def layer_heights(thickness: Floats, first: Floats, layers: WallLayers) -> Floats:
     """Heights (n, number + 1) above a wall at which layers end, with the given first one.
 
-    As many as fit, at least one; further ones coincide with the last.
+    At least one, as many as fit; further ones coincide with the last.
     """
     rows = np.log(1.0 + (layers.growth - 1.0) * thickness / first) / np.log(layers.growth)
     counts = np.clip(np.ceil(rows - FEWER), 1, layers.number)

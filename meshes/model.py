@@ -16,8 +16,7 @@ def meshed(
 ) -> Simplices:
     """The mesh of a shape in triangles or tetrahedra of an order, in the scene. Not collective.
 
-    Raises:
-        MeshError: gmsh finds no mesh, surfaces cross, there is no room for layers, or curved cells fold over.
+    Raises MeshError if gmsh finds no mesh, surfaces cross, layers do not fit, or curved cells fold over.
     """
     if isinstance(shape, Grid):
         return grid_cells(shape).of_order(order)

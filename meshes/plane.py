@@ -16,7 +16,7 @@ from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 from .layers import NO_ROOM, Columns, evened, stacked_by_diagonals
 from .regions import GRID, Frame, Region
 from .session import generate, gmsh, set_background, view_field
-from .simplices import KINDS, Simplices, measures
+from .simplices import Simplices, kind_of, measures
 from .sizes import Near, SizeField, Sizes, WallLayers
 
 # Factor about their centroids for triangles of an earlier mesh, where they say how fine the next is
@@ -39,8 +39,7 @@ CLOSE = 1e-6
 def meshed_region(region: Region, sizes: Sizes, order: int) -> Simplices:
     """The mesh of a region in the scene, with cells of an order, made in the current gmsh model.
 
-    Raises:
-        MeshError: gmsh fails, layers do not fit, or cells fold over.
+    Raises MeshError if gmsh fails, layers do not fit, or cells fold over.
     """
     if sizes.layers is not None and order not in (1, 2):
         raise MeshError(
@@ -63,14 +62,11 @@ def meshed_region(region: Region, sizes: Sizes, order: int) -> Simplices:
 
 
 class _Pen:
-    """Draws curves in a frame, joining those that share an end point."""
-
     def __init__(self, frame: Frame, tolerance: float):
         self.frame, self.tolerance = frame, tolerance
         self.points: dict[tuple[int, ...], int] = {}
 
     def point(self, x: Point) -> int:
-        """The tag of a point, which is drawn on first use."""
         place = self.frame.local(np.array(x))
         key = tuple(np.round(place / self.tolerance).astype(int).tolist())
         if key not in self.points:
@@ -82,7 +78,6 @@ class _Pen:
         return int(gmsh.model.geo.addPoint(*self.frame.local(np.asarray(x)).tolist(), 0.0))
 
     def curve(self, curve: Curve) -> int:
-        """The tag of a curve in gmsh's model."""
         geo = gmsh.model.geo
         start, end = self.point(curve.start), self.point(curve.end)
         if isinstance(curve, Line):
@@ -120,7 +115,6 @@ def _draw(region: Region, frame: Frame) -> dict[str, list[int]]:
 
 
 def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
-    """Set cell sizes near curves by name, in a frame, and everywhere."""
     fields = gmsh.model.mesh.field
     parts = [_near_field(near, curves, frame) for near in sizes.near]
     if sizes.field is not None:
@@ -166,7 +160,7 @@ def _distance_to(point: tuple[float, ...], frame: Frame) -> str:
 
 
 def _adapted_field(wanted: SizeField, frame: Frame) -> int:
-    """The target sizes at the vertices of an earlier mesh; unbounded outside of that mesh.
+    """The sizes at the vertices of an earlier mesh.
 
     Its triangles are enlarged, so that a curved boundary lies within them, and the sizes extrapolated.
     """
@@ -182,10 +176,9 @@ def _adapted_field(wanted: SizeField, frame: Frame) -> int:
 def _without_folds(mesh: Simplices, order: int) -> Simplices:
     """The mesh with straight cells in the cusps of a bed, where curved sides would fold them.
 
-    Raises MeshError if cells at the grain fold, or with a side on another boundary, where the true surface matters, or
-    if others fold then.
+    Raises MeshError if cells fold at the grain or another boundary, where the true surface matters, or still fold.
     """
-    kind, points, cells = KINDS[2, order], mesh.points.copy(), mesh.cells
+    kind, points, cells = kind_of(2, order), mesh.points.copy(), mesh.cells
     nodes = np.reshape(gmsh.model.mesh.getElementProperties(kind)[4], (cells.shape[1], 2))
     weights = np.column_stack([1.0 - nodes.sum(axis=1), nodes])  # of the corners at a cell's nodes
     at = np.column_stack([nodes, np.zeros(len(nodes))]).ravel()
@@ -212,7 +205,7 @@ def _without_folds(mesh: Simplices, order: int) -> Simplices:
 
 @dataclass(frozen=True, eq=False)
 class Boundary:
-    """The boundary of a region in edges: a closed loop after the other, the fluid on the left.
+    """The boundary of a region in edges: one closed loop after another, the fluid on the left.
 
     points (n, 2), edges (m, 2) and their middles (m, 2) on the curves, names (m,) of what they are part of
     """
@@ -235,12 +228,11 @@ class Boundary:
         return cls(mesh.points, edges, mesh.points[rows[order, 2]], names[order])
 
     def at(self, name: str) -> Integers:
-        """The numbers of the edges of a name."""
         return np.flatnonzero(self.names == name)
 
 
 def _around(points: Floats, edges: Integers) -> Integers:
-    """Edges (m, 2) one after the other around their loops, with the inside on the left."""
+    """Edges (m, 2) in order around their loops, with the inside on the left."""
     graph = csr_matrix((np.ones(len(edges)), edges.T), shape=(len(points), len(points)))
     label = connected_components(graph, directed=False)[1]
     _, first = np.unique(label[edges[:, 0]], return_index=True)
@@ -319,7 +311,7 @@ class Stand:
         )
 
     def room(self, boundary: Boundary, share: float) -> Floats:
-        """Largest total thickness (n,) of the layers, slowly varying along walls; 0 where there is hardly any space."""
+        """Largest total thickness (n,) of the layers, slowly varying along walls; 0 without space."""
         # Sides along which columns stand are no obstacles to them.
         obstacles = ~np.isin(boundary.names, boundary.names[self.ends[:, 1]])
         of_obstacles = boundary.points[np.unique(boundary.edges[obstacles])]
@@ -353,7 +345,6 @@ class Stand:
 
 
 def _turn(before: Floats, after: Floats) -> float:
-    """The angle [radians] from a direction to another one, positive to the left."""
     return float(np.arctan2(planar_cross(before, after), before @ after))
 
 
@@ -427,7 +418,7 @@ def _filled(
 def _lines(
     boundary: Boundary, stand: Stand, columns: Columns, walls: set[str]
 ) -> list[tuple[str, int, int]]:
-    """Name, start and end of the straight lines around what layers leave free; sides are one line each."""
+    """Name, start and end of the straight lines around what layers leave free."""
     tops = columns.rows[:, -1].tolist()
     top = dict(zip(stand.foot.tolist(), tops, strict=True))
     lines = [

@@ -1,4 +1,4 @@
-"""The shapes that are meshed: regions above a bed with grains as holes, in 2-D and 3-D, and graded grids."""
+"""The shapes that are meshed: regions above a bed with grains as holes, and graded grids."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ SYMMETRY = "symmetry"  # the name of the plane in which a symmetric region is cu
 class Frame:
     """Coordinates in which a region is drawn: from its lower corner, in units of its height.
 
-    The tolerances of a mesh generator are lengths: only so do they mean the same in every unit and at every position.
-    Coordinates are rounded to multiples of `grid`, so that a scene in other units is drawn as the very same numbers.
+    The mesh generator's tolerances are lengths. Coordinates are rounded to multiples of `grid`, so that a scene in
+    other units is drawn as the very same numbers.
     """
 
     origin: Floats
@@ -34,11 +34,10 @@ class Frame:
         return np.asarray(np.round((x - self.origin) / self.length / self.grid) * self.grid)
 
     def scene(self, x: Floats) -> Floats:
-        """Points (..., gdim) of this frame in the scene."""
         return np.asarray(x * self.length + self.origin)
 
     def size(self, length: float) -> float:
-        """A length in this frame, in twelve digits."""
+        """A length in this frame, to twelve digits."""
         return float(f"{length / self.length:.12g}")
 
 
@@ -62,14 +61,13 @@ class Region:
 
     @property
     def frame(self) -> Frame:
-        """The frame in which the region is drawn."""
         low = min(curve.start[1] for curve in self.bottom)
         return Frame(np.array([self.bottom[0].start[0], low]), self.top - low)
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedSolid:
-    """A grain at its position: a closed surface in the scene."""
+    """A grain at its position."""
 
     solid: Solid
     placement: Placement
@@ -77,10 +75,7 @@ class PlacedSolid:
 
 @dataclass(frozen=True)
 class Resolved:
-    """The region in which bedforms are meshed: within `radius` of `centre`, horizontally.
-
-    Over the length `passage` it goes over smoothly to its mean level.
-    """
+    """Bedforms are meshed within a horizontal `radius` of `centre`; over `passage` they blend into their mean level."""
 
     centre: Point
     radius: float
@@ -89,7 +84,7 @@ class Resolved:
     level: float | None = None
 
     def share(self, x: Floats) -> Floats:
-        """The weight (n,) of the mean level in the bed's shape at points (n, 2): 0 within, 1 beyond, smooth between."""
+        """The weight (n,) of the mean level at points (n, 2): 0 within, 1 beyond, smooth between."""
         away = np.linalg.norm(x - np.asarray(self.centre), axis=1)
         t = np.clip((away - self.radius) / self.passage, 0.0, 1.0)
         return np.asarray(t * t * t * (10.0 - 15.0 * t + 6.0 * t * t))
@@ -97,7 +92,7 @@ class Resolved:
 
 @dataclass(frozen=True, eq=False)
 class SolidRegion:
-    """The box over `x` and `y`, above a bed and below `ceiling`, less its holes; z points up."""
+    """The box over `x` and `y`, above a bed and below `ceiling`, less its holes."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -129,7 +124,6 @@ class SolidRegion:
 
     @property
     def frame(self) -> Frame:
-        """The frame in which the region is drawn."""
         low, high = self.rectangle
         corners = np.array([[a, b] for a in (low[0], high[0]) for b in (low[1], high[1])])
         bottom = float(self.bed.height(corners).min())
@@ -152,16 +146,14 @@ class Grid:
 
     @property
     def cells(self) -> int:
-        """The number of triangles or tetrahedra."""
         return int(np.prod([len(ends) for ends in self.ends])) * {2: 2, 3: 6}[len(self.ends)]
 
 
 def graded_ends(count: int, grading: float) -> tuple[float, ...]:
-    """Ends of cells that are finer at both ends, as ascending fractions of a length, the last of them one.
+    """Ends of `count` cells, finer at both ends, as ascending fractions of a length.
 
-    The spacing at a fraction s is proportional to 1 - (1 - grading) (2 s - 1)^2.
-
-    grading: spacing at the ends over that in the middle, at most one
+    The spacing at s is proportional to 1 - (1 - grading) (2 s - 1)^2: `grading`, at most one, is that at the ends
+    over that in the middle.
     """
     t = np.arange(1, count) / count
     if grading < 1.0:

@@ -1,4 +1,4 @@
-"""Sessions of gmsh: quiet, one model each, with its complaints as errors."""
+"""Sessions of gmsh."""
 
 import inspect
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ REMEDY = "use another numerics.mesh_size, and make thin parts and narrow passage
 
 @contextmanager
 def session() -> Iterator[None]:
-    """A quiet gmsh session with an empty model; gmsh's complaints are MeshErrors, other errors pass."""
+    """A quiet gmsh session with an empty model; gmsh's complaints are MeshErrors."""
     known = inspect.signature(gmsh.initialize).parameters
     with handlers_kept():
         gmsh.initialize(**({"interruptible": False} if "interruptible" in known else {}))
@@ -56,7 +56,7 @@ def set_background(field: int) -> None:
 
 
 def view_field(kind: str, rows: Floats) -> int:
-    """A field of sizes that are linear on triangles ("ST") or hexahedra ("SH"), as gmsh's views have them in rows."""
+    """A field of sizes, linear on triangles ("ST") or hexahedra ("SH"), from rows of gmsh's views."""
     view, fields = gmsh.view.add("sizes"), gmsh.model.mesh.field
     gmsh.view.addListData(view, kind, len(rows), rows.ravel())
     field = fields.add("PostView")

@@ -1,4 +1,4 @@
-"""Triangles and tetrahedra as arrays, with the named parts of their boundary: read from gmsh, curved."""
+"""Triangles and tetrahedra as arrays, with the named parts of their boundary."""
 
 from __future__ import annotations
 
@@ -11,20 +11,13 @@ from incipient.arrays import Floats, Integers, determinants, unordered_keys
 
 from .session import gmsh
 
-# gmsh's nodes behind the corners, by dimension and order: the corners of which each is the mean.
-NODES: dict[tuple[int, int], tuple[tuple[int, ...], ...]] = {
-    (1, 1): (),
-    (1, 2): ((0, 1),),
-    (1, 3): ((0, 0, 1), (0, 1, 1)),
-    (2, 1): (),
-    (2, 2): ((0, 1), (1, 2), (2, 0)),
-    (2, 3): ((0, 0, 1), (0, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 0), (2, 0, 0), (0, 1, 2)),
-    (3, 1): (),
-    (3, 2): ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
+# Ends of the edges of lines, triangles and tetrahedra in the order of gmsh's second-order nodes, by dimension
+EDGES = {
+    1: ((0, 1),),
+    2: ((0, 1), (1, 2), (2, 0)),
+    3: ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
 }
-EDGES = {2: NODES[2, 2], 3: NODES[3, 2]}
-# gmsh's kinds of edges, triangles and tetrahedra by dimension and order
-KINDS = {(1, 1): 1, (1, 2): 8, (1, 3): 26, (2, 1): 2, (2, 2): 9, (2, 3): 21, (3, 1): 4, (3, 2): 11}
+SHAPES = ("Point", "Line", "Triangle", "Tetrahedron")
 LESS = 0.5  # factor of bends where cells fold
 LEAST_BEND = 0.2  # fraction below which edges are straight
 LEAST = 0.1  # of a straight cell's measure: the least that the curved one's map may have anywhere
@@ -32,7 +25,7 @@ LEAST = 0.1  # of a straight cell's measure: the least that the curved one's map
 
 @dataclass(frozen=True, eq=False)
 class Simplices:
-    """Points (n, gdim), cells (m, nodes) of them, and of the boundary facets (k, nodes) by the name of the part."""
+    """Points (n, gdim), cells (m, nodes), and boundary facets (k, nodes) by name."""
 
     points: Floats
     cells: Integers
@@ -60,7 +53,6 @@ class Simplices:
         keys, first = np.unique(unordered_keys(rows, count), return_index=True)
 
         def with_nodes(cells: Integers, dim: int) -> Integers:
-            """Corners (m, dim + 1) of cells, and after them the numbers of their other nodes."""
             own = unordered_keys(_means(cells, dim, order), count)
             return np.column_stack(
                 [cells, count + np.searchsorted(keys, own).reshape(len(cells), -1)]
@@ -86,7 +78,7 @@ class Simplices:
         feet: Integers | None = None,
         share: Floats | None = None,
     ) -> tuple[Simplices, Integers]:
-        """The second-order cells with middles (k,) of edges moved, and the nodes moved less where cells would fold.
+        """The second-order cells with middles (k,) of edges moved, less where cells would fold, and which are.
 
         Free nodes move along. Where cells still fold edges are straight; in layers they are bent less.
 
@@ -130,10 +122,7 @@ class Simplices:
 
 
 def _making_room(points: Floats, cells: Integers, bends: Floats) -> Floats:
-    """Displacements (n, gdim) of nodes with cells that would fold: as these cells' edges bend on average.
-
-    A facet that bends into a cell carries the opposite corner with it.
-    """
+    """Displacements (n, gdim) of nodes of folding cells: as these cells' edges bend on average."""
     folding = cells[jacobian_lower_bound((points + bends)[cells]) < LEAST]
     count = bends[folding].any(axis=2).sum(axis=1)
     means = (bends[folding].sum(axis=1) / count[:, None]).repeat(cells.shape[1], axis=0)
@@ -143,15 +132,15 @@ def _making_room(points: Floats, cells: Integers, bends: Floats) -> Floats:
 
 
 def measures(points: Floats, cells: Integers) -> Floats:
-    """Doubled areas, or six-fold volumes (m,) of straight cells (m, gdim + 1), negative where they are inside out."""
+    """Doubled areas or six-fold volumes (m,) of straight cells (m, gdim + 1), negative if inside out."""
     corners = points[cells]
     return determinants((corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0))
 
 
 def jacobian_lower_bound(nodes: Floats) -> Floats:
-    """A lower bound (m,) of the determinants of second-order cells (m, nodes, gdim), in units of the straight ones'.
+    """A lower bound (m,) of the determinants of second-order cells (m, nodes, gdim) over the straight ones'.
 
-    The determinant is a polynomial of order gdim: the least of its control points in Bernstein's form is below it.
+    The determinant is a polynomial of order gdim: its least Bernstein coefficient is below it.
     """
     dimension = nodes.shape[2]
     powers = np.array(
@@ -180,15 +169,26 @@ def jacobian_lower_bound(nodes: Floats) -> Floats:
     return np.asarray((np.linalg.inv(bernstein) @ (determinants(rates) / straight)).min(axis=0))
 
 
+def _nodes(dimension: int, order: int) -> list[tuple[int, ...]]:
+    """Of gmsh's nodes behind the corners of a cell, the corners of which each is the mean."""
+    steps = range(1, order)
+    along = [(a,) * (order - k) + (b,) * k for a, b in EDGES[dimension] for k in steps]
+    return [*along, (0, 1, 2)] if (dimension, order) == (2, 3) else along
+
+
 def _means(cells: Integers, dimension: int, order: int) -> Integers:
-    """The corners (m * nodes, order) whose means are the nodes of an order behind the corners of cells."""
-    rows = np.array(NODES[dimension, order])
-    return np.asarray(cells[:, rows].reshape(-1, order))
+    """The corners (m * nodes, order) whose means are the nodes behind the corners of cells."""
+    return np.asarray(cells[:, np.array(_nodes(dimension, order))].reshape(-1, order))
+
+
+def kind_of(dimension: int, order: int) -> int:
+    """gmsh's number of a kind of cells."""
+    return int(gmsh.model.mesh.getElementType(SHAPES[dimension], order))
 
 
 def elements(dimension: int, order: int, entity: int = -1) -> Integers:
-    """Tags of the nodes (m, nodes) of gmsh's cells of a dimension and order, of all entities or of one."""
-    nodes = gmsh.model.mesh.getElementsByType(KINDS[dimension, order], entity)[1]
+    """Tags of the nodes (m, nodes) of gmsh's cells, of all entities or of one."""
+    nodes = gmsh.model.mesh.getElementsByType(kind_of(dimension, order), entity)[1]
     return np.asarray(
-        nodes.astype(np.int64).reshape(-1, dimension + 1 + len(NODES[dimension, order]))
+        nodes.astype(np.int64).reshape(-1, dimension + 1 + len(_nodes(dimension, order)))
     )

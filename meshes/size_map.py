@@ -27,7 +27,7 @@ GAPS = "narrow places"
 class SizeMap:
     """The target sizes in a region, in its frame.
 
-    spots (k, 3) are points where surfaces would cross if cells were larger than at_spots (k,)
+    At points `spots` (k, 3) surfaces would cross if cells were larger than at_spots (k,).
     """
 
     region: SolidRegion
@@ -40,7 +40,6 @@ class SizeMap:
 
     @classmethod
     def of(cls, region: SolidRegion, sizes: Sizes) -> SizeMap:
-        """The sizes of a region, with its curved surfaces: the bed, and the grains by name."""
         frame = region.frame
         bodies = {
             name: Body(placed, frame, region.symmetric, region.fillet)
@@ -49,7 +48,7 @@ class SizeMap:
         return cls(region, sizes, frame, Ground(region, frame), bodies)
 
     def finer_at(self, points: Floats) -> SizeMap:
-        """The sizes halved at points (n, 3) of the frame, at only one of points nearer than a cell."""
+        """The sizes halved at points (n, 3) of the frame, at one of points nearer than a cell."""
         sizes = self(points)
         _, first = np.unique(np.round(points / sizes[:, None]), axis=0, return_index=True)
         points, sizes = points[first], 0.5 * sizes[first]
@@ -58,7 +57,6 @@ class SizeMap:
 
     @cached_property
     def _clouds(self) -> dict[str, Cloud]:
-        """The triangles of the grains that have no distance function."""
         clouds = {}
         for name, placed in self.region.holes.items():
             solid = placed.solid
@@ -94,12 +92,12 @@ class SizeMap:
 
     @property
     def names(self) -> list[str]:
-        """The features that need the sizes of `parts`, in their order."""
+        """The features whose sizes `parts` gives, in their order."""
         near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
         return ["domain", *near, GAPS, "adaptation"]
 
     def parts(self, x: Floats) -> tuple[Floats, dict[str, Floats]]:
-        """The sizes (names, n) that each feature requires at points (n, 3), and the distances (n,) from boundaries."""
+        """The sizes (names, n) for each feature at points (n, 3), and the distances (n,) from boundaries."""
         wanted = {near.boundary for near in self.sizes.near if near.boundary}
         if np.isfinite(self.sizes.gap_part):
             wanted |= {self.region.names[5], *self.region.holes}
@@ -139,19 +137,18 @@ class SizeMap:
 
     @cached_property
     def _vertices(self) -> Any:
-        """Spatial index of the vertices of the mesh at which sizes are wanted."""
         assert self.sizes.field is not None
         return tree(self.frame.local(self.sizes.field.points))
 
     def _field(self, x: Floats) -> Floats:
-        """The sizes wanted at the nearest vertices of an earlier mesh."""
+        """The sizes at the nearest vertices of an earlier mesh."""
         if self.sizes.field is None:
             return np.full(len(x), np.inf)
         return np.asarray(self.sizes.field.sizes[self._vertices.query(x)[1]] / self.frame.length)
 
     @property
     def least(self) -> Floats:
-        """The smallest size that each of `names` requires anywhere, in the frame (names,)."""
+        """The smallest size for each of `names`, in the frame."""
         known = [self.sizes.far, *(near.size for near in self.sizes.near)]
         adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
         return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])
@@ -182,13 +179,12 @@ class SizeMap:
 
 
 def _distances(x: Floats, points: Floats) -> Floats:
-    """The distances (n, k) of points (n, 3) from others (k, 3)."""
     return np.asarray(np.linalg.norm(x[:, None] - points, axis=2))
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Cubes that fill a region, no larger than a few cells: centres (n, 3), sides (n,), sizes at the corners (n, 8)."""
+    """Cubes that fill a region: centres (n, 3), sides (n,), sizes at the corners (n, 8)."""
 
     centres: Floats
     sides: Floats
@@ -213,12 +209,10 @@ MOST_FIRST = 1_000_000
 
 
 def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
-    """Cubes from `bottom` (in the frame) on, cut into eight until they are about as small as the cells within them.
+    """Cubes from `bottom` (in the frame) on, cut into eight until they are about as small as the cells within.
 
-    Those that would make more than `most` stay as they are.
-
-    Raises:
-        MeshError: the region is so flat that the first cubes, half as large as it is high, are too many.
+    Those that would make more than `most` stay as they are. Raises MeshError if the region is so flat that the first
+    cubes are too many.
     """
     frame, ends = size.frame, zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
     low, high = ((np.array([*end, z]) - frame.origin) / frame.length for end, z in ends)

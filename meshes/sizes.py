@@ -1,4 +1,4 @@
-"""The size of cells: near features of a boundary, in layers along walls, and from an error estimate."""
+"""Sizes of cells: near features of a boundary, in layers along walls, and from an error estimate."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Away:
 
 @dataclass(frozen=True)
 class Near:
-    """Cells of a size (scene units) at points or at a named boundary, growing with the distance from them."""
+    """Cells of a size (scene units) at points or a named boundary, growing with the distance from them."""
 
     size: float
     growth: float
@@ -40,10 +40,7 @@ class Near:
     most: float = float("inf")
 
     def scaled(self, factor: float) -> Near:
-        """The size times a factor; the largest one away, which the boundary's shape admits, does not grow.
-
-        Finer cells grow more slowly with the distance, so that all become smaller by the factor.
-        """
+        """The size times a factor; the largest one away, which the boundary's shape limits, does not grow."""
         less = min(factor, 1.0)
         away = self.away and replace(
             self.away, growth=less * self.away.growth, largest=less * self.away.largest
@@ -61,10 +58,7 @@ class Near:
 
 @dataclass(frozen=True, eq=False)
 class SizeField:
-    """Target sizes of cells at the vertices of an earlier mesh, linear on its triangles, scene units.
-
-    points (n, gdim), triangles (m, 3) of them, sizes (n,)
-    """
+    """Target sizes (n,) at vertices `points` (n, gdim) of earlier `triangles` (m, 3), linear on these."""
 
     points: Floats
     triangles: Integers
@@ -73,7 +67,7 @@ class SizeField:
 
 @dataclass(frozen=True)
 class WallLayers:
-    """Thickness of the first layer of cells at each named wall, number of layers, and their growth."""
+    """Thickness of the first layer at each named wall, number of layers, and their growth."""
 
     first: dict[str, float]
     number: int  # at most
@@ -81,7 +75,6 @@ class WallLayers:
     graded: bool = False  # thinner layers grow less: by a factor all of them become thinner
 
     def scaled(self, factor: float) -> WallLayers:
-        """First layers thicker by a factor."""
         growth = self.growth**factor if self.graded else self.growth
         first = {name: factor * size for name, size in self.first.items()}
         return replace(self, first=first, growth=growth)
@@ -99,7 +92,7 @@ class Sizes:
     layers: WallLayers | None = None  # along walls; None: there are none
 
     def scaled(self, factor: float) -> Sizes:
-        """All sizes but a field's times a factor: one number refines everything alike."""
+        """All sizes but a field's times a factor."""
         near = tuple(n.scaled(factor) for n in self.near)
         return replace(
             self,

@@ -42,8 +42,7 @@ AT_TOP = 0.6
 def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simplices:
     """The mesh of a region in the scene, with tetrahedra of order 1 or 2, made in the current gmsh model.
 
-    Raises:
-        MeshError: a surface is open or intersects itself or another one, layers do not fit, or gmsh fails.
+    Raises MeshError if a surface is open or surfaces cross, layers do not fit, or gmsh fails.
     """
     if order not in (1, 2):
         raise MeshError(
@@ -69,7 +68,7 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
 
 
 def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
-    """The mesh in the frame, the sizes it has, and middles (k, 3) of grains' edges that cannot follow their surface."""
+    """The mesh in the frame, its sizes, and middles (k, 3) of edges that cannot follow their grain."""
     size, surfaces = triangulated(size)
     bed = surfaces[size.region.names[5]]
     cubes = boxes(size, float(bed.points[:, 2].min()))
@@ -84,7 +83,7 @@ def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
 
 
 def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
-    """Bed and grains, by name, as triangles of the sizes wanted, and those sizes: finer where surfaces would cross.
+    """Bed and grains by name as triangles of the sizes wanted, and these, finer where surfaces would cross.
 
     Raises MeshError if a grain penetrates the bed, or surfaces cross at any resolution.
     """
@@ -125,10 +124,10 @@ def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
 def _closed_shell(
     size: SizeMap, surfaces: dict[str, Surface]
 ) -> tuple[Floats, dict[str, Integers]]:
-    """Points (n, 3) of the whole boundary and, by name, triangles (m, 3): those of surfaces, and of the plane sides.
+    """Points (n, 3) of the whole boundary and, by name, triangles (m, 3).
 
-    A gmsh model with the sizes wanted as background field must be there; its geometry is drawn here, and removed.
-    Raises MeshError if the sides cannot be meshed.
+    The current gmsh model has the background field; its geometry is drawn here, and removed. Raises MeshError if the
+    sides cannot be meshed.
     """
     names = size.region.names
     plates = _plane_sides(size, surfaces)
@@ -145,7 +144,7 @@ def _closed_shell(
 
 
 def _plane_sides(size: SizeMap, surfaces: dict[str, Surface]) -> list[Floats]:
-    """The corners (m, 3, 3) of the triangles of the four upright sides and of the top, along the rims of surfaces."""
+    """The corners (m, 3, 3) of the triangles of the upright sides and the top, along the rims of surfaces."""
     geo, (low, high) = gmsh.model.geo, size.bounds
     planes = [(axis, end[axis]) for axis in (0, 1) for end in (low, high)] + [(2, 1.0)]
     segments = []
@@ -219,12 +218,10 @@ def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
 
 
 def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
-    """Straight cells with layers along the walls that are named; the other sides are planes.
+    """Straight cells with layers along the named walls; the other sides are planes.
 
-    The cells at a wall retreat from it, and prisms of three tetrahedra each fill the space.
-
-    Raises:
-        MeshError: layers do not fit.
+    The cells at a wall retreat from it, and prisms of three tetrahedra fill the space. Raises MeshError if layers do
+    not fit.
     """
     walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
     triangles = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)
@@ -315,7 +312,6 @@ def _on_surfaces(
     low, high = size.bounds
 
     def held(x: Floats) -> np.ndarray:
-        """Which coordinates (n, 3) of points (n, 3) are those of a plane side."""
         on_side = [np.abs(x[:, :2] - end) <= ON_PLANE for end in (low, high)]
         return np.column_stack([on_side[0] | on_side[1], np.abs(x[:, 2] - 1.0) <= ON_PLANE])
 

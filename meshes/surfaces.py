@@ -1,4 +1,4 @@
-"""The curved surfaces that bound a 3-D region, grains and bed, in its frame: first triangles, and projection."""
+"""The curved surfaces of a 3-D region, grains and bed, in its frame: first triangles, and projection."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ Level = Callable[[Floats], Floats]
 
 @dataclass(frozen=True, eq=False)
 class Body(ExactSurface):
-    """A grain's surface; where a region is cut in its plane of symmetry the half of it beyond that plane."""
+    """A grain's surface, or the half beyond the plane of symmetry."""
 
     placed: PlacedSolid
     frame: Frame
@@ -43,11 +43,9 @@ class Body(ExactSurface):
 
     @property
     def sharp(self) -> bool:
-        """Whether the grain has sharp edges."""
         return self.placed.solid.sharp
 
     def draft(self) -> Draft:
-        """The grain's own triangles, of a clump the level surface's."""
         whole = self._whole()
         surface = Surface(
             self.frame.local(self.placed.placement.to_scene(whole.points)), whole.triangles
@@ -95,7 +93,6 @@ class Body(ExactSurface):
         return x
 
     def _projected(self, x: Floats) -> Floats:
-        """Points of the surface near points (n, 3), in the body frame."""
         solid = self.placed.solid
         if isinstance(solid, Spheres):
             scale = min(solid.radii)
@@ -120,12 +117,10 @@ class Ground(ExactSurface):
 
     @property
     def of_balls(self) -> bool:
-        """Whether the bed is one of balls."""
         return self._balls is not None
 
     @property
     def flat(self) -> bool:
-        """Whether the bed is one plane."""
         return isinstance(self.region.bed, Plane)
 
     @cached_property
@@ -152,7 +147,6 @@ class Ground(ExactSurface):
 
     @cached_property
     def _balls(self) -> HalfSpacesAndBalls | None:
-        """The pieces of a bed of balls."""
         middle, reach = self._reach
         pieces = self.region.bed.pieces(middle, reach)
         return pieces if isinstance(pieces, HalfSpacesAndBalls) and not self.flat else None
@@ -168,7 +162,7 @@ class Ground(ExactSurface):
         return np.asarray(own if not share.any() else (1.0 - share) * own + share * self._mean)
 
     def _level(self, x: Floats) -> Floats:
-        """Approximate distance (n,) of points (n, 3) above the bed, all in the scene: zero on it."""
+        """Approximate distance (n,) of points (n, 3) above the bed, all in the scene."""
         if self._balls is None:
             slope = self.region.bed.gradient(x[:, :2]) * (1.0 - self._share(x))[:, None]
             return np.asarray((x[:, 2] - self._height(x)) / np.sqrt(1.0 + (slope**2).sum(axis=1)))
@@ -178,7 +172,6 @@ class Ground(ExactSurface):
 
     @cached_property
     def _fillet(self) -> float:
-        """The radius, in the scene, with which the valleys of a bed of balls are rounded."""
         assert self._balls is not None
         return self.region.fillet or FILLET * float(self._balls.radii.min(initial=np.inf))
 
@@ -186,7 +179,7 @@ class Ground(ExactSurface):
     def _search(self) -> tuple[Any, int]:
         """Spatial index of the centres of the balls, and how many of them at most round a valley together.
 
-        Balls nearer to a point than the fillet have centres nearer to each other than two radii and two fillets.
+        Balls nearer to a point than the fillet have centres within two radii and two fillets.
         """
         assert self._balls is not None
         centres = tree(self._balls.centres)
@@ -206,7 +199,7 @@ class Ground(ExactSurface):
         return np.concatenate([above, (away - np.append(balls.radii, 0.0)[which]).T])
 
     def distance(self, x: Floats) -> Floats:
-        """Approximate distance (n,) of points (n, 3) of the frame above the bed, in the frame."""
+        """Approximate distance (n,) of points (n, 3) above the bed, in the frame."""
         return in_blocks(self._level, self.frame.scene(x)) / self.frame.length
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
@@ -228,7 +221,7 @@ class Ground(ExactSurface):
         return Draft(Surface(points, surface.triangles), held)
 
     def _abscissae(self, axis: int) -> Floats:
-        """Grid lines of the initial triangles in the frame: uniform where the bed has a shape, wider beyond."""
+        """Grid lines of the first triangles in the frame: uniform where the bed has a shape, wider beyond."""
         low, high = (float(side[axis]) for side in self.region.rectangle)
         middle, reach = self._reach
         step = self.region.bed.feature / (
@@ -265,7 +258,7 @@ class Ground(ExactSurface):
 
 
 def _widening(length: float, step: float) -> Floats:
-    """Ascending distances over a length at which a grid is cut, the first about a step; none if there is no length."""
+    """Ascending distances over a length at which a grid is cut, the first about a step."""
     if length <= 1e-9 * step:
         return np.empty(0)
     count = max(1, int(np.ceil(np.log1p((BEYOND - 1.0) * length / step) / np.log(BEYOND))))
@@ -287,7 +280,7 @@ def rounded_union(distances: Floats, radius: float) -> Floats:
 
 
 def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
-    """Points (n, 3) near x where a level is zero, by Newton's method along its gradient, held coordinates fixed.
+    """Points (n, 3) near x where a level is zero, by Newton's method; held coordinates stay.
 
     scale: a length of the level's shape; differences are taken over a small part of it.
     """

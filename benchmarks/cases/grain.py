@@ -73,7 +73,7 @@ def describe(data: dict[str, Any]) -> str:
     ]
     return f"""### A grain on a bed: the main job
 
-`incipient run demos/scenes/{SCENE}.toml` with wall time, CPU time and memory:
+`incipient run demos/scenes/{SCENE}.toml` with error bars; wall time, CPU time, memory:
 
 {listed}
 

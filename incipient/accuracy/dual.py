@@ -15,11 +15,9 @@ import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from .. import compat
 from ..arrays import Floats
-from ..compat import petsc
 from ..coupled.tractions import Resultant, TractionProbe, rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import enriched
@@ -121,12 +119,9 @@ class GoalErrors:
         hats, weight, residual = finer.kept("shares", self._weighted_residual)
         self._weigh(goal, weight)
         finer.state.x.array[:] = self._before
-        vector = petsc.assemble_vector(residual)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        shares = dolfinx.fem.Function(hats)
-        shares.x.array[: vector.getLocalSize()] = vector.array_r
+        entries, shares = compat.owned_entries(residual), dolfinx.fem.Function(hats)
+        shares.x.array[: len(entries)] = entries
         shares.x.scatter_forward()
-        vector.destroy()
         finer.state.x.array[:] = corrected
         return np.asarray(shares.x.array)
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 LEFT = 0.5
 SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
 OF_ITERATION = "flow, which has not converged"
+OF_ALONG = "cells along the walls, which do not resolve their friction"
 OF_MODEL = (
     "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
 )
@@ -111,7 +112,8 @@ def with_safety(
     if bar is None:
         return bars
     if (walls := run.wall_report()) is not None:
-        bar = replace(bar, certain=False, decisive=OF_MODEL if walls.converged else OF_ITERATION)
+        decisive = OF_ALONG if walls.doubt else OF_MODEL
+        bar = replace(bar, certain=False, decisive=decisive if walls.converged else OF_ITERATION)
     if bars.doubtful:
         bar = replace(bar, certain=False, decisive=bars.doubtful)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))

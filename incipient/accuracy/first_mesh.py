@@ -20,9 +20,7 @@ LARGEST = 100.0  # of numerics.mesh_size
 
 
 def planned(scene: Scene) -> Plan:
-    """The plan with cells, unknowns and memory of the first mesh, without gmsh with a warning instead. Raises
-    MeshError.
-    """
+    """The plan with cells, unknowns and memory of the first mesh, or without gmsh a warning. Raises MeshError."""
     plan = make_plan(scene)
     try:
         return replace(plan, estimate=first_mesh(scene))

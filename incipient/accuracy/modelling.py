@@ -1,5 +1,4 @@
-"""Gap and domain of a search for an accuracy: with `numerics.accuracy_includes = "all"` they are chosen before the
-mesh.
+"""Gap and domain of a search for an accuracy, chosen before the mesh if `numerics.accuracy_includes = "all"`.
 
 Otherwise they stay, and the result names a remedy.
 """

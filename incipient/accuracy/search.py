@@ -1,19 +1,22 @@
 """The search for an accuracy: solve, estimate the error, refine, repeat.
 
-This module has the loop, the record of trials and the budget; `strategies` solve, estimate and refine.
+This module has the loop, the record of trials and the budget; `searches` estimate and refine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 import numpy as np
 
 from ..errors import ConvergenceError, MeshError
 from ..installed import free_bytes
+from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.discretisation import order_of
 from ..planning.expense import MEMORY_GROWTH
@@ -24,19 +27,27 @@ from ..results.errorbars import Loads, Term
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
+from ..simulation.beside import InTurn
+from ..simulation.build import prepared
+from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
+from ..simulation.simulate import hand_over, loads_of
 from ..simulation.state import Accounts, Run
-from .coarse_runs import KeptRuns
+from ..simulation.steady import solve_with_turbulence
+from .coarse_runs import KeptRuns, changed
+from .errorbars import coarse_scenes, error_bars, loads_of_run
+from .finish import finished
 from .goal import Goal, Quantity
-from .modelling import SHARE, Suited, not_estimated, remedies, suited
-
-if TYPE_CHECKING:
-    from .strategies import Strategy
+from .modelling import SHARE, Suited, lessened, not_estimated, remedies, suited
+from .next_mesh import AIM, MOST_MESHES
 
 # Outcome of an unfinished search.
 UNFINISHED = "the search continues, or was stopped"
 LEAST_WORK = 2.0  # work over that of the last run: a budget below it ends the search
 MOST_FAILURES = 3
+FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
+CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search for a verdict
+SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: tolerance of the iteration
 
 
 class SearchRecorder:
@@ -108,22 +119,17 @@ class Estimate:
         return np.inf if self.error is None else self.error
 
 
-class Search:
-    """The search for a sufficiently fine mesh, attempt by attempt.
+class Search(ABC):
+    """The search for a sufficiently fine mesh, attempt by attempt: solve, estimate the error, refine.
 
     Args:
         recorder: of the last run; it may begin several times.
-        strategy: makes the strategy of the search.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        comm: Comm,
-        recorder: Recorder,
-        voice: Silent,
-        strategy: Callable[[Search], Strategy],
-    ):
+    most = MOST_MESHES
+    _recorder: SearchRecorder | None = None  # of the last run
+
+    def __init__(self, scene: Scene, comm: Comm, recorder: Recorder, voice: Silent):
         self.scene = self._wished = scene
         self.comm, self.recorder, self.voice = comm, recorder, voice
         self.numerics, self.trials = scene.numerics, list[Trial]()
@@ -134,20 +140,19 @@ class Search:
         self.reason, self.met = "", False
         self.suited: Suited | None = None  # if the accuracy includes errors of gap and domain
         self.best: tuple[Attempt, Estimate] | None = None  # with the least error so far
-        self.strategy = strategy(self)
 
     def result(self) -> Any:
         """Try meshes up to the accuracy or the budget; returns the last result. Collective; raises IncipientError."""
         self._choose_gap_and_domain()
-        attempt, failures = self.strategy.first(), 0
+        attempt, failures = self.first(), 0
         while True:
             began = self.elapsed()
             try:
-                with self.strategy.solved(attempt) as (run, loads):
-                    estimate = self._estimated(attempt, run, loads, began)
-                    following = self.strategy.following(attempt, run, estimate)
+                with self.solved(attempt) as (run, computed):
+                    estimate = self._estimated(attempt, run, computed, began)
+                    following = self.following(attempt, run, estimate)
                     if following is None and self.best is not None and self.best[0] is attempt:
-                        return self.strategy.concluded(run)
+                        return self.concluded(run)
             except (ConvergenceError, MeshError) as error:
                 failures += 1
                 self.report(Trial(order_of(attempt.scene), 0, 0, None, 0.0, note=str(error)))
@@ -156,7 +161,7 @@ class Search:
                 self.reason, following = f"the next mesh failed: {error}", None
                 unknown = self.best is None or self.best[1].error is None
                 if unknown and failures < MOST_FAILURES:
-                    following = self.strategy.first(failures)
+                    following = self.first(failures)
             if following is None:
                 break
             attempt = following
@@ -164,12 +169,12 @@ class Search:
         attempt, estimate = self.best
         if estimate.term is not None:
             self.known.terms["discretisation"] = estimate.term
-        with self.strategy.solved(attempt) as (run, _):
-            return self.strategy.concluded(run)
+        with self.solved(attempt) as (run, _):
+            return self.concluded(run)
 
-    def _estimated(self, attempt: Attempt, run: Run, loads: Loads, began: float) -> Estimate:
+    def _estimated(self, attempt: Attempt, run: Run, computed: Loads, began: float) -> Estimate:
         with self.ledger.stage("error bars"):
-            estimate = self.strategy.estimate(run, loads)
+            estimate = self.estimate(run, computed)
         mesh, time = run.domain.mesh, attempt.scene.time
         cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
         size = order_of(attempt.scene), cells, run.fluid.space.unknowns
@@ -181,22 +186,122 @@ class Search:
             self.best = attempt, estimate
         return estimate
 
-    def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt | None:
+    @abstractmethod
+    def first(self, failures: int = 0) -> Attempt:
+        """A coarse first mesh, finer after failures."""
+
+    @abstractmethod
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        """Error of a solved run."""
+
+    @abstractmethod
+    def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
+        """An attempt that is expected to leave a fraction `left` of the error."""
+
+    def target(self, estimate: Estimate) -> float:
+        """The fraction of the error to leave."""
+        return AIM * self.allowed / estimate.rank or FOR_VERDICT
+
+    @contextmanager
+    def coarse_runs(self) -> Iterator[InTurn]:
+        """Coarse runs for the errors of gap and domain."""
+        with InTurn(self.comm, coarse_scenes, loads_of) as solve:
+            yield solve
+
+    def set_up(self, scene: Scene, order: int | None = None) -> Scene:
+        """The scene in elements of an order, with a tolerance for the accuracy."""
+        accuracy = self.numerics.accuracy
+        wanted = SOLVER_SHARE * (accuracy if isinstance(accuracy, float | int) else CRITICAL)
+        order = order or order_of(scene)
+        tolerance = float(np.clip(wanted, *TOLERANCES))
+        return changed(scene, numerics={"order": order, "tolerance": tolerance})
+
+    @contextmanager
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
+        """The solved run of an attempt and its loads. Raises ConvergenceError, MeshError."""
+        with prepared(
+            attempt.scene, self.comm, self.accounts, voice=self.voice, sizing=attempt.sizing
+        ) as run:
+            yield run, self.solve(run)
+
+    def solve(self, run: Run) -> Loads:
+        """Solve; returns the loads and other quantities."""
+        solve_with_turbulence(run, run.fluid, run.turbulence)
+        return computed_loads(run)
+
+    def handed_over(self, run: Run) -> SearchRecorder:
+        """The recorder with the result without error bars."""
+        numerics = {
+            name: getattr(self.numerics, name) for name in ("order", "tolerance", "mesh_size")
+        }
+        wished = changed(run.scene, numerics=numerics)
+        recorder = SearchRecorder(self.recorder, wished, self.adaptation)
+        hand_over(run, cast(Recorder, recorder))
+        return recorder
+
+    def concluded(self, run: Run) -> Any:
+        """Result of the last run, with its error bars."""
+        recorder = self._recorder or self.handed_over(run)
+        finished(run, cast(Recorder, recorder))
+        return recorder.result
+
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
+        """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable.
+
+        For a verdict the decisive source is refined: mesh, gap or domain.
+        """
+        if self.numerics.accuracy != "verdict" or estimate.error is None:
+            if estimate.rank <= self.allowed:
+                self.conclude(estimate.rank, estimate.doubt)
+                return None
+            return self.within_budget(attempt, estimate, self.target(estimate))
+        # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
+        self._recorder = recorder = self.handed_over(run)
+        with told_where_kept(recorder.kept, self.comm):
+            bars = error_bars(
+                run, *loads(run, surface=False), lambda scene: loads_of(scene, self.comm)
+            )
+        bar = bars.safety
+        assert bar is not None
+        if bar.certain:
+            why = "; ".join(
+                f"error of the {name}: {reason}" for name, reason in bars.failed.items()
+            )
+            self.reason, self.met = "the verdict is certain", not why
+            if why:
+                self.reason = f"undecided: certain except for unknown errors, {why}"
+            return None
+        if bar.decisive == "discretisation" and estimate.rank > CRITICAL:
+            finer = self.within_budget(attempt, estimate, FOR_VERDICT)
+            return finer and replace(finer, note="for the verdict")
+        term = next((each for each in bars.terms if each.name == bar.decisive), None)
+        scene = None if term is None else lessened(attempt.scene, term, FOR_VERDICT)
+        if scene is None:
+            between = f"the safety factor is between {bar.low:.6g} and {bar.high:.6g}"
+            why = f"the error of the {bar.decisive} cannot be reduced"
+            self.reason = f"undecided: {between}, and {why}"
+            return None
+        for name in ("gap", "domain", "datum"):
+            self.known.terms.pop(name, None)
+        note, unknowns = f"less error of the {bar.decisive}", 1.2 * self.trials[-1].unknowns
+        return self.affordable(replace(attempt, scene=scene, unknowns=unknowns, note=note))
+
+    def within_budget(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt | None:
         """The attempt expected to leave a fraction of the error, or the least that the budget allows. Collective.
 
         None, with the reason recorded, without a worthwhile attempt within the budget.
         """
-        wanted = self.strategy.refined(attempt, estimate, left)
+        wanted = self.refined(attempt, estimate, left)
         while self._beyond_budget(wanted) and wanted.work > LEAST_WORK and left < 1.0 / LEAST_WORK:
             left **= 0.5
-            wanted = self.strategy.refined(attempt, estimate, left)
+            wanted = self.refined(attempt, estimate, left)
         return self.affordable(wanted)
 
     def affordable(self, attempt: Attempt) -> Attempt | None:
         """The attempt; None, with the reason recorded, if it exceeds the budget. Collective."""
-        self.reason, most = self._beyond_budget(attempt), self.strategy.most
-        if not self.reason and len(self.trials) >= most:
-            self.reason = f"not reached with {most} meshes"
+        self.reason = self._beyond_budget(attempt)
+        if not self.reason and len(self.trials) >= self.most:
+            self.reason = f"not reached with {self.most} meshes"
         return None if self.reason else attempt
 
     @property
@@ -214,7 +319,7 @@ class Search:
         accuracy, includes = self.numerics.accuracy, self.numerics.accuracy_includes
         if includes == "discretisation" or not isinstance(accuracy, float | int):
             return
-        with self.ledger.stage("error bars"), self.strategy.coarse_runs() as solve:
+        with self.ledger.stage("error bars"), self.coarse_runs() as solve:
             runs = KeptRuns(self.known.loads, self.spent, solve)
             self.suited = suited(self.scene, accuracy, self.goal, runs, self.voice.say)
             self.scene = self.suited.scene
@@ -250,8 +355,8 @@ class Search:
         bars = None if result is None else result.error_bars
         if result is None or bars is None or not isinstance(accuracy, float | int):
             return record
-        loads = result.loads_at_end()
-        return replace(record, beside=remedies(self.scene, accuracy, self.goal, loads, bars))
+        computed = result.loads_at_end()
+        return replace(record, beside=remedies(self.scene, accuracy, self.goal, computed, bars))
 
     def elapsed(self) -> float:
         return float(self.comm.bcast(self.ledger.total(), root=0))
@@ -274,7 +379,7 @@ class Search:
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
             return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
         if expected - now > self.comm.bcast(free_bytes() / 2**20, root=0):
-            return f"stopped: {needs}, more than there is"
+            return f"stopped: {needs}, more than is available"
         return ""
 
     def report(self, trial: Trial) -> None:
@@ -289,3 +394,8 @@ class Search:
 def _lu_mib(unknowns: float) -> float:
     both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
     return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)
+
+
+def computed_loads(run: Run) -> Loads:
+    """Loads and other quantities of a solved run. Collective."""
+    return loads_of_run(run, *((None, None) if run.probe is None else loads(run, surface=False)))

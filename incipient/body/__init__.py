@@ -1,1 +1,1 @@
-"""The rigid grain: its state, mass and motion, and the integrator that advances it."""
+"""The rigid grain: state, mass, motion, and the integrator that advances it."""

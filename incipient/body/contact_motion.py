@@ -1,10 +1,10 @@
 """A rigid body in contact over a time step: it rolls, slides or lifts off.
 
-Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey Signorini's
-and Coulomb's laws with the velocities at the end of the step, and act on the same effective mass as the load, the
-fluid's added mass included. Contacts are those at which the body would penetrate the bed in the step, whose length is
+Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey
+Signorini's and Coulomb's laws with the velocities at the end of the step, and act on the effective mass of the load,
+with the fluid's added mass. Contacts are those at which the body would penetrate the bed in the step, whose length is
 kept, and with cohesion those of the last step, which open where their tension exceeds it. An impulse acts along the
-mean of a contact's normals at both ends of the step: a body that rolls along a curved bed conserves its energy.
+mean of a contact's normals at both ends of the step: rolling along a curved bed conserves energy.
 Remaining gaps and overlaps are corrected in the position, not in the velocities.
 """
 
@@ -70,7 +70,7 @@ class ActiveContacts:
 
     points, normals: on the body, and from the bed to it, (k, gdim)
     impulses, velocities: over the step on the body, and of the body at the end, (k, 3): along the rows of `frames`
-    couples: impulses of torques that resist rolling, (k, 2), about the last two rows of `frames`
+    rolling: impulses of torques that resist rolling, (k, 2), about the last two rows of `frames`
     work: of friction with resistance to rolling, and of pressure (at impacts) over the step
     """
 
@@ -78,12 +78,11 @@ class ActiveContacts:
     normals: Floats
     impulses: Floats
     velocities: Floats
-    couples: Floats
+    rolling: Floats
     work: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def none(cls, gdim: int) -> ActiveContacts:
-        """No contacts."""
         across, local = np.zeros((0, gdim)), np.zeros((0, 3))
         return cls(across, across, local, local, np.zeros((0, 2)))
 
@@ -105,7 +104,7 @@ class ActiveContacts:
             return np.zeros(3 * len(place) - 3)
         ways = frames(self.normals)
         pushed = wrenches(self.points, ways, place).T @ self.impulses.ravel()
-        turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.couples)
+        turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.rolling)
         return np.asarray((pushed + turned) / length)
 
 
@@ -177,13 +176,11 @@ class ContactMotion:
     ) -> ContactStep:
         """The motion over a step under a mean load (n,) as `RigidBody.motion`, after contacts `before`.
 
-        `tried` is a step at about the same place under about the same load, whose contacts are the initial guess.
-
-        Raises ConvergenceError where the impulses do not converge.
+        `tried` is a step at about the same place under about the same load: the initial guess. Raises
+        ConvergenceError where the impulses do not converge.
         """
 
         def moved(pushed: Floats) -> Motion:
-            """The motion under an impulse (n,) of all contacts besides."""
             return self.body.motion(state, dt, load + pushed / dt, added, guess)
 
         none = ActiveContacts.none(self.body.gdim)
@@ -283,7 +280,7 @@ class ContactMotion:
         return self.near(end.placement, SEEN * self.reach)
 
     def _rows(self, points: Floats, ways: Floats, place: Floats) -> Floats:
-        """(m, n) momentum of the body per unit impulse: along ways (k, 3, 3), and after them torques against rolling.
+        """(m, n) momentum of the body per unit impulse along ways (k, 3, 3), and of torques against rolling.
 
         m = 3k without resistance to rolling, otherwise 6k, the torques as `resisted_impulses` has them.
         """
@@ -293,7 +290,7 @@ class ContactMotion:
         return np.vstack([rows, self._lever * turns(ways, self.body.gdim).reshape(rows.shape)])
 
     def _ways(self, rows: Floats, touched: ClosestPoints, start: _Start) -> Floats:
-        """(m, n) along which impulses act: the mean of rows at both ends of the step for contacts that last."""
+        """(m, n) along which impulses act: the mean of rows at both ends for contacts that last."""
         before = start.before
         others = matches(touched, before.places(), start.apart)
         if not start.mean or others.max() < 0:
@@ -331,7 +328,7 @@ class ContactMotion:
     def _placed(
         self, end: BodyState, seen: ClosestPoints, pressing: ClosestPoints, start: _Start
     ) -> tuple[BodyState, ClosestPoints]:
-        """The end of a step with loaded contacts closed and no penetration of the bed, and the gaps there.
+        """The end of a step with loaded contacts closed and no penetration, and the gaps there.
 
         `seen` are the gaps before.
         """
@@ -423,14 +420,14 @@ def _together(touched: ClosestPoints, others: ClosestPoints, apart: float) -> Cl
 
 
 def _transported(ways: Floats, normals: Floats) -> Floats:
-    """Frames (k, 3, 3), turned as little as possible so that their normals are others (k, gdim)."""
+    """Frames (k, 3, 3), turned as little as possible to other normals (k, gdim)."""
     first = spatial(normals)[:, None]
     along = ways[:, 1:] - (ways[:, 1:] @ first.transpose(0, 2, 1)) * first
     return np.concatenate([first, along / np.linalg.norm(along, axis=2, keepdims=True)], axis=1)
 
 
 def matches(touched: ClosestPoints, others: ClosestPoints, apart: float) -> Integers:
-    """Which of `others` (k,) each contact is: the nearest with about its normal, if not too far apart; -1: none."""
+    """Which of `others` (k,) each contact is: the nearest with about its normal; -1: none."""
     if not len(others):
         return np.full(len(touched), -1)
     away = np.linalg.norm(touched.points[:, None] - others.points, axis=2)

@@ -33,7 +33,6 @@ class Motion:
     drive: Floats
 
     def at(self, time: float) -> BodyState:
-        """The state at a time within the step."""
         return self.body.driven(self.start, time, self.drive)
 
     def first(self, distance: Callable[[BodyState], float]) -> BodyState | None:
@@ -51,14 +50,14 @@ class RigidBody:
         momentum(U) - momentum(start) + A (U - U*) = dt F,     momentum = (m velocity, J spin).
 
     With A = (dt / a0) A_u this is the fluid's load linearised about U*, F(U) = F(U*) - A_u (U - U*). Nothing is
-    divided by m or J. Between the ends a body of mass one and moments K moves under a constant load p, which is solved
-    for (Broyden's method):
+    divided by m or J. Between the ends a body of mass one and moments K moves under a constant load p (Broyden's
+    method):
 
         (velocity, K spin) = (velocity, K spin) at the start + (t - start) p,     place' = velocity.
 
     K are the moments over the largest, at least 0.05 (ones without inertia), so that Euler's equations (331)-(333)
-    hold under constant loads unless the body is thinner than that. In 2-D velocities vary linearly in time.
-    RKF45 integrates place and orientation, (335). Locked velocities are imposed.
+    hold unless the body is thinner than that. RKF45 integrates place and orientation, (335). Locked velocities are
+    imposed.
     """
 
     def __init__(
@@ -100,7 +99,7 @@ class RigidBody:
         added = np.zeros((self.size, self.size)) if added is None else np.array(added, dtype=float)
         if not all(np.isfinite(part).all() for part in (impulse, added, last)):
             raise ConvergenceError(
-                "the load on the body is not finite: the flow did not converge; shorten the step"
+                "the load on the body is not finite: the flow did not converge; use a smaller time.step"
             )
         last[~f] = self.freedom.imposed(end)[~f]
         inverse, path = self._inverse(start, added), self._path_inertia(start)
@@ -120,7 +119,7 @@ class RigidBody:
             change = -slope @ residual
             drive[f] += change
         raise ConvergenceError(
-            f"the body turns too far in a step of {dt:.3g} at t = {start.time:.6g}; shorten it"
+            f"the grain turns too far in a step of {dt:.3g} at t = {start.time:.6g}; use a smaller time.step"
         )
 
     def consistent(self, state: BodyState) -> BodyState:
@@ -129,7 +128,7 @@ class RigidBody:
         return replace(state, velocity=u[: self.gdim], spin=u[self.gdim :])
 
     def velocities_by_impulses(self, state: BodyState, added: Floats | None = None) -> Floats:
-        """(n, n) velocities that a body gains by unit impulses, with an added mass (n, n); none in locked degrees.
+        """(n, n) velocities gained by unit impulses, with an added mass (n, n).
 
         Raises SceneError if neither mass nor added mass resists.
         """
@@ -138,7 +137,6 @@ class RigidBody:
         return gain
 
     def kinetic_energy(self, state: BodyState) -> float:
-        """(m v^2 + spin . J spin) / 2."""
         return 0.5 * float(state.velocities @ self.momentum(state))
 
     def momentum(self, state: BodyState) -> Floats:
@@ -153,7 +151,7 @@ class RigidBody:
         drive: Floats,
         root: Callable[[BodyState], float] | None = None,
     ) -> BodyState:
-        """The state at a time, or at the first root before it, on the path from a start under a constant load (n,)."""
+        """The state at a time, or at the first root before it, from a start under a constant load (n,)."""
         d, f = self.gdim, self.mask
         if d == 2 and root is None and self.freedom.motion is None:
             dt = time - start.time
@@ -162,7 +160,6 @@ class RigidBody:
         momentum = self._path_inertia(start) @ start.velocities
 
         def state(t: float, y: Floats) -> BodyState:
-            """The state of place and orientation in y."""
             u = self.freedom.imposed(t)
             at = BodyState(y[:d], y[d:], u[:d], u[d:], t)
             path = self._path_inertia(at)
@@ -195,7 +192,8 @@ class RigidBody:
         if values.min(initial=1.0) <= SINGULAR:
             weakest = np.flatnonzero(free)[int(np.argmax(np.abs(vectors[:, 0])))]
             raise SceneError(
-                f"neither mass nor fluid resists a change of {DEGREES[self.size][weakest]}: give the body mass"
+                f"neither mass nor fluid resists a change of {DEGREES[self.size][weakest]}; "
+                "give body.density or body.mass"
             )
         return np.asarray(np.linalg.inv(part))
 
@@ -218,8 +216,7 @@ class MeanLoad:
 
         Fm(n+1) = (a2 / a0) (dt(n) / dt(n+1)) Fm(n) + F(n+1) / a0.
 
-    The weights add up to one, so a constant load is its own mean. The first step is a BDF1 step (Fm = F).
-    A value, not a process: keep the old one to go back, store its fields to resume.
+    A constant load is its own mean. The first step is a BDF1 step (Fm = F).
     """
 
     order: int = 2

@@ -50,7 +50,7 @@ class Tolerances:
     absolute: float | Floats
 
     def norm(self, error: Floats, size: Floats) -> float:
-        """The weighted root mean square of an error (n,) in a solution of a size (n,): at most 1 is accepted."""
+        """The weighted root mean square of an error (n,) in a solution of a size (n,)."""
         weight = self.relative * size + self.absolute
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(error == 0.0, 0.0, error / weight)
@@ -91,7 +91,7 @@ class Integrator:
         self.largest_step, self.max_steps = largest_step, max_steps
 
     def init(self, t: float, y: ArrayLike) -> None:
-        """Set time and solution (n,) and forget all before. Raises ConvergenceError if the rate is not finite."""
+        """Set time and solution (n,). Raises ConvergenceError if the rate is not finite."""
         self.t, self.y = float(t), np.array(y, dtype=float)
         self.statistics, self._error_before = Statistics(), 1.0
         self._slope = self._evaluate(self.t, self.y)
@@ -142,7 +142,7 @@ class Integrator:
         return np.asarray(self.rate(t, y), dtype=float)
 
     def _slopes(self, t: float, y: Floats, slope: Floats, end: float) -> Floats:
-        """The slopes (6, n) of the stages of a step to `end`; not finite where one of them is not."""
+        """The slopes (6, n) of the stages of a step to `end`, up to one that is not finite."""
         slopes = np.full((6, len(y)), np.nan)
         slopes[0] = slope
         for i in range(1, 6):
@@ -192,7 +192,7 @@ class Integrator:
         self._error_before = max(error, 1e-4)
 
     def _value_ahead(self, root: Root) -> float:
-        """The root's function just after the present time, so that a root at the start does not count."""
+        """The root's function just after the present time: a root at the start does not count."""
         h = 8 * ROUND_OFF * max(abs(self.t), min(self.statistics.next_step, self.largest_step))
         return root(self.t + h, self.y + h * self._slope)
 

@@ -28,8 +28,8 @@ THINNEST = 0.05  # smallest ratio of moments that shapes the path within a step
 class Inertia:
     """Mass, principal moments, and in 3-D the principal axes in the body frame: columns (3, 3), right-handed.
 
-    One moment (1,) in 2-D, three (3,) in 3-D. Mass and moments may be zero: then only the added mass resists.
-    Raises SceneError on values that no distribution of mass has.
+    One moment (1,) in 2-D, three (3,) in 3-D; zero: only the added mass resists. Raises SceneError on values that no
+    distribution of mass has.
     """
 
     mass: float
@@ -49,7 +49,7 @@ class Inertia:
 
     @classmethod
     def about(cls, mass: float, tensor: Floats, gdim: int) -> Inertia:
-        """The inertia of a tensor (3, 3) about the centre of mass, in the body frame; in 2-D its last entry counts."""
+        """The inertia of a tensor (3, 3) about the centre of mass; in 2-D its last entry counts."""
         if gdim == 2:
             return cls(mass, tensor[2, 2:])
         if np.count_nonzero(tensor - np.diag(np.diagonal(tensor))) == 0:
@@ -61,7 +61,6 @@ class Inertia:
 
     @property
     def gdim(self) -> int:
-        """Dimension of the space."""
         return 2 if len(self.moments) == 1 else 3
 
     @cached_property
@@ -110,7 +109,7 @@ class BodyState:
 
     @classmethod
     def unpacked(cls, vector: ArrayLike, time: float = 0.0) -> BodyState:
-        """The state from a vector (6,) or (13,) as `packed` makes it; the quaternion is normalised."""
+        """The state from a vector (6,) or (13,) as `packed` makes it."""
         y = np.array(vector, dtype=float)
         d, turns = (2, 1) if len(y) == 6 else (3, 4)
         turned = y[d : d + turns]
@@ -128,7 +127,6 @@ class BodyState:
 
     @property
     def placement(self) -> Placement:
-        """The placement of the body's frame, as the geometry knows it."""
         centre = tuple(self.place.tolist())
         if len(centre) == 2:
             return Placement(centre, float(self.orientation[0]))
@@ -140,8 +138,8 @@ class BodyState:
 class Freedom:
     """Which degrees of freedom (n,) are free; the others stand still or follow `motion(time)`.
 
-    In 3-D the rotational ones are the components of the spin in scene directions. `motion` gives all
-    velocities (n,), of which those of free degrees are ignored.
+    Rotations are components of the spin in scene directions. `motion` gives all velocities (n,), also those of free
+    degrees.
     """
 
     free: tuple[bool, ...]
@@ -153,17 +151,14 @@ class Freedom:
 
     @classmethod
     def whole(cls, gdim: int) -> Freedom:
-        """All free."""
         return cls((True,) * (3 * (gdim - 1)))
 
     @classmethod
     def none(cls, gdim: int, motion: Callable[[float], ArrayLike] | None = None) -> Freedom:
-        """All held, or all following a motion."""
         return cls((False,) * (3 * (gdim - 1)), motion)
 
     @cached_property
     def mask(self) -> NDArray[np.bool_]:
-        """True where free, (n,)."""
         return np.array(self.free)
 
     def imposed(self, time: float) -> Floats:
@@ -174,7 +169,7 @@ class Freedom:
 
 
 def rotation_matrix(quaternion: Floats) -> Floats:
-    """The rotation (3, 3) of a quaternion w, x, y, z (4,) of any length but zero."""
+    """The rotation (3, 3) of a quaternion w, x, y, z (4,) of any length."""
     from scipy.spatial.transform import Rotation  # which takes time to import
 
     return np.asarray(Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix())

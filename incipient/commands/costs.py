@@ -21,7 +21,7 @@ from ..cost.measurement import measure
 from ..cost.study import run_ladder
 from ..errors import SceneError
 from ..files import plain
-from ..output.lock import locked
+from ..output.ownership import locked
 from ..parallel import Comm, collectively
 from ..planning.discretisation import order_of
 from ..planning.plan import Plan
@@ -91,13 +91,12 @@ def _work(
 
 
 def _further_runs(scene: Scene) -> list[str]:
-    """The additional runs for error bars of a free surface without a grain, as a line."""
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return []
     runs = [(order_of(run), run.time) for run in coarse_scenes(scene)]
     named = ", ".join(f"P{k}-P{k - 1} in steps of {time.step:.3g}" for k, time in runs if time)
-    said = f"  error bars take {len(runs)} more runs to the same end ({named})"
+    said = f"  error bars take {len(runs)} more runs of the same duration ({named})"
     return [f"{said}; numerics.error_bars = false leaves them out"]
 
 

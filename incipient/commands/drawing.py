@@ -29,4 +29,4 @@ def draw_and_tell(directory: Path) -> None:
     )
     if drawn.complaint:
         remedy = f"draw again with: incipient show {directory}"
-        raise OutputError(f"{drawn.complaint}; the rest is there, {remedy}")
+        raise OutputError(f"{drawn.complaint}; the other results are complete, {remedy}")

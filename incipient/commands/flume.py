@@ -27,7 +27,7 @@ def length(text: str) -> float:
     except (KeyError, ValueError):
         units = ", ".join(METRES)
         raise argparse.ArgumentTypeError(
-            f'"{text}" is no length; give a number and one of {units}, as in 2mm'
+            f'"{text}" is not a length; give a number and one of {units}, as in 2mm'
         ) from None
 
 
@@ -51,12 +51,12 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
             try:
                 file = options.scene.open("xb", buffering=0)
             except FileExistsError:
-                raise SceneError(f"{options.scene}: exists already; choose another name") from None
+                raise SceneError(f"{options.scene}: already exists; choose another name") from None
             with file:
                 write_fully(file, text.encode())
-        print(f"{options.scene}: computes one such grain, with: incipient run {options.scene}")
+        print(f"{options.scene}: a scene of one such grain; next: incipient run {options.scene}")
     if options.curve is not None:
-        from ..pictures.charts.flume import draw
+        from ..pictures.charts.shields import draw_flume
 
-        draw(answer, options.curve)
+        draw_flume(answer, options.curve)
         print(options.curve)

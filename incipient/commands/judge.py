@@ -53,12 +53,12 @@ def _refuse_unread(options: argparse.Namespace) -> None:
     for name, readers in OPTIONS_OF.items():
         if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
             needs = " or ".join(f"--{one}" for one in readers)
-            raise SceneError(f"--{name}: goes with {needs}; add that, or leave --{name} out")
+            raise SceneError(f"--{name}: needs {needs}; add it, or leave --{name} out")
 
 
 def _judge_forces(options: argparse.Namespace) -> None:
     if options.density is None:
-        why = "--forces needs --density: that of the fluid over the rhoInf of the forces; 1 where they are the same"
+        why = "--forces: needs --density, the fluid's density over the rhoInf of the forces; give 1 if they are equal"
         raise SceneError(why)
     if options.case is None:
         from ..judging.in_place import grain_in_place  # its libraries take 0.3 s to import
@@ -100,7 +100,7 @@ def _judge_series(options: argparse.Namespace) -> None:
 def _judge_batch(options: argparse.Namespace) -> None:
     path = options.batch
     if options.case is not None:
-        raise SceneError(f"--batch: {path} has all of each case; leave out {options.case}")
+        raise SceneError(f"--batch: {path} holds complete cases; leave out {options.case}")
     jobs = len(os.sched_getaffinity(0)) if options.jobs is None else options.jobs
     if jobs < 1:
         raise SceneError(f"--jobs: is {jobs}; give 1 or more")
@@ -119,7 +119,6 @@ def _keep(
     kinds: Sequence[ResultKind],
     save: Callable[[Path], object],
 ) -> None:
-    """Write results and their pictures to the directory of `--out`, if given."""
     if options.out is None:
         return
     directory = _directory(options, source)

@@ -32,7 +32,7 @@ def named(text: str) -> Path:
 def alone(name: str, comm: Comm) -> None:
     """Refuse several ranks for a command that starts processes."""
     if comm.size > 1:
-        raise SceneError(f"{name} starts runs of its own; call it without mpirun")
+        raise SceneError(f"{name} starts processes of its own; call it without mpirun")
 
 
 def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
@@ -57,7 +57,6 @@ def _scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "results") -> None:
-    """Add the scene and its result directory, named after the scene."""
     _scene(parser)
     usual = f"results/NAME OF THE SCENE{ending}"
     parser.add_argument("--out", type=named, help=f"directory for the {what} (default: {usual})")
@@ -65,7 +64,10 @@ def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "re
 
 def _details(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--verbose", "-v", action="store_true", help="print details of the result as well"
+        "--verbose",
+        "-v",
+        action="store_true",
+        help="also print the plan, the estimates of errors, parts of forces and the cost of effects",
     )
 
 
@@ -109,7 +111,7 @@ def of_entrainment(parser: argparse.ArgumentParser) -> None:
     """Options of `incipient entrainment`."""
     add = parser.add_argument
     _scene_to(parser, "_entrainment")
-    usual = "0.001 0.01 0.05 0.5, of those what data can tell"
+    usual = "0.001 0.01 0.05 0.5, as far as data resolve them"
     add(
         "--probabilities",
         type=float,
@@ -124,19 +126,19 @@ def of_entrainment(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="FACTOR",
-        help="ratios of the mean flow to the scene's, for a curve (default: a range that shows it)",
+        help="mean flows of the curve, as multiples of the scene's (default: automatic)",
     )
     add(
         "--gusts",
         type=named,
         metavar="DIRECTORY",
-        help="directory of incipient gust: also finds how often gusts last long enough",
+        help="results of incipient gust: also compute how often gusts last long enough",
     )
     add(
         "--data",
         type=named,
         metavar="FILE",
-        help="CSV of Shields number, probability, measured: drawn on the picture",
+        help="CSV of measured Shields numbers and probabilities, for the picture",
     )
 
 
@@ -176,8 +178,8 @@ def of_show(parser: argparse.ArgumentParser) -> None:
         help="of a sweep: the abscissa (default: the first varied key)",
     )
     add("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value")
-    add("--animate", action="store_true", help="write a film of the flow instead")
-    add("--out", type=named, metavar="FILE", help="file of the film, .gif or .mp4")
+    add("--animate", action="store_true", help="write an animation of the flow instead")
+    add("--out", type=named, metavar="FILE", help="file of the animation, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
     add("--field", choices=fields, help="what to animate (default: velocity)")
 
@@ -189,7 +191,7 @@ def of_report(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=named,
         metavar="FILE",
-        help="the page (default: report.html there, or beside the sweep)",
+        help="file of the page (default: report.html in the directory, or next to the sweep)",
     )
 
 
@@ -234,13 +236,13 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
     add(
         "--quantity",
         metavar="COLUMN",
-        help="with --refine: the column whose curve is to be known (see table)",
+        help="with --refine: the column whose curve is refined (see incipient table)",
     )
     overrides(parser, "numerics.mesh_size=2")
     add(
         "--do",
         choices=("run", "threshold", "gust", "entrainment", "judge"),
-        help="for each case (default: run)",
+        help="what to compute for each case (default: run)",
     )
     add(
         "--out",
@@ -253,7 +255,7 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         "--memory",
         type=float,
         metavar="MIB",
-        help="of each case (default: 4/5 of the free memory, divided by concurrent cases)",
+        help="memory of each case (default: 4/5 of the free memory, divided by concurrent cases)",
     )
     add(
         "--tries",
@@ -288,12 +290,11 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="find the thresholds of a scene's grain in this many random orientations, the first being its own",
     )
-    add("--seeds", type=int, metavar="N", help="find its thresholds on this many random beds")
+    add("--seeds", type=int, metavar="N", help="compute its thresholds on this many random beds")
     _workers(parser, "run")
 
 
 def _workers(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add the options of a sweep's workers, and retired ones."""
     add = parser.add_argument
     add(
         "--jobs",
@@ -311,9 +312,9 @@ def _workers(parser: argparse.ArgumentParser, what: str) -> None:
     add(
         "--wall",
         metavar="TIME",
-        help="time after which to stop, such as 8h or 1h30m; the same call resumes",
+        help="time after which to stop, such as 8h or 1h30m; the same command resumes",
     )
-    add("--retry", action="store_true", help=f"compute {what}s again that have failed")
+    add("--retry", action="store_true", help=f"compute failed {what}s again")
     for old in ("--executor", "--ranks"):
         add(old, help=argparse.SUPPRESS)
 
@@ -363,7 +364,7 @@ def _numbers(text: str) -> list[float]:
         return [float(part) for part in text.split(",")]
     except ValueError:
         raise argparse.ArgumentTypeError(
-            f"{text} is no list of numbers; give bounds, as in 0.5,1,2"
+            f"{text} is not a list of numbers; give bounds, as in 0.5,1,2"
         ) from None
 
 
@@ -381,7 +382,7 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
         "--forces",
         type=named,
         metavar="PATH",
-        help="judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat",
+        help="judge forces of an OpenFOAM run: folder of its function object forces, or force.dat or forces.dat",
     )
     add(
         "--density",
@@ -411,12 +412,12 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
         "--since",
         type=float,
         metavar="TIME",
-        help="with --forces or --series: start time (default: all, and the mean of the last half)",
+        help="with --forces or --series: start of the samples (default: all; for the mean, the last half)",
     )
     add(
         "--law",
         choices=("U", "U2"),
-        help="with --forces or --series: loads scale with velocity, U, or its square, U2; finds the critical flow",
+        help="with --forces or --series: loads scale with velocity, U, or its square, U2; adds the critical velocity",
     )
     ways.add_argument(
         "--batch",
@@ -468,10 +469,10 @@ def of_flume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fluid-density", type=float, help="of another fluid [kg/m3]")
     parser.add_argument("--gravity", type=float, default=9.81, help="[m/s2] (default: 9.81)")
     parser.add_argument(
-        "--scene", type=named, metavar="FILE", help="write the scene that computes one such grain"
+        "--scene", type=named, metavar="FILE", help="write a scene of one such grain"
     )
     parser.add_argument(
-        "--curve", type=named, metavar="FILE.png", help="draw the point into Shields' diagram"
+        "--curve", type=named, metavar="FILE.png", help="draw the point in Shields' diagram"
     )
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
 
@@ -479,4 +480,4 @@ def of_flume(parser: argparse.ArgumentParser) -> None:
 def of_new(parser: argparse.ArgumentParser) -> None:
     """Options of `incipient new`."""
     parser.add_argument("name", help="name of the scene; NAME.toml is written")
-    parser.add_argument("--space", action="store_true", help="a scene in three dimensions")
+    parser.add_argument("--space", action="store_true", help="write a 3-D scene")

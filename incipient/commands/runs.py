@@ -26,9 +26,11 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / options.scene.stem
     ranks = f"{comm.size} rank" + ("s" if comm.size > 1 else "")
-    plan = incipient.make_plan(scene).text()
+    plan = incipient.make_plan(scene)
+    lines = [plan.text()] if options.verbose else [f"  warning: {one}" for one in plan.warnings]
     if comm.rank == 0:
-        log.info("%s on %s\n%s", scene.title or options.scene.stem, ranks, plan)
+        head = f"{scene.title or options.scene.stem} on {ranks}"
+        log.info("%s", "\n".join([head, *lines]))
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice, options.overwrite)
     _tell(result, directory, comm, options.verbose)

@@ -18,18 +18,20 @@ RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 def show(options: argparse.Namespace, comm: Comm) -> int:
     """Draw or animate results."""
     if options.directory.suffix == ".toml":
-        remedy = "run it, then give the directory that the run was written to"
-        raise SceneError(f"{options.directory}: is a scene and no results; {remedy}")
+        remedy = "run it, then give the directory of the results"
+        raise SceneError(f"{options.directory}: is a scene, not results; {remedy}")
     if options.directory.is_file():
         return _show_sweep(options, comm)
     for name in OF_SWEEPS:
         if getattr(options, name) is not None:
-            raise SceneError(f"--{name} is for the file of a sweep; {options.directory} is none")
+            raise SceneError(
+                f"--{name} applies to the file of a sweep; leave it out for {options.directory}"
+            )
     require_left_by(options.directory, RECORDS, comm)
     if options.field is not None and not options.animate:
-        raise SceneError("--field says what to animate; add --animate")
+        raise SceneError("--field: needs --animate; add it")
     if options.out is not None and not options.animate:
-        raise SceneError("--out names the animation; add --animate")
+        raise SceneError("--out: needs --animate; add it")
     with collectively(comm):
         if comm.rank == 0:
             _show_one(options)

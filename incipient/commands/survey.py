@@ -26,7 +26,7 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)
         if value is not None and value < least:
-            raise SceneError(f"--{name} {value}: is not a number of them; give {least} or more")
+            raise SceneError(f"--{name}: is {value}; give {least} or more")
     names = ("jobs", "wall", "retry", "scheduler", "limit")
     sweep = {name: getattr(options, name) for name in names}
     directory = options.out or Path("results") / f"{options.bed.stem}_survey"
@@ -39,7 +39,7 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         )
     elif options.runs:
         remedy = "leave it out with --orientations and --seeds"
-        raise SceneError(f"--runs: is for a bed of grains; {remedy}")
+        raise SceneError(f"--runs: applies to a bed of grains; {remedy}")
     else:
         poses = Poses(options.orientations or 1, options.seeds or 1)
         kind, read = POSES, [options.bed]

@@ -40,8 +40,8 @@ def sweep(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _tell(progress: SweepProgress) -> None:
-    failed = f", {progress.failed} failed (again with --retry)" if progress.failed else ""
-    done = f"{progress.done} computed{failed}, {progress.known} known before"
+    failed = f", {progress.failed} failed (repeat them with --retry)" if progress.failed else ""
+    done = f"{progress.done} computed{failed}, {progress.known} computed before"
     print(f"cases               {progress.total}: {done}")
     print("".join(f"{line}\n" for line in progress.refined), end="")
     print(f"numbers             {progress.file}; incipient table {progress.file}")

@@ -70,7 +70,6 @@ def _print(file: Path) -> None:
 
 
 def _unit(key: str, tasks: Set[str]) -> str:
-    """The unit of a key in brackets, after a space; empty without one."""
     from ..judging.case import Case
 
     unit = unit_of(Case if tasks == {"judge"} else Scene, key)

@@ -17,7 +17,7 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
     path = Path(options.name.removesuffix(".toml") + ".toml")
     if path.name == ".toml" or not options.name.strip():
         raise SceneError(
-            f'"{options.name}" is no name of a scene; give one, as in incipient new grain'
+            f'"{options.name}" is not the name of a scene; give one, as in incipient new grain'
         )
     with collectively(comm):
         if comm.rank == 0:
@@ -25,7 +25,7 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
                 try:
                     file = path.open("xb", buffering=0)
                 except FileExistsError:
-                    raise SceneError(f"{path}: exists already; choose another name") from None
+                    raise SceneError(f"{path}: already exists; choose another name") from None
                 with file:
                     write_fully(file, scenes.example(options.space).encode())
             print(f"{path}: edit it, then: incipient run {path}")

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
-from incipient.contact.friction import FrictionCone, Law
+from incipient.contact.friction import Law
 from incipient.contact.impulses import PATIENCE, STEPS, CoulombLaw, newton
 from incipient.contact.kernels import Kernel, dot, largest, length
 from incipient.contact.problem import ContactProblem, Load, plain
@@ -63,10 +63,10 @@ class Mode(Enum):
     SLIDING = "sliding: translation along at least one contact"
     LIFTING = "lifting: translation away from every contact"
     LIFTING_AND_ROTATING = "lifting off every contact and rotating"
-    ROLLING = "rolling: every contact keeps its place while the grain turns"
-    PIVOTING = "pivoting about the contacts that keep their place, lifting off the others"
-    SPINNING = "spinning about the normal of its contacts, which keep their place"
-    PIVOTING_AND_SLIDING = "turning and sliding at the same contacts, none keeps its place"
+    ROLLING = "rolling: the grain turns without slip at every contact"
+    PIVOTING = "pivoting about contacts that do not slip, lifting off the others"
+    SPINNING = "spinning about the normal of its contacts, which do not slip"
+    PIVOTING_AND_SLIDING = "turning while sliding at the same contacts"
     PIVOTING_AND_SLIDING_APART = "pivoting about one contact while sliding on a different one"
 
     @property
@@ -168,7 +168,6 @@ class ReleaseProblem:
 
     @property
     def planar(self) -> bool:
-        """Whether the cases are planar."""
         return self.contacts.plane is not None
 
     @cached_property
@@ -223,7 +222,7 @@ def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
         "inertia is not finite; give (3, 3) finite numbers about the centre of mass": ~finite,
         "inertia is not symmetric; give the inertia tensor about the centre of mass": skew
         > SYMMETRIC * np.abs(table).max(axis=(1, 2)),
-        "inertia is not positive definite; give positive moments about every axis, also in 2D": ~(
+        "inertia is not positive definite; give positive moments about every axis, also in 2-D": ~(
             np.linalg.eigvalsh(table)[:, 0] > 0.0
         ),
     }
@@ -268,12 +267,12 @@ def motion_of(
     """Incipient motion of a single case of mass (1,) and inertia (1, 3, 3)."""
     law = problem.law
     if law.moving[0] != law.coefficient[0]:
-        problem = replace(problem, law=FrictionCone(law.moving))
+        problem = replace(problem, law=replace(law, coefficient=law.moving))
     case = ReleaseProblem.of(problem, mass, inertia)
     accelerations, forces, complete = _motions(case, safety is None or safety.held)
     if len(accelerations) == 0:
         raise ConvergenceError(
-            "incipient motion: no start led to accelerations and forces that obey Coulomb's law; "
+            "incipient motion: no starting guess converged to accelerations and forces that obey Coulomb's law; "
             "vary friction or load a little"
         )
     family, kept = _families(case, accelerations, forces)

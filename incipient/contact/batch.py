@@ -34,7 +34,7 @@ class Cases:
     """n cases of up to k contacts; third components are zero in 2-D. A single value serves all cases.
 
     points, normals: (n, k, 3), unit normals out of the grain; missing contacts at the end are NaN
-    force, couple: (n, 3), force of the flow, and its torque about the centre of mass
+    force, torque: (n, 3), force of the flow, and its torque about the centre of mass
     weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
     law: contact law, or coefficients of friction, one or (n,)
     mass: (n,), inertia: (n, 3, 3) about the centre; NaN if unknown
@@ -43,7 +43,7 @@ class Cases:
     points: Floats
     normals: Floats
     force: Floats
-    couple: Floats
+    torque: Floats
     weight: Floats
     centre: Floats
     law: FrictionCone
@@ -85,7 +85,7 @@ class Cases:
 
     def case(self, number: int) -> tuple[Load, Contacts, FrictionCone, MassAndInertia | None]:
         """Arguments of `judged` for a single case; raises SceneError."""
-        acting = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
+        acting = [getattr(self, name)[number] for name in ("force", "torque", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])
         mass, inertia = float(self.mass[number]), self.inertia[number]
@@ -140,7 +140,7 @@ def judge_many(cases: Cases) -> Batch:
                 reasons[place] = str(error)
             except Exception as error:  # likewise; a failing case must not end the others
                 why = shortened(error) or type(error).__name__
-                reasons[place] = f"cannot be judged ({why}); give numbers of a size with the others"
+                reasons[place] = f"cannot be judged ({why}); give numbers of similar magnitude"
             else:
                 factors[place], held[place] = exact.safety.value, not exact.moves
                 modes[place] = LABELS.index(exact.label)
@@ -160,7 +160,7 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
         if len(places) == 0:
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
-        loads = some.force, some.couple, some.weight
+        loads = some.force, some.torque, some.weight
         problem = ContactProblem.of_rows(arms, normals, loads, some.law)
         axes, planar = problem.planes(some.inertia)
         for rows, plane in ((planar, axes[planar]), (~planar, None)):
@@ -170,7 +170,7 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
 
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
-    acting = cases.force + cases.couple + cases.weight
+    acting = cases.force + cases.torque + cases.weight
     one, other = np.triu_indices(arms.shape[1], 1)
     apart = np.maximum(
         np.abs(arms[:, one] - arms[:, other]).max(axis=2) / reach[:, None],

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,27 +46,27 @@ class FrictionCone:
             )
         if not ((cone.cohesion >= 0.0) & np.isfinite(cone.cohesion)).all():
             raise SceneError(
-                f"cohesion {cone.cohesion} is no pull; give a finite number that is not negative"
+                f"cohesion {cone.cohesion} is not allowed; give a finite number that is not negative"
             )
         return cone
 
     def rows(self, count: int) -> FrictionCone:
         """Broadcast to n cases."""
-        both = self.coefficient, self.cohesion
-        return FrictionCone(*(np.broadcast_to(number, count) for number in both))
+        return self._each(lambda number: np.broadcast_to(number, count))
 
     def part(self, rows: Rows) -> FrictionCone:
         """Select cases."""
-        cohesion = self.cohesion[rows] if self.cohesion.shape else self.cohesion
-        return FrictionCone(self.coefficient[rows], cohesion)
+        return self._each(lambda number: number[rows] if number.shape else number)
+
+    def _each(self, change: Callable[[Floats], Floats]) -> FrictionCone:
+        """Change each number; the class stays."""
+        return replace(self, **{one.name: change(getattr(self, one.name)) for one in fields(self)})
 
     def changed(self, change: float) -> FrictionCone:
-        """Shift the coefficient, limited to at least 0."""
         return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))
 
     @property
     def is_cohesive(self) -> bool:
-        """Whether contacts can pull."""
         return bool((self.cohesion > 0.0).any())
 
     @property
@@ -76,7 +77,6 @@ class FrictionCone:
 
     @property
     def is_frictionless(self) -> bool:
-        """Whether the coefficient counts as zero."""
         return bool(self.coefficient.flat[0] < FRICTIONLESS)
 
     @cached_property

@@ -118,7 +118,7 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
             if law.residual(local) <= GOOD * max(1.0, float(np.abs(local).max())):
                 return np.asarray(unit * weight * local)
     raise ConvergenceError(
-        "the impulses at the contacts of the moving grain did not converge: use shorter steps"
+        "the impulses at the contacts of the moving grain did not converge: use a smaller time.step"
     )
 
 

@@ -24,8 +24,8 @@ PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a c
 SAME_PLACE = 1e-12  # relative to the longest arm: closer contacts with equal normals coincide
 COORDINATE_PLANES = np.eye(3)[[[1, 2, 0], [2, 0, 1], [0, 1, 2]]]  # two axes and the normal
 TINY = 1e-300  # avoids division by zero
-SKEW = np.zeros((3, 9))  # v @ SKEW: the entries of the cross-product matrix of v
-SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
+# v @ SKEW: the entries of the cross-product matrix of v.
+SKEW = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,6 @@ class ContactProblem:
         return len(self.arms)
 
     def part(self, rows: Rows) -> ContactProblem:
-        """Select cases."""
         names = ("arms", "inward", "reach", "wrenches", "sizes")
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         plane = None if self.plane is None else self.plane[rows]

@@ -68,12 +68,10 @@ class SafetyRange:
 
     @property
     def rests(self) -> bool:
-        """Whether every load of the box is held at factor one."""
         return _contains(self.guaranteed, 1.0)
 
     @property
     def moves(self) -> bool:
-        """Whether no load of the box is held at factor one."""
         return not _contains(self.possible, 1.0)
 
     @property
@@ -105,7 +103,7 @@ def held_words(some: Interval | None, every: Interval | None) -> str:
     if some is None:
         return "no multiple of the flow's load holds it"
     if some[1] == 0.0:
-        return "any part of the flow's load moves it"
+        return "any fraction of the flow's load moves it"
     may = f"{some[0]:.4g} to {some[1]:.4g} times the flow's load may hold it"
     if every is None:
         return f"{may}, none for certain"
@@ -208,7 +206,7 @@ class StandardErrors:
             value = np.array(getattr(self, name), dtype=float)
             if value.shape != (3,) or not (np.isfinite(value).all() and (value >= 0.0).all()):
                 raise SceneError(
-                    f"standard errors: {name} is not three numbers of at least 0; give such"
+                    f"standard errors: {name} must be three numbers of at least 0; correct it"
                 )
             object.__setattr__(self, name, value)
         if not (np.isfinite(self.friction) and self.friction >= 0.0):
@@ -218,7 +216,6 @@ class StandardErrors:
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Standard error of each input by name."""
         values = [*self.flow_force, *self.flow_couple, self.friction]
         return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
 
@@ -247,7 +244,6 @@ class Probability:
 
     @classmethod
     def of(cls, count: int, total: int) -> "Probability":
-        """Probability of an event seen in `count` of `total` cases."""
         mean = (count + 1.0) / (total + 2.0)
         error = float(np.sqrt(mean * (1.0 - mean) / (total + 3.0)))
         extreme = count in (0, total)
@@ -273,14 +269,13 @@ class Within:
 
     @classmethod
     def of(cls, bounds: SafetyRange) -> "Within":
-        """Describe a range of safety factors in words."""
         says = "it may rest and it may move"
         if bounds.rests or bounds.moves:
             says = f"it {'moves' if bounds.moves else 'rests'} for certain"
         factors = f"safety factor between {bounds.low:.4g} and {bounds.high:.4g}"
         if bounds.high == 0.0:
             factors = f"safety factor 0, {held_words(bounds.possible, bounds.guaranteed)}"
-        words = f"while no input is off by more than {WITHIN:g} standard errors {says}, {factors}"
+        words = f"if no input deviates by more than {WITHIN:g} standard errors {says}, {factors}"
         return cls(bounds.low, bounds.high, bounds.rests or bounds.moves, words)
 
 
@@ -304,11 +299,10 @@ class Probabilities:
 
     @property
     def sentence(self) -> str:
-        """The outcome in a sentence."""
         text = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
         if self.most is not None:
             part = self.influence[self.most]
-            text += f"; what matters most is {self.most}, {part:.0%} of the variance of the margin"
+            text += f"; the most influential input is {self.most}, {part:.0%} of the variance of the margin"
         return text
 
 
@@ -327,7 +321,7 @@ def probabilities(
     SceneError as `classify` does, and for less than one sample.
     """
     if samples < 1:
-        raise SceneError(f"samples is {samples}; draw at least one case")
+        raise SceneError(f"samples is {samples}; give 1 or more")
     cone = FrictionCone.of(law)
     drawn = draw(load, cone, errors, samples, seed)
     inputs = np.column_stack(list(drawn.values()))

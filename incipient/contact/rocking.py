@@ -61,7 +61,6 @@ class Rocking:
 
     @property
     def leaves(self) -> bool:
-        """Whether the load at factor one has no rest in the pocket."""
         return self.critical < 1.0
 
     @property
@@ -70,11 +69,9 @@ class Rocking:
         return next((rest for rest in self.rests if rest.high >= 1.0), self.rests[-1])
 
     def turned(self, rest: Rest) -> float:
-        """Rotation of the grain since the first rest [radians]."""
         return float(np.linalg.norm(rest.placement.turn_since(self.rests[0].placement)))
 
     def moved(self, rest: Rest) -> float:
-        """Displacement of the grain's centre since the first rest [length]."""
         return math.dist(rest.placement.centre, self.rests[0].placement.centre)
 
     def drift(self, rest: Rest) -> float:
@@ -82,20 +79,21 @@ class Rocking:
         return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
 
     def way(self, rest: Rest) -> str:
-        """Displacement from the first rest, in words."""
         turned, moved = math.degrees(self.turned(rest)), self.moved(rest) / self.size
         return f"turned by {turned:.3g} degrees and moved by {moved:.3g} of its size"
 
     @property
     def sentence(self) -> str:
-        """The outcome in a sentence."""
         way, factor = self.way(self.last), f"safety factor {self.critical:.4g}"
         if self.leaves:
             way = f"begins to move ({self.mode}), having rocked, {way}"
-            return f"the grain {way}, {factor}: with more than that of the flow's load it leaves its pocket"
+            return f"the grain {way}, {factor}: above that multiple of the flow's load it leaves its pocket"
         if not math.isfinite(self.critical):
             factor = "safety factor infinite"
-        return f"the grain rocks to another rest, {way}, {factor}: up to that of the flow's load it keeps to its pocket"
+        return (
+            f"the grain rocks to another rest, {way}, {factor}: up to that multiple of the flow's load it stays in its "
+            "pocket"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; an infinite factor is None. The pose is the last one at factors up to one."""

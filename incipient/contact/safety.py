@@ -25,7 +25,7 @@ class SafetyStatus(Enum):
     CRITICAL = "a larger multiple of the flow's load is not balanced"
     UNLIMITED = "contact forces balance the flow's load at any size"
     NO_FLOW = "there is no flow load, and the weight is held"
-    NO_RESERVE = "the weight is held, but no part of the flow's load"
+    NO_RESERVE = "the weight is held, but no fraction of the flow's load"
     HELD_BY_FLOW = (
         "the weight alone is not held; with the flow's load at the factors of the interval it is"
     )

@@ -67,7 +67,7 @@ class Reason(Enum):
         "the contacts wedge the grain: together they hold any load, which no contact does alone"
     )
     STICK_ANSWERS_FORCE_AND_TORQUE = (
-        "the contact can hold the load, but the paper balances the torque, too, by its friction (24), "
+        "the contact can hold the load, but in the paper friction (24) also balances the torque, "
         "which leaves a residual force"
     )
     EQUAL_SHARING = "the significant contacts carry unequal fractions of the load, and the paper assumes equal ones"
@@ -91,7 +91,7 @@ class Reason(Enum):
         "the paper infers the motion from the residual force and torque; "
         "it also depends on mass and inertia"
     )
-    COHESION = "contacts pull, and the paper's criteria know no cohesion"
+    COHESION = "contacts are cohesive, and the paper's criteria have no cohesion"
     NOT_UNIQUE = "with dry friction several motions are possible here, or none; the exact criterion says which"
     MODE_UNKNOWN = "both predict motion; the exact criterion names no mode, without mass and inertia or a solution"
 
@@ -133,7 +133,6 @@ class Exact:
 
     @property
     def label(self) -> str:
-        """Mode in words; "moves" if it is unknown."""
         if self.motion is not None and self.motion.moves:
             return self.motion.first.mode.label
         return "moves" if self.moves else "rest"
@@ -299,7 +298,7 @@ def _margin(safety: SafetyFactor) -> str:
     return {
         SafetyStatus.NO_FLOW: "the flow exerts no load",
         SafetyStatus.UNLIMITED: "safety factor infinite: no multiple of the flow's load moves it",
-        SafetyStatus.NO_RESERVE: "safety factor 0: any part of the flow's load moves it",
+        SafetyStatus.NO_RESERVE: "safety factor 0: any fraction of the flow's load moves it",
         SafetyStatus.UNHELD: "safety factor 0: its weight alone moves it",
         SafetyStatus.HELD_BY_FLOW: "safety factor 0: its weight alone moves it, "
         f"{low} to {high} times the flow's load hold it",

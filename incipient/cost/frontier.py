@@ -44,7 +44,6 @@ class CostLaw:
     start: float
 
     def time(self, error: float) -> float:
-        """Time of a run with this error [s]."""
         return self.start + (self.constant / error) ** (1.0 / self.power)
 
     @property

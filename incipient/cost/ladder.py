@@ -39,7 +39,6 @@ class Rung:
         return Rung(self.order, self.mesh_size / RATIO**times, step)
 
     def is_close(self, other: Rung) -> bool:
-        """Whether both rungs agree to round-off."""
         pairs = ((self.mesh_size, other.mesh_size), (self.step or 0.0, other.step or 0.0))
         return self.order == other.order and all(math.isclose(*pair) for pair in pairs)
 

@@ -107,7 +107,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
         result = simulate(scene, comm, history)
         cost, values = result.cost, quantities.of_run(scene, result, history.rows)
     if not values:
-        raise ConvergenceError("its result has nothing to compare")
+        raise ConvergenceError("its result has no quantity to compare")
     compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
         "cpu": time.process_time(),

@@ -64,7 +64,6 @@ class JudgedRun:
 
     @property
     def said(self) -> str:
-        """The error as text."""
         return f"{'' if self.resolved else '<'}{percent(self.error)}"
 
 
@@ -168,7 +167,6 @@ class Study:
         return f"{mark} {judged.said:>9} {spent}  {run.rung.name}{own}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The study without its runs as plain data."""
         judged = [
             _row(one)
             | {"name": one.run.rung.name, "said": one.said, "resolved": one.resolved}
@@ -267,7 +265,7 @@ def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRu
         make_directory(directory, source)
         place_scene(directory, dumps(scene), COST.files)
         return {}
-    with reading(source, "delete it to begin anew", error=OutputError):
+    with reading(source, "delete it to start again", error=OutputError):
         stored = json.loads(source.read_text(encoding="utf-8"))
         runs = TypeAdapter(list[MeasuredRun]).validate_python(stored["runs"])
         if stored["task"] == task and load(kept) == scene:

@@ -18,7 +18,7 @@ from .part import Part, Stage
 # Tolerance of the flow relative to the residual of the body's equation.
 SHARE = 1e-3
 SLOW = (
-    "the iteration of fluid and {parts} did not converge in {number} iterations: use shorter steps, or a larger "
+    "the iteration of fluid and {parts} did not converge in {number} iterations: use a smaller time.step or a larger "
     "numerics.interface_tolerance"
 )
 # Updates of the body's velocities in a step after which the fluid's LU factorisation is renewed.
@@ -33,7 +33,6 @@ class InterfaceReport(NewtonReport):
 
     @property
     def corrected(self) -> int:
-        """Number of updates of the body's velocities."""
         return max(len(self.residuals) - 1, 0)
 
 
@@ -68,7 +67,6 @@ class Coupling:
 
     @property
     def met(self) -> bool:
-        """Whether a part has made contact."""
         return any(part.met for part in self.parts)
 
     def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
@@ -129,7 +127,6 @@ class Coupling:
         return InterfaceReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
 
     def complaint(self) -> str:
-        """Reason and remedy of the last failure; empty if the fluid failed."""
         return self._complaint
 
     def _folded(self) -> str:
@@ -145,30 +142,25 @@ class Coupling:
         return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
 
     def allowed(self, length: float) -> float:
-        """The length, or a shorter one after which a part makes contact."""
         return min(part.allowed(length) for part in self.parts)
 
     def accept(self) -> None:
-        """Accept the attempt."""
         for part in self.parts:
             part.accept()
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
 
     def restore(self) -> None:
-        """Restore parts and mesh to the last state."""
         for part in self.parts:
             part.restore()
         self.fluid.domain.mesh.geometry.x[:] = self.places[0]
         self.fluid.constraints.boundary_points_moved()
 
     def forget(self) -> None:
-        """Discard convergence data of earlier steps."""
         self._first_residual = 0.0
         for part in self.parts:
             part.forget()
 
     def velocities(self) -> Floats:
-        """Velocities (n,) of all parts at the end of the last attempt."""
         return np.concatenate([part.velocities() for part in self.parts])
 
     def columns(self, report: NewtonReport) -> dict[str, float]:

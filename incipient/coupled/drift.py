@@ -42,7 +42,6 @@ class Drift(Owner):
         self._present = self.holding(Owner())
 
     def prepare(self, rate: float) -> None:
-        """Assemble with the velocity of the last state and the rate a0 of the backward difference."""
         for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
             compat.matrix_of(form, matrix=matrix)
         self._present.destroy()

@@ -29,7 +29,6 @@ class EnergyBudget:
         self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(D, D) * dx)
 
     def kinetic(self) -> float:
-        """Integral of |v|^2/2 at unit density."""
         return self._sum(self._kinetic)
 
     def dissipation(self) -> float:

@@ -80,8 +80,8 @@ def carry_over(
     summary = _summary(before, coupling, carrier, max(changes, default=0.0))
     if not (summary.new_quality > 0.0 and summary.change < LARGEST_CHANGE):
         raise MeshError(
-            f"at t = {summary.time:.6g} the flow does not survive the transfer to a new mesh "
-            f"(change {summary.change:.2g}, worst cell {summary.new_quality:.2g}): use a smaller numerics.mesh_size"
+            f"at t = {summary.time:.6g} the transfer to a new mesh changes the velocity by {summary.change:.2g} "
+            f"(quality of the worst cell {summary.new_quality:.2g}): use a smaller numerics.mesh_size"
         )
     return carried, summary
 
@@ -144,7 +144,6 @@ class Carrier:
         self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))
 
     def state(self, values: Floats) -> Floats:
-        """Transfer the unknowns of a state."""
         carried = np.zeros_like(self.new.state.x.array)
         spaces = (self.old.space, self.new.space)
         for name in ("velocity", "pressure"):

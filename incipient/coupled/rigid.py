@@ -74,9 +74,7 @@ class RigidPart:
     """
 
     name = "body"
-    folded = (
-        "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
-    )
+    folded = "the cells around the grain fold over: use a larger numerics.remesh_below or a smaller time.step"
 
     def __init__(
         self,
@@ -113,23 +111,18 @@ class RigidPart:
     # -- the step, as the coupling sees it --------------------------------------------------------
 
     def join(self, follow: Callable[[], None]) -> None:
-        """Enter a coupling; see `Part.join`."""
         self._follow = follow
 
     def predict(self, length: float, order: int) -> None:
-        """Extrapolate the trial end with the fluid's backward difference."""
         self._tried = self.predicted(length, order)
 
     def displacement(self) -> Floats:
-        """Displacement (n, 3) of the mesh's nodes at the trial end."""
         return self.mesh.at(self._tried.placement)
 
     def place(self) -> None:
-        """Set the boundary velocity at the trial end."""
         self.lend(self._tried)
 
     def lend(self, state: BodyState) -> None:
-        """Set the boundary velocity of a state."""
         if self._rubs:
             self.fluid.walls.carry(self.boundary, state.velocity, state.spin, state.place)
         else:
@@ -149,7 +142,6 @@ class RigidPart:
         return residual
 
     def correct(self) -> None:
-        """Update the trial end, with the flow's linear response."""
         change = self._improved.velocities - self._tried.velocities
         self._tried = self._improved
         with self._stage("interface"):
@@ -157,7 +149,6 @@ class RigidPart:
                 self.fluid.state.x.array[:] += change @ self._response.changes
 
     def allowed(self, length: float) -> float:
-        """The length, or a shorter one after which the body makes contact."""
         if self._room is None or self._motion is None:
             return length
         left, close = self._room(self.end.state), CLOSE * self._extent
@@ -171,21 +162,17 @@ class RigidPart:
         )
 
     def accept(self) -> None:
-        """Accept the trial end."""
         self.mean_load = self.mean_load.accept(self.end.load, self.end.length)
         self.state = self.end.state
         self.past = [self.state, *self.past[:2]]
 
     def take_over(self, was: RigidPart) -> None:
-        """Continue from the body on another mesh."""
         self.mean_load, self.end, self.past = was.mean_load, was.end, list(was.past)
 
     def restore(self) -> None:
-        """Restore the last state."""
         self.end = replace(self.end, state=self.state)
 
     def forget(self) -> None:
-        """Discard the flow's response. Not collective."""
         self._response = None
 
     def velocities(self) -> Floats:

@@ -21,14 +21,12 @@ class RigidPartOnBed(RigidPart):
         self._length = 0.0
 
     def accept(self) -> None:
-        """Accept the trial end and its contacts."""
         super().accept()
         if self._step is not None:
             self.contacts = self._step.contacts
         self._step = None  # as in a resumed run
 
     def take_over(self, was: RigidPart) -> None:
-        """Continue from the body on another mesh."""
         assert isinstance(was, RigidPartOnBed)
         super().take_over(was)
         self.contacts = was.contacts

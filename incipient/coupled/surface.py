@@ -31,12 +31,10 @@ ROUND_OFF = 1e-14
 STEEPEST = 2.0
 # Smallest depth relative to the largest.
 NEAREST = 0.02
-TOUCHING = (
-    "the free surface touches {below}: end before it does, or use a lower wave or deeper water"
-)
+TOUCHING = "the free surface touches {below}: use an earlier time.end, a lower wave or deeper water"
 STEEP = (
-    "the free surface ceases to be a graph: its slope is {slope:.2g}; use a finer mesh or a lower wave, or end before "
-    "it breaks"
+    "the free surface is too steep, its slope is {slope:.2g}: use a smaller numerics.mesh_size, a lower wave or an "
+    "earlier time.end"
 )
 
 
@@ -54,7 +52,9 @@ class SurfacePart:
     """
 
     name = "free surface"
-    folded = "the mesh below the free surface folds over: use shorter steps or a smaller numerics.mesh_size"
+    folded = (
+        "the cells below the free surface fold over: use a smaller time.step or numerics.mesh_size"
+    )
 
     def __init__(
         self,
@@ -71,13 +71,13 @@ class SurfacePart:
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
         fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest()))
-        fluid.holding(self)
+        fluid.holding(displacement)
         self._tried = self._improved = elevation
         self._load.elevation.x.array[:] = elevation
         v, _ = ufl.split(fluid.state)
         n, measure, load = self._load.normal, self._load.measure, self._load
         self._flux = compat.form(flux(v, ufl.TestFunction(load.space), n) * measure)
-        self._vector = petsc.assemble_vector(self._flux)
+        self._vector = fluid.holding(petsc.assemble_vector(self._flux))
         crossed = crossing(v, load.known, load.elevation, load.rate, n) * measure
         self._crossing = compat.form(crossed)
         self._potential = compat.form(
@@ -85,7 +85,9 @@ class SurfacePart:
         )
         self._area = compat.form(dolfinx.fem.Constant(fluid.domain.mesh, 1.0) * measure)
         self._steepness = _Steepness(displacement)
-        self._drift = Drift(fluid, displacement) if fluid.constraints.crossings else None
+        self._drift: Drift | None = None
+        if fluid.constraints.crossings:
+            self._drift = fluid.holding(Drift(fluid, displacement))
 
     # -- the step, as the coupling sees it --------------------------------------------------------
 
@@ -93,7 +95,6 @@ class SurfacePart:
         """Do nothing."""
 
     def predict(self, length: float, order: int) -> None:
-        """Extrapolate the elevation; the fluid has the backward difference of the step."""
         time = self.times[0] + length
         count = min(order + 1, len(self.past))
         self._tried = extrapolated(self.times[:count], self.past[:count], time)
@@ -112,20 +113,11 @@ class SurfacePart:
             self._drift.prepare(a0)
 
     def displacement(self) -> Floats:
-        """Displacement (n, 3) of the mesh's nodes by the trial elevation."""
         return self.mesh.at(self._tried)
 
     def place(self) -> None:
-        """Set the trial elevation, and the pressure above it, in the flow."""
         self._load.elevation.x.array[:] = self._tried
         self._load.update(self.fluid.time)
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._vector.destroy()
-        if self._drift is not None:
-            self._drift.destroy()
-        self.mesh.destroy()
 
     def residual(self, length: float, order: int) -> float:
         """Distance of the mesh from the convected surface, as a velocity relative to the flow's.
@@ -143,7 +135,6 @@ class SurfacePart:
         return missed / max(self.fluid.speed(), 1e-300)
 
     def correct(self) -> None:
-        """Update the trial elevation."""
         if self._drift is None:
             self._tried = self._improved
         else:
@@ -160,7 +151,6 @@ class SurfacePart:
         self.times = [self.fluid.time, *self.times[:2]]
 
     def restore(self) -> None:
-        """Restore the last state."""
         self._tried = self._improved = self.past[0]
         self._load.elevation.x.array[:] = self.past[0]
 
@@ -175,11 +165,9 @@ class SurfacePart:
 
     @property
     def elevation(self) -> Floats:
-        """Elevation (local nodes,) at the last state."""
         return self.past[0]
 
     def largest(self) -> float:
-        """Largest absolute elevation."""
         mine = float(np.abs(self.past[0]).max(initial=0.0))
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
@@ -192,7 +180,6 @@ class SurfacePart:
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:
-        """Potential energy above that of the still level."""
         return self._whole * self._sum(self._potential)
 
     def crossed(self) -> float:

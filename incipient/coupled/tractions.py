@@ -16,15 +16,15 @@ import ufl
 from petsc4py import PETSc
 
 from .. import compat
-from ..arrays import Floats, cross, spatial
+from ..arrays import Floats, cross, quarter_turned, spatial
 from ..body.state import turned
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
+from ..geometry.plane.closing import Closing
 from ..mesh.domain import Domain
 from ..meshes import SYMMETRY
 from ..symmetric import solve_symmetric
-from .enclosed import EnclosedPressure
 
 ACROSS = 1  # component normal to a plane of symmetry
 # Force and torque of a whole body relative to half of it, cut at constant y: odd components cancel.
@@ -61,6 +61,55 @@ class Resultant:
     about: np.ndarray
 
 
+class EnclosedPressure:
+    """Pressure below a resting grain, between the boundaries `names` on two closing lines.
+    Collective.
+
+    Left of the first and right of the last contact it is that at the closing line; in between it
+    varies in equal steps, since all contacts leak alike.
+    """
+
+    def __init__(self, fluid: Fluid, closing: Closing, names: tuple[str, str]):
+        self._closing, self._comm = closing, fluid.domain.comm
+        _, pressure = ufl.split(fluid.state)
+        self._means = [
+            compat.form(pressure / closing.width * fluid.domain.measure(name)) for name in names
+        ]
+
+    def load(self, about: Floats) -> tuple[Floats, Floats]:
+        """Force and torque (3,) about a point (3,)."""
+        low, high = self._ends()
+        contacts = self._closing.contacts
+        places = np.vstack([self._closing.left.end, contacts, self._closing.right.end])
+        return load_of(places - about[:2], np.linspace(low, high, len(contacts) + 1))
+
+    def unknown(self, about: Floats) -> tuple[Floats, Floats]:
+        """Change of force and torque (3,) if the pressure between contacts equals that on either side."""
+        low, high = self._ends()
+        contacts = self._closing.contacts
+        force, torque = load_of(
+            contacts - about[:2], np.full(len(contacts) - 1, 0.5 * (high - low))
+        )
+        return np.abs(force), np.abs(torque)
+
+    def _ends(self) -> tuple[float, float]:
+        low, high = (
+            float(self._comm.allreduce(dolfinx.fem.assemble_scalar(one))) for one in self._means
+        )
+        return low, high
+
+
+def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:
+    """Force and torque (3,) about the origin of pressures (k,) between counter-clockwise outline points (k + 1, 2).
+
+    A uniform pressure acts on a piece as on its chord, with the torque p/2 times the difference of
+    the squared distances of its ends. Not collective.
+    """
+    force = (pressures[:, None] * quarter_turned(np.diff(arms, axis=0))).sum(axis=0)
+    torque = 0.5 * float(pressures @ np.diff((arms**2).sum(axis=1)))
+    return spatial(force), np.array([0.0, 0.0, torque])
+
+
 class TractionProbe:
     """Traction of a fluid on one of its boundaries. Every method is collective.
 
@@ -89,7 +138,6 @@ class TractionProbe:
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
-        """Set the reference point (gdim,) of torques."""
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:

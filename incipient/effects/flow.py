@@ -62,7 +62,7 @@ class InertiaEffect(Effect):
             return
         remedy = "set fluid.inertia = true and effects.inertia = true"
         if not solved.run.scene.numerics.error_bars:
-            how = "by Oseen's term, at most"
+            how = "at most, from Oseen's term"
             yield Omission(self.name, decision.expected, how, False, remedy)
             return
         from ..forms.terms import convection

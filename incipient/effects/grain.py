@@ -39,4 +39,4 @@ class ContactEffect(Effect):
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """The missing verdict."""
         if decision.forced:
-            yield Omission(self.name, None, "there is no verdict without it", False)
+            yield Omission(self.name, None, "without it there is no verdict", False)

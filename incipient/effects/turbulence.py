@@ -34,6 +34,7 @@ TURBULENT = (
     "incipient entrainment"
 )
 LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
+OSCILLATING = "in laminar {flow} over one grain{plane}; tau_b is the largest of a period"
 # Name in the report of the walls, words, column, key of the error, ends of the error bar.
 AT_WALLS = (
     ("least", "least y+ of the walls", "y_plus_min", "", None),
@@ -91,8 +92,8 @@ class TurbulenceEffect(Effect):
             how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
             remedy = "loads are those of the mean flow, gusts exceed them"
             yield Omission(self.name, None, how, True, remedy)
-        elif found := transition(Setup(scene)):
-            how = f"{found.number} {found.value:.4g} is above {found.least:g}"
+        elif transitional := transition(Setup(scene)):
+            how = f"{transitional.number} {transitional.value:.4g} is above {transitional.least:g}"
             yield Omission(
                 self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
             )
@@ -123,16 +124,18 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     """What flow a threshold, so many times the scene's, is for, and whether that can be laminar. Not collective."""
     plane = " in 2-D" if setup.scene.gdim == 2 else ""
     about = TURBULENT if setup.is_averaged else LAMINAR
+    if setup.scene.flow.oscillates:
+        about = OSCILLATING
     yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
-    if found := transition(setup, factor):
-        yield found.text(" at the threshold")
+    if transitional := transition(setup, factor):
+        yield transitional.text(" at the threshold")
 
 
 def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
     """What a run says of its turbulence, apart from its quantities: a sentence, and rows of words and value."""
     if (walls := stored.get("turbulence")) is None:
         return None
-    from ..results.wall_report import longest
+    from ..results.wall_report import MOST_COARSE, longest
 
     spans, others = longest(walls["backward"])
     rows: list[tuple[str, Any]] = [
@@ -140,6 +143,8 @@ def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None
     ]
     rows += [("further, shorter intervals", others)] if others else []
     sentence = f"y+ of the walls is {walls['least']:.3g} to {walls['largest']:.3g}."
+    if walls.get("judged_along") and (walls["coarse_along"] or 0.0) > MOST_COARSE:
+        sentence += " Warning: cells along the walls do not resolve their friction."
     if not walls.get("converged", True):
         sentence += (
             f" Warning: not converged; loads are means, within {100 * walls['spread']:.2g}%."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -25,8 +26,9 @@ from ..mesh.wall_distance import distances
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order
 from ..planning.effects import EffectName
+from ..planning.wall_cells import rise
 from ..restart.redistribution import spread_values, stored_values
-from ..results.wall_report import WallReport
+from ..results.wall_report import LARGEST_CHANGE, WallReport
 from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
@@ -68,6 +70,7 @@ class TurbulentFlow(RunPart):
             velocity_order(setup)[0],
             walls.least_k,
             in_layers=walls.is_resolved and not walls.plane,
+            surfaces=walls.surfaces,
         )
 
     def _distances(self) -> dict[str, float]:
@@ -107,20 +110,20 @@ class TurbulentFlow(RunPart):
             if from_inflow:
                 self.enter(fluid)
             with run.stage("flow"), self._timed():
-                found = self.continued = continued(
+                outcome = self.continued = continued(
                     fluid,
                     self.fields,
                     tolerance,
                     loads,
                     lambda number, change: run.voice.iterate(1.0, number, change),
                 )
-            if found.converged:
+            if outcome.converged:
                 break
-        run.count(turbulence=len(found.changes))
-        if not found.converged:
+        run.count(turbulence=len(outcome.changes))
+        if not outcome.converged:
             # A run in time that begins with this flow has no other place for that.
             run.voice.say(
-                f"the steady flow has not converged: its loads change by {100.0 * found.spread:.2g}%"
+                f"the steady flow has not converged: its loads change by {100.0 * outcome.spread:.2g}%"
             )
 
     def _loads(self, run: Solving) -> Callable[[], Floats]:
@@ -132,18 +135,18 @@ class TurbulentFlow(RunPart):
         if run.fluid is not self._fluid:  # the steady flow that one in time begins with
             probe = TractionProbe(self._fluid, probe.boundary, probe.about)
 
-        def found() -> Floats:
+        def on_grain() -> Floats:
             resultant = probe.resultant()
             return np.concatenate([resultant.force, resultant.torque / grain.size])
 
-        return found
+        return on_grain
 
     def mean_load(self) -> tuple[Floats, Floats] | None:
         """Force and torque (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
-        grain, found = self._of_run.scene.grain, self.continued
-        if found is None or found.converged or found.loads is None or grain is None:
+        grain, outcome = self._of_run.scene.grain, self.continued
+        if outcome is None or outcome.converged or outcome.loads is None or grain is None:
             return None
-        return found.loads[:3], grain.size * found.loads[3:]
+        return outcome.loads[:3], grain.size * outcome.loads[3:]
 
     def enter(self, fluid: Fluid) -> None:
         """Set velocity and turbulence everywhere to the inflow's at the distance from the next wall."""
@@ -228,13 +231,15 @@ class TurbulentFlow(RunPart):
     def wall_report(self) -> WallReport:
         """u* and y+ along the walls."""
         scene, walls, in_plane = self._scene, self._setup.walls, self._scene.gdim == 2
-        columns = list[np.ndarray]()
+        columns, coarse = list[np.ndarray](), list[float]()
         for name in walls.names:
             along = along_wall(self._fluid, name, self.fields.shear_velocity())
             drag = walls.law(name).drag(
                 along.speeds, along.shear_velocities, scene.viscosity, walls.slip(name)
             )
             u = np.sqrt(drag * along.speeds)
+            if walls.is_resolved and (name == "body" or not walls.roughness):
+                coarse.append(along.coarse_fraction(along.directions * u**2, LARGEST_CHANGE))
             if name == walls.names[0]:
                 backward = along.backward() if in_plane else ()
             friction = 2.0 * np.sign(along.velocities[:, 0]) * (u / scene.reference_velocity) ** 2
@@ -261,6 +266,9 @@ class TurbulentFlow(RunPart):
             backward=backward,
             along=drawn if in_plane else {},
             iteration=self.continued,
+            mesh_size=scene.numerics.mesh_size,
+            coarse_along=None if walls.plane else max(coarse, default=None),
+            judged_along=in_plane and math.isfinite(rise(scene)),
         )
 
     @property
@@ -278,11 +286,11 @@ class TurbulentFlow(RunPart):
             "eddy_viscosity": self.fields.viscosity(self._viscosity) - self._viscosity,
         }
         scalar = compat.space(self.fields.domain.mesh, ("Lagrange", ORDER))
-        found = {}
+        functions = {}
         for name, expression in expressions.items():
-            found[name] = dolfinx.fem.Function(scalar, name=name)
-            compat.interpolate(found[name], expression)
-        return found
+            functions[name] = dolfinx.fem.Function(scalar, name=name)
+            compat.interpolate(functions[name], expression)
+        return functions
 
     def _timed(self) -> AbstractContextManager[Any]:
         """Takes the time of both quantities."""

@@ -8,8 +8,8 @@ from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
 from ..geometry.placement import Placement
+from ..results.errorbars import SafetyBar
 from ..results.loads import Forces, Torques
-from ..results.safetybar import SafetyBar
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.solids import orientation_of
@@ -17,9 +17,9 @@ from ..setup.setup import Setup
 
 ROCKS = "rocks to another rest"  # mode of motion
 RENEWED = (
-    "that is by the load of the flow past the first pose; past the other it may differ by about {drift:.0%}{more}, "
-    "which a scene with {keys} and settle = false tells: there see whether the flow's load holds the grain, since "
-    "without the flow it would roll back"
+    "this uses the load of the first pose; in the second pose the load may differ by about {drift:.0%}{more}: to "
+    "check, run a scene with {keys} and settle = false, and see whether the flow's load holds the grain (without the "
+    "flow it would roll back)"
 )
 
 OTHER_CONTACTS = ", or more, since a contact has opened or closed"

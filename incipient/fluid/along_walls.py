@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import ufl
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from .. import compat
 from ..mesh.domain import Domain
+from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
@@ -25,7 +27,7 @@ class AlongWall:
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
     lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that k stands for
+    those that k stands for; edges (m, 2) of facets between nodes, by their numbers, in 2-D the facets themselves
     """
 
     places: np.ndarray
@@ -33,18 +35,43 @@ class AlongWall:
     lengths: np.ndarray
     velocities: np.ndarray
     shear_velocities: np.ndarray
+    edges: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property
     def speeds(self) -> np.ndarray:
-        """Tangential speeds (n,)."""
         normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
     @property
+    def directions(self) -> np.ndarray:
+        """(n,) the sign of the flow along the wall, which turns with it; one in 3-D."""
+        if self.places.shape[1] == 3:
+            return np.ones(len(self.places))
+        v, n = self.velocities, self.normals
+        return np.sign(v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1])
+
+    @property
     def _level(self) -> np.ndarray:
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
+
+    def coarse_fraction(self, stresses: np.ndarray, largest: float) -> float:
+        """The fraction of the change of stresses (n,) along the wall in edges along which they change too much.
+
+        Stresses have a sign in 2-D. Too much is more than `largest` times the larger stress at both ends, or the mean
+        stress if that is larger still. Stresses are means over the facets at a node: at corners and at the ends of the
+        wall, where they are singular, two edges to both sides do not count.
+        """
+        singular = np.linalg.norm(self.normals, axis=1) < CORNER
+        if self.places.shape[1] == 2:
+            singular |= np.bincount(self.edges.ravel(), minlength=len(stresses)) == 1
+        for _ in range(2):
+            singular[self.edges[singular[self.edges].any(axis=1)]] = True
+        ends = stresses[self.edges[~singular[self.edges].any(axis=1)]]
+        change = np.abs(ends[:, 1] - ends[:, 0])
+        bound = np.maximum(np.abs(ends).max(axis=1, initial=0.0), np.abs(stresses).mean())
+        return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x with reverse flow along nearly level parts of the wall.
@@ -103,10 +130,21 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
         *(_at(one, nodes, gdim) for one in made),
     ]
     whole = _on_all_ranks(domain, columns)
-    whole = whole[~_at_ends(domain, whole[:, 0])]
-    places, lengths, *means = np.split(whole, 5, axis=1)
-    normals, velocities, shears = (one / lengths[:, :1] for one in means)
-    return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0])
+    inner = ~_at_ends(domain, whole[:, 0])
+    edges = _edges(domain, boundary, whole[:, :gdim])
+    edges = np.cumsum(inner)[edges[inner[edges].all(axis=1)]] - 1
+    places, lengths, *means = np.split(whole[inner], 5, axis=1)
+    normals, velocities, shears = (mean / lengths[:, :1] for mean in means)
+    return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0], edges)
+
+
+def _edges(domain: Domain, boundary: str, corners: np.ndarray) -> np.ndarray:
+    """(m, 2) numbers of the corners (n, gdim) at both ends of each edge of a boundary's facets. Collective."""
+    gdim = domain.gdim
+    ends = places_on_facets(domain, [boundary])[:, [0, -1] if gdim == 2 else [0, 1, 2]]
+    numbers = cKDTree(corners).query(ends)[1]
+    pairs = [[0, 1]] if gdim == 2 else [[0, 1], [1, 2], [2, 0]]
+    return np.unique(np.sort(numbers[:, pairs].reshape(-1, 2), axis=1), axis=0)
 
 
 def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:

@@ -63,7 +63,6 @@ class Constraints:
 
     @property
     def closed(self) -> bool:
-        """Whether the pressure is determined up to a constant only."""
         return not self.open and self.surface is None
 
     @property
@@ -73,7 +72,6 @@ class Constraints:
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Names of boundaries with a law of the wall."""
         return tuple(one.boundary for one in self.friction)
 
     @property
@@ -83,7 +81,6 @@ class Constraints:
 
     @property
     def influx(self) -> float:
-        """Volume flux through all entries at the last `update`."""
         return sum(entry.influx for entry in self.entries)
 
     def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
@@ -95,7 +92,6 @@ class Constraints:
         return np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int32)])).astype(np.int32)
 
     def update(self, t: float) -> None:
-        """Evaluate the prescribed velocities at time t. Collective."""
         gdim = self.space.gdim
         values = self._values.x.array.reshape(-1, gdim)
         for velocity, blocks in self._prescribed:
@@ -123,7 +119,6 @@ class Constraints:
         return self.space.cells_at(blocks)
 
     def boundary_points_moved(self) -> None:
-        """Update node positions after a mesh motion."""
         self.points = self.space.velocity_points()
 
     def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:

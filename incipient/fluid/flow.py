@@ -184,7 +184,6 @@ class Fluid(Holder, FlowEquations):
         return compat.form(ufl.derivative(tested, self.state, ufl.TestFunction(self.space.mixed)))
 
     def renew_factors(self) -> None:
-        """Request a new factorisation at the next step, on every rank. Not collective."""
         self._aged = True
 
     def correction(self, fresh: bool, rtol: float | None = None) -> float:
@@ -257,7 +256,6 @@ class Fluid(Holder, FlowEquations):
         return self.assembled(self._residual)
 
     def assembled(self, form: Any) -> np.ndarray:
-        """Assemble a compiled linear form, (owned unknowns,)."""
         return np.asarray(compat.vector_of(form, self._vector).array_r.copy())
 
     def _relative_pressure(self) -> float:

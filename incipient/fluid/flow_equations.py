@@ -205,7 +205,6 @@ class FlowEquations:
         return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:
-        """Position x = X + d in UFL."""
         return ufl.SpatialCoordinate(self.domain.mesh) + self.reference_map.displacement
 
     # -- parameters -----------------------------------------------------------------------------
@@ -224,7 +223,6 @@ class FlowEquations:
 
     @property
     def viscosity(self) -> Any:
-        """Kinematic viscosity in UFL."""
         of_molecules = 1 / self._reynolds
         return of_molecules if self.model.viscosity is None else self.model.viscosity(of_molecules)
 
@@ -235,7 +233,6 @@ class FlowEquations:
 
     @time.setter
     def time(self, value: float) -> None:
-        """Time of the state."""
         self._time.value = value
 
     def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
@@ -280,12 +277,10 @@ class FlowEquations:
 
     @property
     def velocity(self) -> Any:
-        """Copy of the velocity as a function."""
         return self._part(self.space.velocity, self.space.velocity_map, "velocity")
 
     @property
     def pressure(self) -> Any:
-        """Copy of the non-hydrostatic pressure as a function."""
         return self._part(self.space.pressure, self.space.pressure_map, "pressure")
 
     def _part(self, space: Any, places: np.ndarray, name: str) -> Any:
@@ -294,7 +289,6 @@ class FlowEquations:
         return part
 
     def interpolate(self, other: FlowEquations) -> None:
-        """Copy the state of a flow of any order on the same mesh. Collective."""
         parts = (
             (self.velocity, other.velocity, self.space.velocity_map),
             (self.pressure, other.pressure, self.space.pressure_map),
@@ -305,7 +299,6 @@ class FlowEquations:
         self.state.x.scatter_forward()
 
     def speed(self) -> float:
-        """Root-mean-square speed over the velocity nodes. Collective."""
         return float(
             np.sqrt(self.squared_velocities(self.state.x.array) / self.space.velocity_nodes())
         )

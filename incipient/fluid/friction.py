@@ -16,9 +16,10 @@ from ..forms.terms import impermeable
 from ..forms.wall_friction import friction, layer, speed
 from ..mesh.domain import Domain
 from .conditions import Friction
-from .space import TaylorHood, cell_size
+from .space import TaylorHood, size_along
 
-HELD = 10.0  # times k^2 nu/h: penalty of flow through a wall, with elements of order k
+# Times k^2 nu/h: penalty of flow through a wall, k being the order of the elements, h the size of a cell across it.
+HELD = 10.0
 
 
 class WallMotion:
@@ -39,7 +40,6 @@ class WallMotion:
             constant.value[:] = values
 
     def at(self, places: np.ndarray) -> np.ndarray:
-        """Velocities (n, gdim) at positions (n, gdim)."""
         velocity, spin, centre = (part.value for part in self._parts)
         arms = places - centre
         return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
@@ -57,10 +57,8 @@ class WallLoad:
         shear_velocity: Any,
     ):
         self._measure, self._names = flow.boundary_quadrature(domain.facets), domain.names
-        self._normal, self._held = (
-            ufl.FacetNormal(domain.mesh),
-            HELD * flow.order**2 / cell_size(domain.mesh),
-        )
+        self._normal = ufl.FacetNormal(domain.mesh)
+        self._held = HELD * flow.order**2 / size_along(domain.mesh, self._normal)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = [(one, flow.constant(one.distance)) for one in walls]
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
@@ -93,7 +91,6 @@ class WallLoad:
         return np.zeros_like(places) if motion is None else motion.at(places)
 
     def relative(self, v: Any, boundary: str) -> Any:
-        """Velocity relative to a wall, in UFL. Not collective."""
         motion = self._motions.get(boundary)
         return v if motion is None else v - motion.velocity
 

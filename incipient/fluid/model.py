@@ -62,7 +62,6 @@ class FlowModel:
 
     @property
     def linear(self) -> bool:
-        """Whether a single linear solve suffices."""
         return not self.inertia or (self.unsteady and self.convection == "extrapolated")
 
     @property

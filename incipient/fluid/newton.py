@@ -74,7 +74,6 @@ class NewtonReport:
 
     @property
     def iterations(self) -> int:
-        """Number of updates."""
         return len(self.corrections)
 
 

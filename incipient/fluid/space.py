@@ -27,7 +27,6 @@ class TaylorHood:
 
     @property
     def gdim(self) -> int:
-        """Dimension of space."""
         return int(self.mixed.mesh.geometry.dim)
 
     @property
@@ -37,7 +36,6 @@ class TaylorHood:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns over all ranks."""
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
     def constant(self, value: float) -> Any:
@@ -45,7 +43,6 @@ class TaylorHood:
         return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
 
     def velocity_nodes(self) -> int:
-        """Number of velocity nodes over all ranks."""
         return int(self.velocity.dofmap.index_map.size_global)
 
     def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
@@ -86,7 +83,6 @@ class TaylorHood:
         )
 
     def velocity_points(self) -> np.ndarray:
-        """Positions (n, 3) of the local velocity nodes in the present mesh."""
         return self.velocity.tabulate_dof_coordinates()
 
 

@@ -153,8 +153,8 @@ def approach(
 def _how(report: NewtonReport, share: float) -> str:
     number, at = report.iterations, f"at {100 * share:.3g}%"
     if report.failure:
-        return f"{at} the linear system of correction {number + 1} is not solved"
-    return f"{at} correction {number} is still {report.corrections[-1]:.2g} of the flow"
+        return f"{at} the linear system of Newton update {number + 1} is not solved"
+    return f"{at} Newton update {number} is still {report.corrections[-1]:.2g} of the flow"
 
 
 class _Path:

@@ -72,7 +72,6 @@ class SurfaceLoad:
         )
 
     def update(self, time: float) -> None:
-        """Evaluate the incoming wave and the pressure above the surface on the present mesh. Not collective."""
         if self._wave is not None and self._coming is not None:
             points = self._held.points
             self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T

@@ -56,13 +56,9 @@ class Interface(Protocol):
         """Admissible length of the attempted step: shorter if a part makes contact."""
         ...
 
-    def accept(self) -> None:
-        """Accept the attempt."""
-        ...
+    def accept(self) -> None: ...
 
-    def restore(self) -> None:
-        """Restore the last state."""
-        ...
+    def restore(self) -> None: ...
 
     def forget(self) -> None:
         """Discard convergence data of earlier steps."""
@@ -214,7 +210,6 @@ class Transient:
 
     @property
     def past(self) -> tuple[Past, ...]:
-        """States before the present one, newest first."""
         return tuple(self._past[:2])
 
     def _accepted(self, length: float) -> TimeStep:

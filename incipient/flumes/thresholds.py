@@ -43,7 +43,7 @@ def soulsby_whitehouse(diameters: Floats | float) -> Any:
 
 def zanke(diameter: float) -> float | None:
     """Zanke's (2003) critical Shields number at a dimensionless diameter D*; None outside his table's 1.2 to 1157."""
-    sizes, shields = (_zanke()[name] for name in ("D_star", "theta_c"))
+    sizes, shields = (_read("zanke_2003.csv")[name] for name in ("D_star", "theta_c"))
     if not sizes[0] <= diameter <= sizes[-1]:
         return None
     return float(np.exp(np.interp(math.log(diameter), np.log(sizes), np.log(shields))))
@@ -107,7 +107,7 @@ class NaturalBed:
 
 def natural_bed(shear_reynolds: float) -> NaturalBed | None:
     """The natural bed at a u* d/nu, interpolated linearly in logarithms; None beyond the computed range, 300."""
-    table = _natural_bed()
+    table = _read("natural_bed.csv")
     places = np.unique(table["shear_reynolds"])
     complete = [place for place in places if np.sum(table["shear_reynolds"] == place) > 1]
     if not 0.0 <= shear_reynolds <= complete[-1]:
@@ -127,16 +127,7 @@ def natural_bed(shear_reynolds: float) -> NaturalBed | None:
 
 
 @lru_cache
-def _natural_bed() -> Mapping[str, Floats]:
-    return _read("natural_bed.csv")
-
-
-@lru_cache
-def _zanke() -> Mapping[str, Floats]:
-    return _read("zanke_2003.csv")
-
-
-def _read(name: str) -> dict[str, Floats]:
+def _read(name: str) -> Mapping[str, Floats]:
     lines = files(__package__).joinpath(name).read_text(encoding="utf-8").splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     return {column: np.array([float(row[column]) for row in rows]) for column in rows[0]}

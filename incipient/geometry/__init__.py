@@ -1,4 +1,4 @@
-"""Grains, beds, the curves they are made of, and how one rests on the other, in 2-D and 3-D."""
+"""Grains, beds and their contacts, in 2-D and 3-D."""
 
 from incipient.geometry.closest import clearance, lifted, rest
 from incipient.geometry.placement import Placement

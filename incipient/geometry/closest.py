@@ -1,4 +1,4 @@
-"""Questions about a grain and its bed, in 2-D and 3-D: resting, lifting, distances, contacts.
+"""Rest, clearance and contacts of a grain on its bed, in 2-D and 3-D.
 
 Lengths are scene units, angles radians, positions those of the grain's centroid.
 """
@@ -23,7 +23,7 @@ from incipient.geometry.space.grains import Solid
 
 
 def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> Proximity:
-    """A grain and a bed, prepared for questions about many placements. Raises SceneError if only one is planar."""
+    """A grain and a bed for queries at many placements. Raises SceneError if only one is planar."""
     if isinstance(grain, Solid) and isinstance(bed, Terrain):
         return SpatialProximity(grain, bed)
     if isinstance(grain, Grain) and isinstance(bed, Bed):
@@ -40,10 +40,7 @@ def rest(
     x: float | Sequence[float],
     angle: float | Sequence[float] = 0.0,
 ) -> Placement:
-    """The grain turned by `angle`, its centroid above `x`, lowered vertically until it touches the bed.
-
-    In 3-D `x` is a pair and `angle` a unit quaternion (or 0).
-    """
+    """The grain turned by `angle` (in 3-D a unit quaternion, or 0) and lowered above `x` onto the bed."""
     near = proximity(grain, bed)
     if grain.gdim == 2:
         return near.lowered(Placement((float(x), 0.0), float(angle)))  # type: ignore[arg-type]
@@ -55,19 +52,15 @@ def rest(
 def clearance(
     grain: Grain | Solid, placement: Placement, bed: Bed | Terrain
 ) -> tuple[float, Floats, Floats]:
-    """The smallest distance from the bed, and the points (gdim,) on grain and bed where it occurs.
+    """The smallest distance from the bed, negative below it, and the points (gdim,) on grain and bed.
 
-    In 3-D exact on smooth beds as long as it is less than their feature; negative where the grain is below the bed.
-    Where several minima are equal (a flat contact) it is the first.
+    In 3-D exact on smooth beds as long as it is less than their feature.
     """
     return proximity(grain, bed).clearance(placement)
 
 
 def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: float) -> Placement:
-    """The grain straight above (or below) `placement` whose smallest distance to the bed is `gap` >= 0.
-
-    `gap` is a length in scene units. The distance grows steadily with height because the bed is a graph.
-    """
+    """The grain straight above (or below) `placement` whose smallest distance to the bed is `gap` >= 0."""
     if not (np.isfinite(gap) and gap >= 0.0):
         raise SceneError(f"the gap {gap} is not a distance; give a number that is not negative")
     return proximity(grain, bed).lifted(placement, gap)
@@ -76,15 +69,13 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
 def touching(
     grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tolerance: float
 ) -> Contacts:
-    """All contacts of a grain whose distance from the bed is at most `tolerance` (a length, scene units).
+    """All contacts of a grain whose distance from the bed is at most `tolerance` (a length).
 
-    Point contacts are the local minima of the distance along the outline (in 3-D: over the surface). A straight side
-    that lies on a straight piece of bed is a patch: its two ends, each with half of its length as area; in 3-D a flat
-    face is one on a flat piece of bed, given by the corners of its convex hull with areas that add up to that of the
-    patch and have its centroid. `areas` is None if there is no patch. The normal, out of the grain, is the grain's own
-    where its surface is smooth, minus the bed's at a corner of the grain; where a corner of the grain stands in a
-    valley's corner there are two contacts, one for each side of the valley; where it stands on a corner of the bed,
-    minus the bisector of the bed's sides.
+    Point contacts are local minima of the distance. A straight side on a straight piece of bed is a patch: its two
+    ends, each with half of its length as area; in 3-D a flat face on a flat piece of bed is given by the corners of
+    its convex hull, with areas of the same sum and centroid. `areas` is None without a patch. The normal is the
+    grain's own where its surface is smooth, minus the bed's at a corner of the grain; in a valley's corner there is a
+    contact for each side, and on a corner of the bed the normal is the bisector.
 
     Raises SceneError if nothing touches, or if only one of grain and bed is planar.
     """

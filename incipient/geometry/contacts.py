@@ -1,7 +1,4 @@
-"""The contact surface Gamma_c of a grain, and the closest points of grain and bed.
-
-Everything is three-dimensional; contacts in 2-D have third components of zero.
-"""
+"""The contact surface Gamma_c of a grain, and the closest points of grain and bed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -21,9 +18,9 @@ SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one pl
 class Contacts:
     """The contact surface Gamma_c as points (n, 3) with unit normals (n, 3) that point OUT of the grain.
 
-    `areas` (n,) are zero at point contacts; None: point contacts only. A patch is given by its corners, each
-    with its part of the area. Raises SceneError on wrong shapes, numbers that are not finite, normals that
-    are not unit vectors, negative areas, and if there is no contact at all.
+    `areas` (n,) are zero at point contacts; None: point contacts only. A patch is given by its corners, each with its
+    part of the area. In 2-D third components are zero. Raises SceneError on wrong shapes or numbers, or without any
+    contact.
     """
 
     points: Floats
@@ -70,17 +67,17 @@ def _require(met: bool, otherwise: str) -> None:
 
 
 def freeze(owner: object, name: str, value: Floats) -> None:
-    """Set a field of a frozen dataclass to an array that nobody can change any more."""
+    """Set a field of a frozen dataclass to a read-only array."""
     value.flags.writeable = False
     object.__setattr__(owner, name, value)
 
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """Places (k,) at which the signed distance between a grain, or points, and a bed is locally least.
+    """Local minima (k,) of the signed distance between a grain, or points, and a bed.
 
-    `gaps` (k,) are negative inside the bed, `points` (k, d) lie on the grain, `normals` (k, d) are the bed's, into the
-    fluid. What is not known of them is None.
+    `gaps` (k,) are negative inside the bed, `points` (k, d) lie on the grain, `normals` (k, d) are the bed's, into
+    the fluid. What is not known of them is None.
     """
 
     gaps: Floats
@@ -111,7 +108,7 @@ class ClosestPoints:
     def replaced(
         self, rows: np.ndarray, other: "ClosestPoints", those: np.ndarray | None = None
     ) -> "ClosestPoints":
-        """The contacts with some rows replaced by rows of `other`: the same ones, or `those`."""
+        """The same with rows replaced by rows of `other`: the same ones, or `those`."""
         tables = {name: table.copy() for name, table in self._tables().items()}
         for name, table in tables.items():
             table[rows] = getattr(other, name)[rows if those is None else those]
@@ -119,7 +116,6 @@ class ClosestPoints:
 
     @staticmethod
     def joined(parts: "Sequence[ClosestPoints]") -> "ClosestPoints":
-        """Several tables in one."""
         tables = {
             name: np.concatenate([getattr(part, name) for part in parts])
             for name in parts[0]._tables()
@@ -127,7 +123,7 @@ class ClosestPoints:
         return replace(parts[0], **tables)
 
     def distinct(self, tolerance: float) -> "ClosestPoints":
-        """The contacts without repetitions of a lower one: the same point, to a length, and the same normal."""
+        """The lowest of each that share a point, to a length, and a normal."""
         if len(self) < 2:
             return self
         from scipy.spatial import cKDTree  # which takes time to import

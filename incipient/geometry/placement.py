@@ -1,4 +1,4 @@
-"""Position and rotation of a grain, in 2-D (an angle) and in 3-D (a unit quaternion)."""
+"""Position and rotation of a grain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,9 +23,8 @@ UNIT_TOLERANCE = 1e-6  # how far the length of a unit quaternion may be from one
 class Placement:
     """The position of a grain's centroid and its rotation.
 
-    In 2-D `angle` (radians, counter-clockwise); in 3-D `quaternion` (w, x, y, z) of unit length, by
-    default no rotation. Raises SceneError on numbers that are not finite, on a quaternion in 2-D, an
-    angle in 3-D, and a quaternion that is not a unit one.
+    In 2-D `angle` (radians, counter-clockwise); in 3-D `quaternion` (w, x, y, z) of unit length. Raises SceneError on
+    numbers that are not finite, of the other dimension, or not of unit length.
     """
 
     centre: tuple[float, ...]
@@ -45,7 +44,6 @@ class Placement:
             raise SceneError("a 2-D placement has no quaternion; give its angle")
 
     def _unit_quaternion(self) -> Quaternion:
-        """The given quaternion, checked and rid of round-off in its length."""
         if self.angle != 0.0:
             raise SceneError("a 3-D placement has no angle; give a quaternion (w, x, y, z)")
         if self.quaternion is None:
@@ -61,12 +59,11 @@ class Placement:
 
     @property
     def gdim(self) -> int:
-        """Dimension of the space the grain is placed in."""
         return len(self.centre)
 
     @cached_property
     def rotation(self) -> Floats:
-        """The matrix (gdim, gdim), not to be written to, that turns body coordinates into scene directions."""
+        """The read-only matrix (gdim, gdim) from body coordinates to scene directions."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         matrix = (
             np.array([[c, -s], [s, c]])
@@ -77,22 +74,18 @@ class Placement:
         return matrix
 
     def to_scene(self, x: ArrayLike) -> Floats:
-        """Scene coordinates (n, gdim) of points (n, gdim) given in the body frame."""
+        """Scene coordinates (n, gdim) of points (n, gdim) in the body frame."""
         return np.asarray(x, dtype=float) @ self.rotation.T + np.asarray(self.centre)
 
     def to_body(self, x: ArrayLike) -> Floats:
-        """Body coordinates (n, gdim) of points (n, gdim) given in the scene."""
+        """Body coordinates (n, gdim) of points (n, gdim) in the scene."""
         return np.asarray((np.asarray(x, dtype=float) - np.asarray(self.centre)) @ self.rotation)
 
     def raised(self, height: float) -> "Placement":
-        """This placement, higher by `height`."""
         return Placement((*self.centre[:-1], self.centre[-1] + height), self.angle, self.quaternion)
 
     def moved(self, shift: ArrayLike, turn: ArrayLike) -> "Placement":
-        """Shifted by (gdim,) and turned about the centroid: by an angle (1,), in 3-D by a rotation vector (3,).
-
-        The rotation vector is in scene directions; its length is the angle in radians.
-        """
+        """Shifted by (gdim,) and turned about the centroid by an angle (1,), in 3-D a scene rotation vector (3,)."""
         centre = tuple((np.asarray(self.centre) + np.asarray(shift, dtype=float)).tolist())
         vector = np.atleast_1d(np.asarray(turn, dtype=float))
         if self.quaternion is None:
@@ -100,7 +93,7 @@ class Placement:
         return Placement(centre, 0.0, product(rotation_by(vector), self.quaternion))
 
     def turn_since(self, first: "Placement") -> Floats:
-        """The angle (1,), in 3-D the shortest rotation vector (3,), that turned `first` into this [radians]."""
+        """The angle (1,), in 3-D the shortest rotation vector (3,), from `first` to this [radians]."""
         if self.quaternion is None or first.quaternion is None:
             return np.array([self.angle - first.angle])
         turn = _rotation(self.quaternion) * _rotation(first.quaternion).inv()
@@ -108,7 +101,6 @@ class Placement:
 
 
 def _rotation(quaternion: Sequence[float]) -> "Rotation":
-    """scipy's rotation, whose scalar part comes last."""
     from scipy.spatial.transform import Rotation  # which takes time to import
 
     w, x, y, z = quaternion
@@ -128,5 +120,5 @@ def rotation_by(vector: ArrayLike) -> Quaternion:
 
 
 def product(first: Sequence[float], second: Sequence[float]) -> Quaternion:
-    """The quaternion that turns by `second`, then by `first`; normalised."""
+    """The quaternion that turns by `second`, then by `first`."""
     return _quaternion(_rotation(first) * _rotation(second))

@@ -1,4 +1,4 @@
-"""A grain and its bed, prepared for questions about many placements: what 2-D and 3-D share."""
+"""A grain and its bed, prepared for queries at many placements, in 2-D and 3-D."""
 
 from abc import ABC, abstractmethod
 from functools import cached_property
@@ -30,7 +30,6 @@ class Proximity(ABC):
 
     @cached_property
     def size(self) -> float:
-        """The grain's size, computed once: of a polyhedron it takes time."""
         return float(self.grain.size)
 
     @property
@@ -40,13 +39,13 @@ class Proximity(ABC):
 
     @abstractmethod
     def drop(self, placement: Placement) -> float:
-        """The least vertical distance of samples of the placed surface from the bed."""
+        """The least vertical distance of samples from the bed."""
 
     @abstractmethod
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
-        """All local minima of the gap, and corners of the grain, whose gap is at most `within` (a length).
+        """Local minima of the gap, and corners of the grain, of at most `within` (a length).
 
-        Different ones are resolved if they lie farther apart than the samples.
+        They are resolved if they lie farther apart than the samples.
         """
 
     @abstractmethod
@@ -57,14 +56,14 @@ class Proximity(ABC):
     def locally_least(
         self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
     ) -> ClosestPoints:
-        """The `minima` that are local over the whole surface, but for a slack; on request all corners as well."""
+        """The minima over the whole surface, but for a slack; on request all corners as well."""
 
     @abstractmethod
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
-        """All contacts whose distance from the bed is at most `tolerance`; see `closest.touching`."""
+        """See `closest.touching`."""
 
     def lowered(self, placement: Placement) -> Placement:
-        """The placement, lowered (or raised) vertically until the grain touches the bed."""
+        """The placement lowered (or raised) vertically until the grain touches the bed."""
         placement = placement.raised(-self.drop(placement))
         near = self.minima(placement, self.sampling)
         for _ in range(MOST_LIFTS):
@@ -78,7 +77,7 @@ class Proximity(ABC):
         return placement
 
     def lifted(self, placement: Placement, gap: float) -> Placement:
-        """The placement straight above or below whose least distance from the bed is a gap (Newton's method)."""
+        """The placement straight above or below with a least distance from the bed (Newton's method)."""
         placement = self.lowered(placement).raised(gap)
         for _ in range(MOST_LIFTS if gap > 0.0 else 0):
             distance, on_grain, on_bed = self.clearance(placement)
@@ -98,10 +97,7 @@ class Proximity(ABC):
         return float(near.gaps[k]), near.points[k], near.feet[k]
 
     def gaps(self, placement: Placement, within: float) -> ClosestPoints:
-        """All local minima of the gap not above `within` (a length), and corners of the grain so near to the bed.
-
-        Corners count because an edge or a face that turns onto the bed meets it there.
-        """
+        """Local minima of the gap up to `within` (a length), and corners, which may meet the bed by a turn."""
         near, corners = self.minima(placement, within), self.grain.gdim == 3
         near = self.locally_least(placement, near, corners=corners)
         return near.distinct(SAME_PLACE * self.size)
@@ -109,7 +105,7 @@ class Proximity(ABC):
     def with_gap(
         self, placement: Placement, gap: float, places: Floats, before: float = 0.0
     ) -> Placement:
-        """The placement next to one at which contacts at positions (k, gdim) have a gap, where they had `before`."""
+        """The nearby placement at which contacts at positions (k, gdim) have a gap, where they had `before`."""
         within = WANDERS * max(gap, before)
         near = self.gaps(placement, within)
         apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)
@@ -121,12 +117,12 @@ class Proximity(ABC):
         return self.closed(placement, near.only(chosen), gap)
 
     def rates(self, placement: Placement, contacts: ClosestPoints) -> Floats:
-        """Rows (k, n) by which motions in grain sizes and radians change gaps, in grain sizes."""
+        """Rows (k, n): changes of gaps with motions, both in grain sizes and radians."""
         arms = contacts.points - np.asarray(placement.centre)
         return wrenches(contacts.normals, arms, self.size)
 
     def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
-        """The placement close by, moved as little as possible, at which contacts have a gap."""
+        """The nearby placement, moved as little as possible, at which contacts have a gap."""
         d = placement.gdim
         for _ in range(SEATINGS if len(contacts) else 0):
             now = self.tracked(placement, contacts)

@@ -1,9 +1,8 @@
 """Settling: a grain lowered and tilted until it rests in static equilibrium under gravity.
 
-The grain descends quasi-statically. Every step moves it a short way along the part of gravity that the contacts
-cannot balance, without penetration at present and near contacts; then the grain is lowered vertically onto the bed. A
-step that does not lower the centre is shortened. Near an equilibrium Newton's method closes the contacts and removes
-the remaining unbalanced torque.
+In each quasi-static step the grain moves a short way along the part of gravity that the contacts cannot balance,
+without penetration, and is lowered onto the bed. A step that does not lower the centre is shortened. Near an
+equilibrium Newton's method closes the contacts and removes the remaining torque.
 """
 
 from collections.abc import Sequence
@@ -76,10 +75,10 @@ def settle(
 ) -> Settled:
     """Lower the grain from `start` onto the bed and let it roll and tip until it rests.
 
-    `gravity` (gdim,) points downwards on the whole, by default vertically; only its direction matters.
-    Contacts hold by Coulomb friction with the given coefficient, so that the grain stays where contacts first
-    support it; with 0 it slides to a minimum of its potential energy, with infinity contacts do not slip.
-    A grain whose centre gets farther than `reach` grain sizes from the start, or off the bed, rolls off.
+    `gravity` (gdim,) points downwards, by default vertically; its magnitude does not matter. With Coulomb friction
+    the grain stays where contacts first support it; with 0 it slides to a minimum of its potential energy, with
+    infinity contacts do not slip. A grain that leaves the bed, or gets farther than `reach` grain sizes from the
+    start, rolls off.
 
     Raises SceneError if grain and bed differ in dimension, or gravity or friction is invalid.
     """
@@ -99,7 +98,7 @@ def settle_under(
     reach: float = 10.0,
     max_steps: int = 2000,
 ) -> Settled:
-    """The rest of the grain from `start` under a dead load of fixed direction; otherwise as `settle`.
+    """The rest from `start` under a dead load of fixed direction; otherwise as `settle`.
 
     `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio matters.
     """
@@ -126,7 +125,7 @@ def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Float
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """An equilibrium, the contacts that carry the weight, and the free motion of its instability (stable: None)."""
+    """An equilibrium, its loaded contacts, and the free motion of its instability (stable: None)."""
 
     placement: Placement
     carrying: ClosestPoints
@@ -136,8 +135,6 @@ class _Rest:
 
 @dataclass(frozen=True, eq=False)
 class _Descent:
-    """The way down of one grain."""
-
     grain: Grain | Solid
     bed: Bed | Terrain
     load: Floats  # of unit force, with the torque about the centre over the size
@@ -152,7 +149,6 @@ class _Descent:
         return self._proximity.size
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
-        """Lower the grain from `start` and let it roll and tip, `reach` grain sizes at most. Not collective."""
         placement = self._proximity.lowered(start)
         length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):
@@ -190,7 +186,7 @@ class _Descent:
         return self._unsettled(placement, SettlingOutcome.UNSETTLED, max_steps)
 
     def _work(self, before: Placement, after: Placement) -> float:
-        """Work of the load between near placements: for the weight, the descent of the centre."""
+        """Work of the load between near placements."""
         shift = np.asarray(after.centre) - np.asarray(before.centre)
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
@@ -215,12 +211,11 @@ class _Descent:
         return np.asarray(near.points - np.asarray(placement.centre))
 
     def _hold(self, placement: Placement, near: ClosestPoints) -> Hold:
-        """The contact forces, and the unbalanced part of the load."""
         arms = self._arms(placement, near)
         return hold(self.load, near.normals, arms, self.friction, self.size)
 
     def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
-        """A motion of at most about `length` grain sizes and radians that follows the pull."""
+        """A motion of at most about `length` grain sizes and radians along the unbalanced load."""
         closing = self._proximity.rates(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
         wish = self.load / max(float(np.linalg.norm(held.remainder)), 1e-6)
@@ -241,7 +236,6 @@ class _Descent:
         return self._in_contact(placement, kept if len(kept) > 1 else kept.only([]), motion)
 
     def _moved(self, placement: Placement, motion: Floats) -> Placement:
-        """The placement after a motion in grain sizes and radians."""
         d = self.grain.gdim
         return placement.moved(self.size * motion[:d], motion[d:])
 
@@ -250,7 +244,7 @@ class _Descent:
         return touching.only(np.unique(held.owner[held.factors > USED]))
 
     def _constraints(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        """Rows of the forces that the carrying contacts exert; with all tangents where they do not slip."""
+        """Rows of the forces of loaded contacts; with all tangents where they do not slip."""
         held = self._hold(placement, carrying)
         used = held.rows[held.factors > USED]
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
@@ -260,15 +254,14 @@ class _Descent:
         )
 
     def _along(self, placement: Placement, carrying: ClosestPoints) -> list[Floats]:
-        """Rows of the forces along the surface."""
         arms = self._arms(placement, carrying)
         return [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
 
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
         """The equilibrium next to a placement, by Newton's method or by rolling onto it.
 
-        First all points that nearly touch are contacts (such as the far end of a side about to lie flat), then only
-        local minima of the distance.
+        First with all points that nearly touch (such as the far end of a side about to lie flat), then with local
+        minima.
         """
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
         least = self._proximity.locally_least(placement, close)
@@ -294,10 +287,10 @@ class _Descent:
         return _Rest(result, carrying, imbalance, self._way_down(result, carrying))
 
     def _rolled(self, placement: Placement) -> Placement:
-        """The grain turned until it touches where a single contact would balance the load.
+        """The grain turned until it touches where a single contact balances the load.
 
-        Without curvature the position of a contact is a root of the angle, so that Newton's method for the angle fails,
-        but the angle is a smooth function of the position.
+        Without curvature the contact's position is a root of the angle, for which Newton's method fails; the angle is
+        a smooth function of the position.
         """
         last = np.inf
         for _ in range(ROLLS):
@@ -322,9 +315,9 @@ class _Descent:
         return cross(forces, torque) if len(force) == 3 else -torque * quarter_turned(forces)
 
     def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
-        """A single contact moved along the bed onto the line of action of the load, if the gap there is as small.
+        """A single contact moved onto the line of action of the load, if the gap there is as small.
 
-        Where relative curvature is small, the position of a contact is far less accurate than its gap.
+        Where relative curvature is small, a contact's position is far less accurate than its gap.
         """
         moved = carrying
         for _ in range(ROLLS if len(carrying) == 1 else 0):  # on a slope the shift is not exact
@@ -337,7 +330,6 @@ class _Descent:
         return moved
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
-        """Close the gaps of the carrying contacts and remove the unbalanced weight."""
         last = np.inf
         for _ in range(NEWTON_STEPS):
             error = self._error(placement, carrying)
@@ -368,14 +360,13 @@ class _Descent:
         return np.asarray(motion)
 
     def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        """Gaps [grain sizes] of the carrying contacts, and the part of the weight that they cannot balance."""
+        """Gaps [grain sizes] of loaded contacts, and the unbalanced part of the weight."""
         moved = self._proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
         factors = np.linalg.lstsq(rows.T, self.load, rcond=1e-9)[0]
         return np.concatenate([moved.gaps / self.size, self.load - factors @ rows])
 
     def _derivative(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        """The derivative of the error by the motion, by central differences."""
         h, columns = 1e-6, []
         for motion in h * np.eye(len(self.load)):
             ahead, behind = (
@@ -385,7 +376,7 @@ class _Descent:
         return np.column_stack(columns)
 
     def _way_down(self, placement: Placement, carrying: ClosestPoints) -> Floats | None:
-        """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
+        """A small free motion that keeps the contacts and lowers the centre; None if the rest is stable."""
         from scipy.linalg import null_space  # which takes time to import
 
         free = null_space(self._constraints(placement, carrying), rcond=1e-7).T
@@ -404,7 +395,7 @@ class _Descent:
         return direction if falls else None
 
     def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
-        """The lowest of some placements to which an unstable equilibrium can fall in one step."""
+        """The lowest of some placements to which an unstable equilibrium falls in one step."""
         motions = [s * push * way_down for push in PUSHES for s in (1.0, -1.0)]
         ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
         lowered = map(self._proximity.lowered, ends)
@@ -413,7 +404,6 @@ class _Descent:
     def _in_contact(
         self, placement: Placement, carrying: ClosestPoints, motion: Floats
     ) -> Placement:
-        """The placement after a motion, the carrying contacts closed again."""
         return self._proximity.closed(self._moved(placement, motion), carrying)
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:

@@ -1,4 +1,4 @@
-"""Properties of every rigid grain, in 2-D and 3-D, and the integrals they follow from."""
+"""Properties of every rigid grain, and the integrals they follow from."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ OVERLAP = 1e-6  # of the smaller radius: balls that overlap by less are not conn
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Volume (in 2-D area), first moments (d,) and second moments (d, d), the integrals of 1, x and x x^T."""
+    """Volume (in 2-D area), first moments (d,) and second moments (d, d)."""
 
     volume: float
     first: Floats
@@ -30,7 +30,6 @@ class Moments:
 
     @property
     def centroid(self) -> Floats:
-        """The centre of mass of a uniform body, (d,)."""
         return self.first / self.volume
 
     def about_centroid(self) -> Floats:
@@ -39,10 +38,7 @@ class Moments:
 
     @staticmethod
     def within(corners: Floats) -> "Moments":
-        """Moments of the inside of a closed surface of triangles (m, 3 corners, 3), outward normals.
-
-        In 2-D of sides (m, 2 ends, 2): signed simplices whose further corner is the origin.
-        """
+        """Moments within triangles (m, 3, 3) with outward normals, in 2-D sides (m, 2, 2): signed simplices."""
         content, d = np.linalg.det(corners), corners.shape[-1]
         nodes, weights = QUADRATIC[d]
         flux = np.outer(content / factorial(d - 1), weights).ravel()
@@ -51,7 +47,7 @@ class Moments:
 
     @staticmethod
     def swept(points: Floats, normals: Floats) -> "Moments":
-        """Moments of the inside of a surface from points (n, d) on it and normals (n, d) as long as their part of it.
+        """Moments within a surface of points (n, d) with normals (n, d) as long as their part of it.
 
         The divergence theorem: div(x) = d, div(x x_i) = (d + 1) x_i, div(x x_i x_j) = (d + 2) x_i x_j.
         """
@@ -59,7 +55,7 @@ class Moments:
 
     @staticmethod
     def integrated(flux: Floats, points: Floats) -> "Moments":
-        """Moments from fluxes (n,) of x through parts of the surface about points (n, d) on it."""
+        """Moments from fluxes (n,) of x through parts of the surface about points (n, d)."""
         d = points.shape[1]
         second = (flux[:, None] * points).T @ points / (d + 2.0)
         return Moments(float(flux.sum()) / d, flux @ points / (d + 1.0), second)
@@ -77,27 +73,26 @@ class Shape(ABC):
 
     @property
     def moments(self) -> Moments:
-        """Integrals over the grain in its body frame, of grains whose volume and inertia follow from these."""
         raise NotImplementedError
 
     @property
     def volume(self) -> float:
-        """The volume; in 2-D the area, which is the volume per unit depth."""
+        """The volume; in 2-D the area."""
         return self.moments.volume
 
     @property
     def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid for unit density: in 2-D only the 33 component."""
+        """The inertia (3, 3) about the centroid for unit density; in 2-D only the 33 component."""
         second = self.moments.about_centroid()
         return np.asarray(np.trace(second) * np.eye(3) - second)
 
     @abstractmethod
     def level(self, x: ArrayLike) -> Floats:
-        """f at points (n, gdim), (n,): negative inside, zero on the surface; a length, not always distance."""
+        """f (n,) at points (n, gdim): a length, negative inside, not always the distance."""
 
     @abstractmethod
     def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, gdim) at points (n, gdim) on or near the surface; at corners the bisector."""
+        """Outward unit normals (n, gdim) at points near the surface; at corners the bisector."""
 
 
 class Balls(Shape):
@@ -113,18 +108,17 @@ class Balls(Shape):
 
     @property
     def size(self) -> float:
-        """The largest distance of two centres and their radii, or diameter."""
         centres, radii = self.tables
         apart = np.linalg.norm(centres[:, None] - centres, axis=2)
         return float((apart + np.add.outer(radii, radii)).max())
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance from the nearest ball at points (n, gdim): outside the distance from the grain."""
+        """The signed distance (n,) from the nearest ball."""
         centres, radii = self.tables
         return np.asarray((np.linalg.norm(rows(x)[:, None] - centres, axis=2) - radii).min(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
-        """The normals (n, gdim) of the ball nearest to each of the points (n, gdim), in creases the bisector."""
+        """The normals (n, gdim) of the nearest balls, in creases the bisector."""
         centres, radii = self.tables
         away = rows(x)[:, None] - centres
         distance = np.linalg.norm(away, axis=2) - radii
@@ -133,7 +127,7 @@ class Balls(Shape):
 
 
 def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
-    """Centres (n, dimension) and radii (n,) as tables, checked to be connected discs or spheres."""
+    """Centres (n, dimension) and radii (n,), checked to be connected."""
     from scipy.sparse.csgraph import connected_components  # which takes time to import
 
     points, sizes = np.reshape(centres, (-1, dimension)).astype(float), np.array(radii, float)
@@ -147,14 +141,14 @@ def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple
 
 
 def require_exposed(owners: np.ndarray, count: int, kind: str) -> None:
-    """Refuse discs or spheres that do not show."""
+    """Refuse discs or spheres that lie within others."""
     hidden = np.setdiff1d(np.arange(count), owners)
     if len(hidden):
         raise SceneError(f"{kind} {hidden[0]} of the union lies within the others; leave it out")
 
 
 def largest_distance(points: Floats) -> float:
-    """The largest distance of two points (n, d); for many points among those of their hull."""
+    """The largest distance of two points (n, d); of many among those of their hull."""
     if len(points) <= FEW:
         return float(np.linalg.norm(points[:, None] - points, axis=2).max())
     from scipy.spatial import ConvexHull  # which takes time to import

@@ -1,7 +1,7 @@
 """Forces that contacts can exert on a rigid grain, and the motions that they leave free.
 
-Motions and loads are rows of numbers: first the translation (force), then the rotation (torque) about the
-centre, in units in which a length of `size` is one. In 2-D they have 3 components, in 3-D 6.
+Motions and loads are rows: translation (force), then rotation (torque) about the centre, with `size` as unit of
+length; in 2-D 3 components, in 3-D 6.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ BALANCED = 1e-12  # of the load: what remains of it that is nothing, and what a 
 class Hold:
     """Contact forces that balance a load (n,) as far as friction allows.
 
-    They are combinations, with factors (m,) of at least zero, of the rows (m, n); `owner` (m,) is the contact each row
-    belongs to. `remainder` (n,) is the unbalanced part, the direction in which the load moves the grain.
+    They combine the `rows` (m, n), each of the contact `owner` (m,), with nonnegative `factors` (m,). `remainder`
+    (n,) is the unbalanced part, the direction in which the load moves the grain.
     """
 
     rows: Floats
@@ -79,7 +79,7 @@ def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: flo
 def balance(rows: Floats, load: Floats) -> tuple[Floats, Floats]:
     """The smallest unbalanced part (n,) of a load (n,) under forces along rows (m, n), and their factors (m,).
 
-    The unbalanced part is also the direction in which the load moves the grain: it enters no contact.
+    The unbalanced part enters no contact.
     """
     if len(rows) == 0:
         return load, np.empty(0)
@@ -88,10 +88,9 @@ def balance(rows: Floats, load: Floats) -> tuple[Floats, Floats]:
 
 
 def nearest_motion(rows: Floats, least: Floats, wish: Floats) -> Floats:
-    """The motion (n,) closest to a wish (n,) with rows @ motion >= least (m,).
+    """The motion (n,) closest to a wish (n,) with rows @ motion >= least (m,), least <= 0.
 
-    Least distance programming (Lawson and Hanson 1974, chapter 23); `least` is at most zero, so that no
-    motion at all is allowed.
+    Least distance programming (Lawson and Hanson 1974, chapter 23).
     """
     if len(rows) == 0:
         return wish
@@ -105,7 +104,6 @@ def nearest_motion(rows: Floats, least: Floats, wish: Floats) -> Floats:
 
 
 def _least_squares(system: Floats, target: Floats) -> Floats:
-    """The factors (m,), none below zero, by which columns of a system (n, m) come closest to a target (n,)."""
     from scipy.optimize import nnls
 
     factors, _ = nnls(system, target, maxiter=50 * max(system.shape))

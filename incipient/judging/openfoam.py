@@ -83,7 +83,7 @@ def _runs(path: Path) -> Iterator[_Run]:
         for name in names:
             file = folder / name.string
             if name["kind"] == "moment" and file not in known:
-                raise _refusal(f"{file} has no file of forces beside it; move it away")
+                raise _refusal(f"{file} has no file of forces next to it; move it away")
         for name in forces:
             again = name["start"] is not None
             yield _Run(float(name["start"] or start), again, folder / name.string)
@@ -137,7 +137,7 @@ def _table(path: Path) -> tuple[Floats, str]:
         raise _refusal(f"{path} is not finite at time {times[0]:g}; remove such lines")
     if len(times := table[1:, 0][np.diff(table[:, 0]) <= 0.0]):
         why = f"has time {times[0]:g} twice or out of order"
-        raise _refusal(f"{path} {why}; leave one line for each time")
+        raise _refusal(f"{path} {why}; keep one line for each time")
     return table, header.lower()
 
 
@@ -186,7 +186,7 @@ def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
 
 
 def _conflict(folder: Path, first: str, second: str, why: str) -> SceneError:
-    remedy = "give one of them, or move away what no longer counts"
+    remedy = "give one of them, or move the obsolete one away"
     return _refusal(f"{first} and {second} in {folder} {why}; {remedy}")
 
 

@@ -148,7 +148,7 @@ def _check(columns: Mapping[str, Floats]) -> None:
     for name, values in columns.items():
         if len(bad := np.flatnonzero(~np.isfinite(values))):
             raise SceneError(
-                f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out"
+                f"series: {name} is not finite in sample {bad[0] + 1}; remove such samples"
             )
     if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
         why = "time does not increase from sample to sample"

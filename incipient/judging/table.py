@@ -119,7 +119,7 @@ def _parquet(path: Path) -> Table:
 def _require_different(path: Path, names: Sequence[str]) -> None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
+        raise SceneError(f"{path}: has two columns {shortened(twice)}; remove one of them")
 
 
 def require_columns(

@@ -1,1 +1,1 @@
-"""The mesh in use: domain and named boundaries, motion with a grain, location of points, transfer to another mesh."""
+"""The mesh in use: domain, motion, location of points, transfer to another mesh."""

@@ -1,4 +1,4 @@
-"""Cells of a mesh: their shape functions, facets and nodes, and which of them are straight."""
+"""Cells of a mesh: shape functions, facets and nodes."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def shape_functions(mesh: Any) -> Any:
 
 
 def with_first(coordinates: Floats) -> Floats:
-    """All barycentric coordinates (..., gdim + 1) from those (..., gdim) of a reference cell, which lack the first."""
+    """All barycentric coordinates (..., gdim + 1) from coordinates (..., gdim) in a reference cell."""
     first = 1.0 - coordinates.sum(axis=-1, keepdims=True)
     return np.concatenate([first, coordinates], axis=-1)
 
 
 def barycentric_nodes(mesh: Any) -> Floats:
-    """Barycentric coordinates (nodes of a cell, gdim + 1) of a cell's nodes, vertices first. Not collective."""
+    """Barycentric coordinates (nodes, gdim + 1) of a cell's nodes, vertices first. Not collective."""
     return with_first(compat.reference_nodes(mesh))
 
 
 def straight_cells(mesh: Any) -> np.ndarray:
-    """Local cells to which an affine map takes the reference cell, up to round-off, ascending. Not collective."""
+    """Ascending local cells with an affine map from the reference cell. Not collective."""
     corners = barycentric_nodes(mesh)
     places = mesh.geometry.x[compat.geometry_dofs(mesh)]
     affine = np.einsum("nc,kcd->knd", corners, places[:, : corners.shape[1]])
@@ -50,7 +50,7 @@ def local_cells(mesh: Any) -> int:
 
 
 def cell_facets(mesh: Any, cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """The facets (n,) of the first local cells, cell by cell, and the geometry rows (n, gdim) of their corners."""
+    """The facets (n,) of the first local cells, cell by cell, and geometry rows (n, gdim) of their corners."""
     dimension = mesh.topology.dim
     mesh.topology.create_connectivity(dimension, dimension - 1)
     facets = mesh.topology.connectivity(dimension, dimension - 1).array[: cells * (dimension + 1)]

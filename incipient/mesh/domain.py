@@ -32,21 +32,19 @@ class Domain:
 
     @property
     def gdim(self) -> int:
-        """Dimension of space, two or three."""
         return int(self.mesh.geometry.dim)
 
     @property
     def comm(self) -> MPI.Comm:
-        """The communicator the mesh lives on."""
         return self.mesh.comm
 
     @property
     def halved(self) -> bool:
-        """Whether this is half of a domain that is its own mirror image, cut in a plane of constant y."""
+        """Whether this is half of a mirror-symmetric domain, cut in a plane of constant y."""
         return SYMMETRY in self.names
 
     def facets_of(self, name: str) -> np.ndarray:
-        """Local facets (ghosts included) of a named boundary; empty on ranks without any."""
+        """Local facets (ghosts included) of a named boundary."""
         return self.facets.find(self.names[name])
 
     def measure(self, *names: str) -> Any:
@@ -60,8 +58,7 @@ class Domain:
 def build(comm: MPI.Comm, drawing: Callable[[], Simplices]) -> Domain:
     """Mesh on rank 0, where `drawing()` is called, then distribute. Collective.
 
-    Raises:
-        MeshError: on all ranks, when the geometry cannot be meshed or part of the boundary has no name.
+    Raises MeshError on all ranks, when the geometry cannot be meshed or part of the boundary has no name.
     """
     simplices, known = None, None
     with collectively(comm):
@@ -85,7 +82,7 @@ def build(comm: MPI.Comm, drawing: Callable[[], Simplices]) -> Domain:
 
 
 def _check_boundary(domain: Domain) -> None:
-    """Every exterior facet must be named once: a facet left out would silently be an open boundary."""
+    """A facet without a name would silently be an open boundary."""
     exterior = compat.exterior_facets(domain.mesh)
     unnamed = np.setdiff1d(exterior, domain.facets.indices)
     missing = domain.comm.allreduce(len(unnamed))
@@ -94,10 +91,9 @@ def _check_boundary(domain: Domain) -> None:
 
 
 def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
-    """The tags (k,) of facets whose corners were given as nodes of numbers (k, gdim), as tags of the mesh.
+    """The tags (k,) of facets with corners of node numbers (k, gdim), which all ranks know, as tags of the mesh.
 
-    All ranks know all of these facets; tagged are those that they have, also of ghosts. Those that the mesh does not
-    have are left out. Collective.
+    Facets of ghosts are tagged, too; those that the mesh does not have are left out. Collective.
     """
     dimension = mesh.topology.dim
     facets, rows = cell_facets(mesh, local_cells(mesh))
@@ -117,7 +113,7 @@ def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
 
 
 def _positions(ascending: Integers, numbers: Integers) -> Integers:
-    """Indices (n,) of numbers (n,) among ascending ones; -1 where they are missing."""
+    """Indices (n,) of numbers (n,) among ascending ones; -1: missing."""
     if not len(ascending):
         return np.full(len(numbers), -1)
     position = np.minimum(np.searchsorted(ascending, numbers), len(ascending) - 1)

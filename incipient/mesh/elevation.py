@@ -1,9 +1,8 @@
 """Vertical displacement of a mesh below a free surface.
 
 A node's rise w solves LEVELLING w_xx + w_yy = 0 where the mesh was made: it is the elevation on the surface, zero on
-the bed and on bodies, free along the sides. A harmonic function would fold cells below a trough of slope one;
-this one folds them at slopes of 1/sqrt(LEVELLING). Nodes keep their horizontal positions, so that the matrix of the
-kinematic condition is constant.
+the bed and on bodies, free along the sides. Cells fold at slopes of 1/sqrt(LEVELLING), with a harmonic function at
+one. Nodes keep their horizontal positions, so that the matrix of the kinematic condition is constant.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ LEVELLING = 0.04  # weight of the horizontal slopes of the rise against the vert
 
 
 class RisingDisplacement:
-    """The displacement of a mesh by the elevation of its surface. Holds PETSc objects; every method is collective.
+    """The displacement of a mesh by the elevation of its surface. Holds PETSc objects; all is collective.
 
     Args:
         domain: whose mesh is as it was made, with its surface level.
@@ -38,7 +37,7 @@ class RisingDisplacement:
         still: height of the still level; None: the height at which the surface was made.
 
     Attributes:
-        nodes: local nodes of `space` on the surface, in ascending order; of them the first `owned` are this rank's.
+        nodes: local nodes of `space` on the surface, ascending; the first `owned` are this rank's.
         raised: height at which the surface was made above the still level.
     """
 
@@ -99,18 +98,18 @@ class RisingDisplacement:
         return moved
 
     def elevation_of(self, tested: Any) -> Floats:
-        """(local nodes,) the elevation h with int q h (n . up) ds given for every test function (PETSc vector).
+        """(local nodes,) the elevation h with given int q h (n . up) ds (PETSc vector).
 
         Elevations vanish where the surface is pinned, and so do test functions.
         """
         return self.solved(self._averaged, tested)
 
     def factors(self, matrix: Any, symmetric: bool = False) -> SurfaceFactors:
-        """The factors of a matrix of the space for the nodes of the surface that are not pinned."""
+        """The factors of a matrix for the nodes of the surface that are not pinned."""
         return SurfaceFactors(matrix, self._numbers(self._free), symmetric)
 
     def times(self, matrix: Any, elevation: Floats) -> Any:
-        """A matrix of the space times an elevation (local nodes,), as a PETSc vector that the next call overwrites."""
+        """A matrix times an elevation (local nodes,), a PETSc vector that the next call overwrites."""
         self._values.x.array[:] = elevation
         matrix.mult(self._views[1], self._views[0])
         return self._views[0]
@@ -125,22 +124,21 @@ class RisingDisplacement:
         return np.array(values)
 
     def with_volume(self, elevation: Floats, volume: float) -> Floats:
-        """(local nodes,) the nearest elevation of a volume that is the same where the surface is pinned.
+        """(local nodes,) the nearest elevation of a volume, unchanged where the surface is pinned.
 
-        Nearest in the mean square over the area below the surface: where nothing is pinned, one shifted by a constant.
+        Nearest in the mean square over the area below the surface.
         """
         return elevation + (volume - self.mean(elevation)) / self._extent * self._level
 
     def remove_pinned_projection(self, elevation: Floats, closed: bool) -> Floats:
-        """(local nodes,) an elevation less the nearest of those that vanish where it is pinned.
+        """(local nodes,) an elevation less the nearest that vanishes where pinned.
 
-        In a closed domain these also have no volume.
+        In a closed domain that one has no volume either.
         """
         nearest = self._nearest(elevation)
         return elevation - (self.with_volume(nearest, 0.0) if closed else nearest)
 
     def _nearest(self, elevation: Floats) -> Floats:
-        """The nearest of the elevations that vanish where the surface is pinned."""
         self._moments(elevation)
         return self.elevation_of(self._views[0])
 
@@ -150,23 +148,22 @@ class RisingDisplacement:
         return self._work.x.array[: self.space.dofmap.index_map.size_local].copy()
 
     def mean(self, elevation: Floats, other: Floats | None = None) -> float:
-        """The integral of an elevation, or of the product with another one, over the area below the surface."""
+        """The integral of an elevation, or of the product of two, over the area below the surface."""
         moments = self._moments(elevation)
         mine = float(moments.sum() if other is None else moments @ other[: len(moments)])
         return float(self.domain.comm.allreduce(mine))
 
     def on_nodes(self, elevation: Floats) -> Floats:
-        """(n,) an elevation (local nodes of the space,) at the rows of `mesh.geometry.x`. Not collective."""
+        """(n,) an elevation (local nodes,) at the rows of `mesh.geometry.x`. Not collective."""
         return np.asarray(elevation[self._rows])
 
     def from_nodes(self, values: Floats) -> Floats:
-        """(local nodes of the space,) what `on_nodes` has given. Not collective."""
+        """(local nodes,) the inverse of `on_nodes`. Not collective."""
         elevation = np.zeros_like(self._values.x.array)
         elevation[self._rows] = values
         return elevation
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         for held in (self._spread, self._averaged, self._stiffness, self.area, *self._views):
             held.destroy()
 
@@ -192,7 +189,7 @@ def _assembled(integral: Any) -> Any:
 
 
 def _factorised(matrix: Any, symmetric: bool) -> Any:
-    """A direct solver of a matrix, which is positive definite where it is symmetric. Collective."""
+    """A direct solver, of a positive definite matrix if symmetric. Collective."""
     solver, mumps = PETSc.KSP().create(matrix.comm), PETSc.Sys.hasExternalPackage("mumps")
     if symmetric:
         matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -206,7 +203,7 @@ def _factorised(matrix: Any, symmetric: bool) -> Any:
 
 
 class SurfaceFactors:
-    """The factors of the part of a matrix that has some rows and columns, by their global numbers on this rank.
+    """The factors of the part of a matrix with some rows and columns, by their global numbers.
 
     Holds PETSc objects; every method is collective.
     """
@@ -226,6 +223,5 @@ class SurfaceFactors:
         return np.array(self._solution.array_r)
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         for held in (self._solver, self._solution, self._right_side):
             held.destroy()

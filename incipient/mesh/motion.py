@@ -1,11 +1,10 @@
-"""Meshes that follow bodies: rigid near them, less displaced farther away; and meshes stretched into a larger box.
+"""Meshes that follow bodies, rigid near them, less displaced farther away; and stretched ones.
 
 A vertex at X moves to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
-translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
-body and zero on other boundaries. Nodes slide along straight sides: a long channel's mesh is stretched, not sheared.
-Straight cells stay straight. Positions depend on the body's position alone, so that the mesh's velocity is as
-accurate as the body's. Displacements of several parts are added; each vanishes on the boundaries of the others.
-Discs and spheres do not turn the mesh, which slides along them.
+translation and rotation since the mesh was made. The weights w, one a direction, and w_r are one near the body and
+zero on other boundaries, but nodes slide along straight sides. Straight cells stay straight. Positions depend on the
+body's position alone, so that the mesh's velocity is as accurate as the body's. Displacements of several parts are
+added. Discs and spheres do not turn the mesh, which slides along them.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ LEAST_QUALITY = 0.02
 
 @dataclass(frozen=True)
 class MeshQuality:
-    """The worst cell: its quality (1 equilateral, 0 flat, negative folded), and that over its quality when made."""
+    """The worst cell: its quality (1 equilateral, 0 flat, negative folded), and that over its first one."""
 
     worst: float
     relative: float
@@ -110,15 +109,15 @@ class MeshMotion:
         self._qualities = self._cell_qualities(self.reference)
 
     def places(self, *displacements: Floats) -> Floats:
-        """(n, 3) positions of the mesh's nodes under displacements (n, 3), one per part. Not collective."""
+        """(n, 3) positions of the mesh's nodes under displacements (n, 3). Not collective."""
         return np.asarray(sum(displacements, start=self.reference))
 
     def move(self, *displacements: Floats) -> None:
-        """Move the mesh to where the displacements put it. Not collective."""
+        """Move the mesh to `places`. Not collective."""
         self.domain.mesh.geometry.x[:] = self.places(*displacements)
 
     def quality(self, places: Floats | None = None) -> MeshQuality:
-        """Quality of the mesh as it is now, or as it would be with its nodes at other positions (n, 3)."""
+        """Quality of the mesh as it is now, or with its nodes at other positions (n, 3)."""
         qualities = self._cell_qualities(self.domain.mesh.geometry.x if places is None else places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
         comm = self.domain.comm
@@ -127,7 +126,7 @@ class MeshMotion:
         )
 
     def _cell_qualities(self, places: Floats) -> Floats:
-        """(cells,) the least of d det(A)^(2/d) / |A|^2 over points of each cell, A mapping from an equilateral one."""
+        """(cells,) the least of d det(A)^(2/d) / |A|^2, A mapping from an equilateral cell."""
         gdim = self.domain.gdim
         nodes = places[self._cells, :gdim].transpose(2, 0, 1)
         jacobians = nodes[:, None] @ self._slopes.transpose(0, 2, 1)  # (gdim, gdim, cells, points)
@@ -138,10 +137,9 @@ class MeshMotion:
 
 
 def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
-    """The other nodes (m,) of straight cells in `mesh.geometry.x`, their vertices and barycentric coordinates.
+    """Other nodes (m,) of straight cells, their vertices and barycentric coordinates (m, gdim + 1).
 
-    Vertices and coordinates are (m, dimension + 1). A node is among them on every rank that has
-    it, though the straight cell may be another rank's. Collective.
+    A node is among them on every rank that has it, though the straight cell may be another rank's. Collective.
     """
     cells, corners = compat.geometry_dofs(mesh), barycentric_nodes(mesh)
     space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
@@ -156,7 +154,7 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
-    """The boundaries along which nodes may slide in each direction: plane ones, normal to another axis."""
+    """The boundaries along which nodes slide in each direction: plane ones, normal to another axis."""
     space = compat.function_space(
         domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh))
     )
@@ -179,7 +177,7 @@ def _normal_axis(domain: Domain, name: str, space: Any) -> int | None:
 
 
 class Potentials:
-    """Potentials between the boundaries of a domain, on the nodes of its mesh. Every method is collective."""
+    """Potentials between the boundaries of a domain. Every method is collective."""
 
     def __init__(self, domain: Domain):
         mesh = domain.mesh
@@ -190,10 +188,10 @@ class Potentials:
         self._zero = compat.form(ufl.inner(dolfinx.fem.Constant(mesh, 0.0), w) * ufl.dx)
 
     def weights(self, boundary: str, sliding: tuple[str, ...] = (), rigid: float = RIGID) -> Floats:
-        """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries at the vertices.
+        """(n,) weights of the mesh's nodes, from the potential between the boundaries at the vertices.
 
-        It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`;
-        and it is one wherever the potential is above `rigid`, in proportion to it elsewhere.
+        It is one on `boundary`, zero on the others except `sliding` ones; weights are one where it is above `rigid`,
+        in proportion to it elsewhere.
         """
         mesh, space = self.domain.mesh, self.space
         held = [name for name in sorted(self.domain.names) if name not in (boundary, *sliding)]
@@ -215,7 +213,6 @@ class Potentials:
         return values
 
     def _solve(self, conditions: list[Any], potential: Any) -> None:
-        """Laplace's equation with the given boundary values."""
         matrix = petsc.assemble_matrix(self._stiffness, conditions)
         matrix.assemble()
         right = petsc.assemble_vector(self._zero)
@@ -226,7 +223,7 @@ class Potentials:
 
 
 def _slopes(mesh: Any) -> Floats:
-    """(gdim, points, nodes) derivatives of the cell's shape functions along the axes of an equilateral cell."""
+    """(gdim, points, nodes) derivatives of the cell's shape functions along axes of an equilateral cell."""
     gdim, degree, element = mesh.topology.dim, compat.geometry_degree(mesh), shape_functions(mesh)
     # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in 2-D.
     points = basix.create_lattice(
@@ -249,8 +246,8 @@ def _turned(arms: Floats, rotations: Floats) -> Floats:
 def stretched(x: Floats, centre: Floats, kept: Floats, old: Floats, new: Floats) -> Floats | None:
     """Points (n, 3) of one box in another; None where stretching is impossible. Not collective.
 
-    Boxes (2, 3) are their least and largest coordinates. On each axis a point stays in place within `kept` (3,) of the
-    centre; beyond, it goes by a parabola that begins there and takes the old side to the new one.
+    Boxes (2, 3) are their least and largest coordinates. On each axis a point within `kept` (3,) of the centre stays;
+    beyond, a parabola takes the old side to the new one.
     """
     moved = x.copy()
     for axis in range(3):

@@ -1,8 +1,7 @@
 """Location of points in the cells of a mesh, values of fields there, and extrema along lines, on any ranks.
 
-The search is by whole arrays: pairs of points and cells whose bounding balls hold them come from a tree of the
-points, the straight simplex on each cell's vertices rules most of them out, and curved cells are pulled back by
-Newton's method. Reference coordinates alone decide, so that a neighbour is never taken for the right cell.
+Bounding balls give pairs of points and cells, straight simplices rule most of them out, and curved cells are pulled
+back by Newton's method. Reference coordinates alone decide, so that a neighbour is never taken for the right cell.
 """
 
 from __future__ import annotations
@@ -37,10 +36,9 @@ TIE = 1e-12  # of its extent: what a cell loses against another one as near for 
 class Places:
     """Cells of one rank that hold points, or are nearest to them.
 
-    cells:     (n,) local numbers, -1 where there is none
-    reference: (n, gdim) coordinates in the reference cell, outside of it where the cell does not hold the point
-    distances: (n,) from the cell: zero inside, infinite where there is no cell; never too small, and where an
-               edge of the cell is nearest, not a face or vertex, somewhat too large in skew cells
+    cells:     (n,) local numbers, -1: none reference: (n, gdim) coordinates in the reference cell, outside of it
+    where the cell does not hold the point distances: (n,) from the cell, zero inside, infinite without a cell; never
+    too small, in skew cells somewhat too large
     """
 
     cells: Integers
@@ -49,16 +47,13 @@ class Places:
 
     @classmethod
     def nowhere(cls, count: int, gdim: int) -> Places:
-        """No cells for a number of points."""
         return cls(np.full(count, -1), np.zeros((count, gdim)), np.full(count, np.inf))
 
     @property
     def located(self) -> NDArray[np.bool_]:
-        """(n,) whether there is a cell."""
         return self.cells >= 0
 
     def at(self, rows: Any) -> Places:
-        """The places of some of the points."""
         return Places(self.cells[rows], self.reference[rows], self.distances[rows])
 
     def within(self, reach: float) -> Places:
@@ -95,14 +90,14 @@ class Locator:
         self.box = _box(hull.reshape(-1, self.gdim))
 
     def inside(self, points: Floats) -> Places:
-        """A cell that holds each of the points (n, at least gdim); none where no cell does."""
+        """A cell that holds each of the points (n, at least gdim)."""
         return self._in_parts(points, self._inside)
 
     def nearest(self, points: Floats) -> Places:
-        """The cell nearest to each of the points (n, at least gdim); none only where this rank has no cells.
+        """The cell nearest to each of the points (n, at least gdim), assumed outside of all cells.
 
-        The points are assumed outside of all cells. Candidates are the `NEAR` cells with the nearest centres. Where the
-        cell's map has no inverse at the point, the result is a near point of the cell.
+        Among the `NEAR` cells with the nearest centres. Where the cell's map has no inverse, a near point of the cell
+        counts.
         """
         return self._in_parts(points, self._nearest)
 
@@ -177,7 +172,7 @@ class Locator:
         return _clipped(coordinates - beyond * self._ways[cells, face[..., 0]])
 
     def _straight(self, points: Floats, cells: Integers) -> Floats:
-        """(..., gdim + 1) barycentric coordinates in the straight simplices on the cells' vertices."""
+        """(..., gdim + 1) barycentric coordinates in the straight simplices."""
         return with_first(
             np.einsum("...kg,...g->...k", self._inverses[cells], points - self._origins[cells])
         )
@@ -190,7 +185,7 @@ class Locator:
     def _pulled_back(
         self, points: Floats, cells: Integers, start: Floats
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        """(n, gdim) reference coordinates of points in cells and (n,) whether Newton's method converged."""
+        """(n, gdim) reference coordinates of points in cells and (n,) whether they converged."""
         reference, good = start.copy(), np.ones(len(points), dtype=bool)
         if self._element.degree == 1:
             return reference, good
@@ -212,7 +207,7 @@ class Locator:
 
 
 def sample(function: Any, points: np.ndarray) -> np.ndarray:
-    """Values (n, components) of a dolfinx function at points (n, gdim or 3), the same on every rank. Collective.
+    """Values (n, components) of a dolfinx function at points (n, gdim or 3), on every rank. Collective.
 
     Points outside the mesh give NaN.
     """
@@ -263,10 +258,7 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
 
 
 def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
-    """Extrema of the velocity on the centrelines of a box. Collective.
-
-    Along the upright one it is the first component, along the level one in the lid's direction the upward one.
-    """
+    """Extrema on the centrelines of a box, of the component across each (upright: the first). Collective."""
     up = domain.up
     centre = np.array([*domain.entrance[:-1], domain.bottom + 0.5 * domain.height])
     centre[0] += 0.5 * domain.length
@@ -285,7 +277,7 @@ def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
 
 
 def evaluate(function: Any, places: Places) -> Floats:
-    """(n, components) values of a scalar or vector function at places, all of them in this rank's cells.
+    """(n, components) values of a scalar or vector function at places in this rank's cells.
 
     Outside of its cell the function's polynomial is extrapolated. Ghosts must be up to date.
     """
@@ -296,7 +288,7 @@ def evaluate(function: Any, places: Places) -> Floats:
 
 
 def _to_bernstein(element: Any) -> Floats:
-    """(n, n) matrix from a polynomial's values at an equispaced element's nodes to its Bernstein coefficients."""
+    """(n, n) matrix from values at an equispaced element's nodes to Bernstein coefficients."""
     degree, nodes = element.degree, with_first(element.points)
     exponents = np.rint(degree * nodes).astype(int)
     ways = [factorial(degree) // int(np.prod([factorial(k) for k in row])) for row in exponents]
@@ -315,13 +307,12 @@ def _inverses(matrices: Floats) -> Floats:
 
 
 def _clipped(coordinates: Floats) -> Floats:
-    """A near point of the simplex for points outside."""
     kept = np.maximum(coordinates, 0.0)
     return np.asarray(kept / kept.sum(axis=-1, keepdims=True))
 
 
 def _box(points: Floats) -> Floats:
-    """(2, g) lowest and highest coordinates; an empty box if there are no points."""
+    """(2, g) lowest and highest coordinates."""
     return np.array([points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
 
 

@@ -18,7 +18,7 @@ class _Exchange:
     """Points that ranks look up for one another.
 
     rows:   for each rank the numbers of this rank's points that it looks up
-    places: in this rank's cells of the points it looks up, those of the first rank first
+    places: of the points that this rank looks up, those of the first rank first
     splits: where the points of the next rank begin
     """
 
@@ -30,19 +30,18 @@ class _Exchange:
 class Transfer:
     """Evaluation of functions of one mesh, where it is now, at points that may differ from rank to rank.
 
-    Construction is collective; one transfer serves any number of functions on the mesh. A point outside the mesh
-    takes the extrapolated polynomial of the nearest cell: meant for a remeshed curved boundary, whose nodes lie
-    off the old mesh by a fraction of a cell (see `farthest`).
+    Construction is collective. A point outside the mesh takes the extrapolated polynomial of the nearest cell: nodes
+    of a remeshed curved boundary lie off the old mesh by a fraction of a cell.
 
     Args:
         mesh: the mesh, of simplices, straight or curved.
         points: (n, gdim or 3) of this rank, in scene units.
         reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a point takes the value at
-            a near point of the cell, as needed in interstices that coarse cells fill differently on each mesh.
+            a near point of the cell, as in interstices that coarse cells fill differently on each mesh.
 
     Attributes:
         outside: how many of the points of all ranks no cell holds.
-        farthest: largest distance of any of them from the cell it takes its values from; zero if there are none.
+        farthest: largest distance of any of them from the cell it takes its values from.
     """
 
     def __init__(self, mesh: Any, points: Floats, reach: float = np.inf):
@@ -58,10 +57,9 @@ class Transfer:
         self.farthest = float(self._comm.allreduce(farthest, op=MPI.MAX))
 
     def values(self, function: Any) -> Floats:
-        """(n, components) values of a function on the mesh at this rank's points. Collective.
+        """(n, components) values at this rank's points. Collective.
 
-        The function is scalar or vector, in a Lagrange space of any order, its ghosts up to date. Within the
-        mesh the values are the function's own.
+        The function is scalar or vector, in a Lagrange space of any order, its ghosts up to date.
         """
         block = function.function_space.dofmap.index_map_bs
         values = np.empty((len(self._points), block))
@@ -97,7 +95,7 @@ class Transfer:
         return _Exchange(rows, places.at(np.concatenate(kept)), splits)
 
     def _nearest(self, requested: list[Integers], answers: list[Floats]) -> Integers:
-        """(n,) the first rank from which each point is nearest, -1 where there is none."""
+        """(n,) the first rank from which each point is nearest, -1: none."""
         distances = np.full((len(requested), len(self._points)), np.inf)
         for rank, (rows, answer) in enumerate(zip(requested, answers, strict=True)):
             distances[rank, rows] = answer
@@ -105,5 +103,4 @@ class Transfer:
 
 
 def _splits(parts: list[Any]) -> Integers:
-    """Start indices of the concatenated parts, without the first."""
     return np.cumsum([len(part) for part in parts])[:-1]

@@ -1,4 +1,4 @@
-"""Distances from walls on any number of ranks."""
+"""Distances from walls, and the cells next to them, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .. import compat
-from ..arrays import Floats
+from ..arrays import Floats, Integers
 from ..geometry.space.surfaces import nearest_on_triangles
 from .cells import cell_facets, local_cells, shape_functions
 from .domain import Domain
@@ -51,7 +51,7 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in 3-D four, on all ranks. Collective."""
+    """Corners (n, gdim, gdim) of straight pieces of walls, on all ranks. Collective."""
     pieces = np.array(PIECES)
     if domain.gdim == 2:
         pieces = np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]
@@ -59,7 +59,7 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
 
 
 def places_on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Ends of the pieces (facets, n, gdim) of the facets of walls, in 2-D in order, on all ranks. Collective."""
+    """Ends of the pieces (facets, n, gdim) of the facets of walls, on all ranks. Collective."""
     mesh, gdim = domain.mesh, domain.gdim
     t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
     on_facet = IN_TRIANGLE if gdim == 3 else np.column_stack([1 - t, t])
@@ -71,3 +71,12 @@ def places_on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
     cells, lacking = np.divmod(first[np.searchsorted(every, wanted)], gdim + 1)
     nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[cells], :gdim]
     return np.concatenate(domain.comm.allgather(shapes[lacking] @ nodes))
+
+
+def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:
+    """Local cells, ghosts included, that have a corner on one of the named walls. Collective."""
+    corners = compat.space(domain.mesh, ("Lagrange", 1))
+    facets = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
+    on_wall = np.zeros(len(corners.tabulate_dof_coordinates()), dtype=bool)
+    on_wall[compat.nodes_on(corners, facets)] = True
+    return np.flatnonzero(on_wall[compat.cell_dofs(corners)].any(axis=1))

@@ -33,11 +33,10 @@ if TYPE_CHECKING:
 
 
 class ResultDirectory(Recorder):
-    """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
+    """Records a run in a directory. Every method is collective, and raises OutputError on all ranks.
 
-    The directory is unchanged until a run begins. Then an earlier run is moved or removed (`ownership`); `overwrite`
-    also removes one that could be resumed. With a checkpoint, later steps are dropped and the series continue; the
-    earlier result stays until the new one. Raises OutputError on all ranks if writing fails.
+    The directory is unchanged until a run begins. Then an earlier run is moved or removed (`ownership`). With a
+    checkpoint later steps are dropped and the series continue; the earlier result stays until the new one.
     """
 
     keeps = True
@@ -69,7 +68,6 @@ class ResultDirectory(Recorder):
             self._surface = FieldSeries(stem, domain.mesh, self.comm, after, facets)
 
     def _make_ready(self) -> None:
-        """Move or remove an earlier run; on resumption drop the rows after the checkpoint."""
         if self._resumed is None:
             make_directory(self.path)
             make_room(self.path, self._overwrite)
@@ -83,34 +81,29 @@ class ResultDirectory(Recorder):
         return self._series is not None and (last or (every > 0 and number % every == 0))
 
     def step(self, row: dict[str, Any]) -> None:
-        """Append to the history."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 append_row(self.path / HISTORY, row)
 
     def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Append to the table of contacts."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 for row in rows:
                     append_row(self.path / CONTACTS, row)
 
     def remeshed(self, domain: Domain) -> None:
-        """Continue the XDMF series on another mesh."""
         if self._series is not None:
             self._series.remeshed(domain.mesh)
         if self._surface is not None:
             self._surface.remeshed(domain.mesh, domain.facets_of("body"))
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        """Append to the XDMF series."""
         if self._series is not None:
             self._series.write(time, fields)
         if self._surface is not None and traction is not None:
             self._surface.write(time, {"traction": traction})
 
     def keep(self, checkpoint: Checkpoint) -> Path:
-        """Write the checkpoint; returns the directory."""
         from ..restart import checkpoint as checkpoints
 
         with collectively(self.comm):
@@ -120,7 +113,6 @@ class ResultDirectory(Recorder):
         return self.path
 
     def provisional(self, result: Result) -> Path:
-        """Write result.json; returns the directory."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._write(result)
@@ -137,7 +129,6 @@ class ResultDirectory(Recorder):
                         (self.path / CHECKPOINT).unlink(missing_ok=True)
 
     def _write(self, result: Result) -> None:
-        """Write result.json; a more complete result of the resumed run is kept."""
         if self._resumed is not None:
             remove_pictures(self.path)
             if result.status != "complete":

@@ -1,22 +1,39 @@
-"""Result files of incipient in a directory, and their removal or renaming. Not collective.
+"""Result files of incipient in a directory, their removal or renaming, and one run there at a time.
 
-No other file is replaced or removed.
+No other file is replaced or removed. Not collective except `locked`.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import os
 import re
 import shutil
-from collections.abc import Collection, Iterable
-from contextlib import suppress
+import socket
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from datetime import datetime
 from pathlib import Path
 
 from ..errors import OutputError
-from ..files import MARK, numbered, own, owned, reported, require_own, write_text_atomically
+from ..files import (
+    MARK,
+    hold_alone,
+    make_directory,
+    numbered,
+    opened_mark,
+    own,
+    owned,
+    reported,
+    require_own,
+    write_fully,
+    write_text_atomically,
+)  # fmt: skip
+from ..parallel import Comm, collectively
 from ..results.kinds import KINDS, RUN
 
+AT_WORK = "# at work: "  # begins the line of a running process in the mark
 log = logging.getLogger("incipient")
 
 SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
@@ -62,7 +79,6 @@ def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None
 
 
 def _there(directory: Path, names: Collection[str]) -> list[Path]:
-    """The files of these names in a directory, renamed and incomplete ones included."""
     return [path for path in directory.iterdir() if _name(path) in names]
 
 
@@ -110,7 +126,6 @@ def _remove(paths: list[Path]) -> None:
 
 
 def _move(paths: list[Path], directory: Path, what: str) -> None:
-    """Move files, the checkpoint last, and a copy of the scene to a new numbered directory, and report it."""
     neighbour = numbered(directory.resolve())
     with reported(neighbour):
         neighbour.mkdir()
@@ -126,14 +141,9 @@ def _move(paths: list[Path], directory: Path, what: str) -> None:
 def refuse_foreign(
     directory: Path, names: Iterable[str] = (), sources: Iterable[Path] = ()
 ) -> None:
-    """Refuse a directory in which an output file is a link, a foreign file, or an input file.
+    """Refuse a directory in which an output file is a link, a foreign file, or one of the input files `sources`.
 
-    Args:
-        names: output files; none: those of all commands with a scene.
-        sources: input files.
-
-    Raises:
-        OutputError: naming the file.
+    names: output files; none: those of all commands with a scene. Raises OutputError naming the file.
     """
     wanted = {*names} or {*RESULTS, SCENE}
     for path in sorted(directory.iterdir()) if directory.is_dir() else ():
@@ -142,3 +152,34 @@ def refuse_foreign(
         require_own(path, folder=True)
         if any(source.exists() and path.samefile(source) for source in sources):
             raise OutputError(f"{path}: is read and would be replaced; choose another directory")
+
+
+@contextmanager
+def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
+    """Lock a directory against other runs during the block; with `make` create it. Only entering is collective.
+
+    Raises OutputError on all ranks: the directory is locked, a file is not of a run, or the mark is not writable.
+    """
+    with ExitStack() as held:
+        with collectively(comm):
+            if comm.rank == 0:
+                if make:
+                    make_directory(directory)
+                if not directory.exists():
+                    raise OutputError(
+                        f"{directory}: no such directory; give the directory of a run"
+                    )
+                with reported(directory / MARK):
+                    mark = held.enter_context(opened_mark(directory))
+                    hold_alone(mark, lambda: _busy(directory))
+                    since = datetime.now().astimezone().isoformat(" ", "seconds")
+                    who = f"process {os.getpid()} on {socket.gethostname()}, since {since}"
+                    write_fully(mark, f"{AT_WORK}{who}\n".encode())
+                refuse_foreign(directory)
+        yield
+
+
+def _busy(directory: Path) -> str:
+    _, _, last = (directory / MARK).read_text(errors="replace").rpartition(AT_WORK)
+    remedy = "wait for it or choose another directory"
+    return f"{directory}: another run is using it ({last.splitlines()[0]}); {remedy}"

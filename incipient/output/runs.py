@@ -18,8 +18,7 @@ from ..scene import Scene, Time, load
 from ..scene.file import loads
 from ..simulation.recorder import Recorder
 from .directory import ResultDirectory
-from .lock import locked
-from .ownership import CHECKPOINT, SCENE
+from .ownership import CHECKPOINT, SCENE, locked
 
 if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
@@ -51,11 +50,9 @@ def run(
 ) -> Result:
     """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
 
-    With `numerics.accuracy` mesh and order are chosen to reach it (docs/explanation/errors.md). After meshing,
-    an earlier run in the directory is removed, or moved to a numbered directory if it can be resumed.
-
     Args:
-        directory: for the resolved scene, result.json, history and fields; None writes nothing.
+        directory: for the resolved scene, result.json, history and fields; None writes nothing. An earlier run there is
+            removed, or moved to a numbered directory if it can be resumed.
         voice: reports progress; default: none.
         overwrite: remove an earlier run even if it can be resumed.
 
@@ -77,19 +74,15 @@ def resume(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Result:
-    """Resume an interrupted run from the checkpoint in its directory. Collective over `comm`.
-
-    The number of ranks may change. History and fields continue from the checkpoint; unreadable fields are renamed. The
-    earlier result stays until the new one.
+    """Resume an interrupted run from its checkpoint, on any number of ranks. Collective over `comm`.
 
     Args:
-        directory: the directory of the run.
         overrides: such as ``"time.end=20"``; `output.runs` lists the keys that may change.
         voice: reports progress; default: none.
 
     Raises:
-        IncipientError: as `run`; also for a checkpoint that is missing, damaged, incomplete, of another version or of
-            another scene, and for a complete run.
+        IncipientError: as `run`; also for a checkpoint that is missing, damaged, of another version or scene,
+            and for a complete run.
     """
     comm, directory = comm or world(), Path(directory)
     with locked(directory, comm):
@@ -98,12 +91,7 @@ def resume(
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Scene, Checkpoint]:
-    """The scene and the checkpoint of an interrupted run, on every rank. Collective.
-
-    Raises:
-        OutputError: the checkpoint is missing, damaged, incomplete or of another version.
-        SceneError: the scene differs from that of the checkpoint, or the run is complete.
-    """
+    """The scene and the checkpoint of an interrupted run, on every rank. Collective; raises as `resume`."""
     from ..restart import checkpoint as checkpoints  # not needed by most runs
 
     kept = checkpoints.read(directory / CHECKPOINT, comm)
@@ -134,32 +122,32 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
             continue
         raise SceneError(
             f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
-            f"leave it so (only {', '.join(allowed)} may change) or start a new run with: incipient run"
+            f"keep that value (only {', '.join(allowed)} may change) or start a new run with: incipient run"
         )
 
 
 def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
-    """Refuse a complete run; `passes`: whether its grain may continue after a collision."""
     assert time is not None
     if kept.body is not None and kept.body.met and not passes:
         remedy = "set a smaller contact.gap"
-        raise SceneError(f"the run has ended: its grain met something; to resume it {remedy}")
+        raise SceneError(
+            f"the run has ended: its grain reached the bed or a wall; to resume it {remedy}"
+        )
     if (
         kept.body is not None
         and kept.body.on_bed is not None
         and time.until in kept.body.on_bed["done"]
     ):
-        why = f'its grain has come as far as time.until = "{time.until}"'
+        why = f'its grain has reached time.until = "{time.until}"'
         remedy = "give another, such as --set time.until=end"
         raise SceneError(f"the run has ended: {why}; to resume it {remedy}")
     if time.end - kept.time <= 1e-9 * time.end:
-        why = f"the run has come to t = {kept.time:g} already and time.end is {time.end:g}"
+        why = f"the run has already reached t = {kept.time:g}, and time.end is {time.end:g}"
         remedy = f"give a later one, such as --set time.end={2 * kept.time:g}"
         raise SceneError(f"{why}; to resume it {remedy}")
 
 
 def _adapted(kept: Checkpoint, then: Time | None, now: Time | None) -> Checkpoint:
-    """The checkpoint without values that a change of the scene invalidates: step length, collision with a wall."""
     assert now is not None and then is not None
     if now.step != then.step or (now.tolerance is None and then.tolerance is not None):
         kept = replace(kept, progress=replace(kept.progress, next_length=now.step))

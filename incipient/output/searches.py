@@ -29,8 +29,7 @@ from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
 from ..thresholds.gusts import CriticalGust, GustSearch, require_durations
 from ..thresholds.lasting import WeakestGusts
 from ..thresholds.outcome import Threshold
-from .lock import locked
-from .ownership import place_scene
+from .ownership import locked, place_scene
 
 Rows = Sequence[Mapping[str, Any]]
 OF_GUSTS = ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
@@ -74,12 +73,10 @@ class GustCurve:
     points: tuple[CriticalGust, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
         points = [one.to_dict() for one in self.points]
         return {"title": self.scene.title, "static": self.static, "points": points}
 
     def text(self) -> str:
-        """A line for each duration."""
         lines = [f"a steady flow moves the grain from {self.static:.4g} times its strength on"]
         return "\n".join([*lines, *(one.line() for one in self.points)])
 
@@ -94,10 +91,8 @@ def threshold(
     """Find the critical flow of a scene: the slowest that moves its grain. Collective over `comm`.
 
     Args:
-        scene: a grain that rests on a bed, in a steady flow.
-        directory: for threshold.json and the resolved scene; None writes nothing. The critical flow is written before
-            its error bars are estimated.
-        voice: reports every solved flow; default: none.
+        directory: for threshold.json, written before its error bars are estimated, and the resolved scene; None writes
+            nothing.
 
     Raises:
         IncipientError: on all ranks, one line; the threshold without error bars stays in the directory.
@@ -129,10 +124,8 @@ def gusts(
     """Find the weakest gusts that move a released grain out of its pocket. Collective over `comm`.
 
     Args:
-        scene: a released grain on a bed with forms; shape and start of gusts are those of its [flow.gust].
-        durations: of the gusts [time].
+        scene: shape and start of gusts are those of its [flow.gust].
         directory: for gusts.json, gusts.csv and the resolved scene, updated after each strength; None writes nothing.
-        voice: reports every run; default: none.
         announce: called with each strength when it is known.
 
     Raises:
@@ -174,14 +167,12 @@ def entrainment(
     """Compute the probability of motion in the fluctuating flow of the scene's [gusts]. Collective over `comm`.
 
     Args:
-        scene: a grain that rests on a bed, in a steady flow, with [gusts].
         directory: for entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
         probabilities: fractions of time with motion, for which Shields numbers are computed; default: 0.1%, 1%, 5%
             and 50%, within the range of the data.
         strengths: mean flows over the scene's, for a curve; default: along the whole curve.
         gusts: directory of `incipient gust`, for the rate of gusts that last long enough.
         data: CSV of measured Shields numbers and probabilities, for the picture.
-        voice: reports every solved flow; default: none.
 
     Raises:
         IncipientError: on all ranks, one line.

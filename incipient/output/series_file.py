@@ -1,8 +1,7 @@
 """Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF index; independent of dolfinx.
 
-`fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell), node numbers in VTK's order,
-`geometry` (nodes, 3) and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry are links to
-an earlier step. `fields.xdmf` is a temporal collection, for ParaView and pyvista.
+`fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell) in VTK's order, `geometry` (nodes, 3)
+and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry are links to an earlier step.
 """
 
 from __future__ import annotations
@@ -120,7 +119,6 @@ class SeriesFile:
         return f"      {ElementTree.tostring(grid, encoding='unicode')}\n"
 
     def _item(self, parent: ElementTree.Element, dataset: Any) -> None:
-        """Add the location of a dataset; VTK's reader does not follow links of HDF5."""
         about = {
             "Dimensions": " ".join(map(str, dataset.shape)),
             "NumberType": "Int" if dataset.dtype.kind == "i" else "Float",

@@ -8,25 +8,96 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from dolfinx.fem import Function
 from mpi4py import MPI
 
-from ..parallel import collectively
-from .nodes import QuadraticNodes
+from .. import compat
+from ..parallel import NumberedRows, collectively, joined
 from .series_file import SeriesFile
+
+_XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
+
+
+class QuadraticNodes:
+    """The P2 nodes of a distributed mesh, or of some of its facets, numbered contiguously over all ranks.
+
+    They represent P2 velocity and quadratic geometry exactly. The constructor and every method are collective; results
+    are complete on rank 0 and empty on the others. topology: (cells or facets, nodes each) in VTK's order.
+    """
+
+    def __init__(self, mesh: Any, facets: np.ndarray | None = None):
+        self.mesh, self._comm = mesh, mesh.comm
+        self._space = compat.space(mesh, ("Lagrange", 2))
+        self._dofs = compat.cell_dofs(self._space)
+        self._targets: dict[tuple[int, ...], tuple[Any, np.ndarray]] = {}
+        local = self._cells() if facets is None else self._facets(facets)
+        self._local, places = np.unique(local, return_inverse=True)
+        self.cell_type = _XDMF_NAMES[local.shape[1]]
+        index_map = self._space.dofmap.index_map
+        numbers = index_map.local_to_global(self._local.astype(np.int32)).astype(np.int64)
+        self._nodes = NumberedRows(self._comm, numbers)
+        cells = joined(self._comm, numbers[places.reshape(local.shape)])
+        self.topology = self._nodes.places_of(cells).astype(np.int32)
+
+    def coordinates(self) -> np.ndarray:
+        """Coordinates (nodes, 3), pushed through the mesh's geometry of any order."""
+        return self._nodes.joined(self._space.tabulate_dof_coordinates()[self._local])
+
+    def values(self, function: Any) -> np.ndarray:
+        """Nodal values of a Lagrange function, (nodes,) or (nodes, 3).
+
+        Vectors in 2-D get a third component of zero. At a jump between cells one side is taken.
+        """
+        shape = tuple(function.ufl_shape)
+        if shape not in ((), (1,), (2,), (3,)):
+            raise ValueError(f"a field of shape {shape} can not be written; write its components")
+        target, dofs = self._target(shape)
+        target.interpolate(function)
+        target.x.scatter_forward()
+        nodal = target.x.array.reshape(-1, *shape)[dofs.ravel()]
+        nodes = self._space.dofmap.index_map
+        count = nodes.size_local + nodes.num_ghosts
+        values = np.zeros((count, 3) if shape else count)
+        # The numbering may differ from that of the scalar space: map through the cells.
+        values[(self._dofs.ravel(), slice(*shape)) if shape else self._dofs.ravel()] = nodal
+        return self._nodes.joined(values[self._local])
+
+    def _target(self, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
+        if shape not in self._targets:
+            space = compat.space(self.mesh, ("Lagrange", 2), shape)
+            self._targets[shape] = Function(space), compat.cell_dofs(space)
+        return self._targets[shape]
+
+    def _cells(self) -> np.ndarray:
+        dimension = self.mesh.topology.dim
+        owned = self._dofs[: self.mesh.topology.index_map(dimension).size_local]
+        return owned[:, compat.vtk_order(dimension, owned.shape[1])]
+
+    def _facets(self, facets: np.ndarray) -> np.ndarray:
+        topology, dimension = self.mesh.topology, self.mesh.topology.dim
+        layout = self._space.dofmap.dof_layout
+        sides = np.array(
+            [layout.entity_closure_dofs(dimension - 1, side) for side in range(dimension + 1)]
+        )
+        sides = sides[:, compat.vtk_order(dimension - 1, sides.shape[1])]
+        topology.create_connectivity(dimension, dimension - 1)
+        _, first = np.unique(
+            topology.connectivity(dimension, dimension - 1).array, return_index=True
+        )
+        owned = facets[facets < topology.index_map(dimension - 1).size_local]
+        cell, side = np.divmod(first[owned], dimension + 1)
+        return self._dofs[cell[:, None], sides[side]]
 
 
 class FieldSeries:
     """Writes Lagrange functions on quadratic nodes of a mesh, or of part of its boundary, step by step.
 
-    Cells are Triangle_6 in 2-D and Tetrahedron_10 in 3-D, boundary cells Edge_3 and Triangle_6. Every method is
-    collective; rank 0 writes (`SeriesFile`). Topology is written once for each mesh, coordinates after each motion.
+    Every method is collective; rank 0 writes (`SeriesFile`). Topology is written once for each mesh, coordinates
+    after each motion. Raises OutputError on all ranks if writing fails; earlier steps stay readable.
 
     Args:
         after: stored steps after this time are removed; default: all.
-        facets: (n,) local indices of the boundary facets written; those owned by another rank are ignored. None: the
-            whole mesh.
-
-    Raises OutputError on all ranks if writing fails; earlier steps stay readable.
+        facets: (n,) local indices of the boundary facets written; None: the whole mesh.
     """
 
     def __init__(

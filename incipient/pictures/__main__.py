@@ -1,8 +1,4 @@
-"""`python -m incipient.pictures PATH` draws the pictures of a directory's results and prints their paths as they come.
-
-With `--animate --field NAME` it makes the one animation instead, with `--out FILE` under another than the usual name.
-Of a sweep's file it draws the pictures of the sweep, without VTK, which takes longer to load than to draw a sweep.
-"""
+"""`python -m incipient.pictures PATH` draws pictures of results or of a sweep, or a film, and prints their paths."""
 
 import argparse
 import sys

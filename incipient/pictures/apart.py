@@ -1,8 +1,6 @@
 """Drawing in a separate process.
 
-VTK's wheel and dolfinx's libraries conflict in one process: rendering a colour bar after a flow has been
-computed crashes it (both bring std::regex, built for different string ABIs). In a separate process a crash costs a
-picture and not the run.
+VTK's wheel and dolfinx's libraries conflict in one process: both bring std::regex, built for different string ABIs.
 """
 
 from __future__ import annotations

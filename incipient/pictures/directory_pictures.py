@@ -2,118 +2,110 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from matplotlib.figure import Figure
 
 from ..errors import IncipientError, OutputError
-from ..results import kinds
-from . import cells, elevation, flow, style, traction, trajectory, verdict, walls
-from .charts import cost, entrainment, gusts, poses, series, survey
-from .record import StoredRun, read
+from ..results.kinds import (
+    COST,
+    ENTRAINMENT,
+    GUSTS,
+    JUDGEMENT,
+    KINDS,
+    POSES,
+    RUN,
+    SERIES,
+    SURVEY,
+    THRESHOLD,
+    ResultKind,
+)  # fmt: skip
+from . import flow, style, surfaces, trajectory, verdict, walls
+from .charts import cost, searches, survey
+from .record import StoredRun, parsed_json, read
 
-Maker = Callable[[StoredRun], Figure]
-# What draws the picture of each kind of results other than a run.
-_OTHERS = {
-    kinds.THRESHOLD: verdict.draw_threshold,
-    kinds.GUSTS: gusts.draw,
-    kinds.ENTRAINMENT: entrainment.draw,
-    kinds.SURVEY: survey.draw,
-    kinds.POSES: poses.draw,
-    kinds.COST: cost.draw,
-    kinds.SERIES: series.draw,
-    kinds.JUDGEMENT: verdict.draw_judgement,
+# What draws a record other than a run's, from its content and its directory.
+CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
+    THRESHOLD: verdict.of_threshold,
+    GUSTS: searches.gusts,
+    ENTRAINMENT: searches.entrainment,
+    SURVEY: survey.figure,
+    POSES: searches.poses,
+    COST: cost.figure,
+    SERIES: searches.series,
+    JUDGEMENT: verdict.of_judgement,
 }
 
 
 def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
     """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
 
-    A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
-    with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
-    for a box in which nothing moves the velocity profiles on both centrelines. Each other kind of results
-    (`results.kinds`): one picture.
-
     Args:
         announce: called with the path of every picture as soon as it is there.
 
     Raises:
-        OutputError: when there is no result, when one is incomplete or damaged, or a picture could not be drawn or
-            written; all others have been drawn then.
+        OutputError: without a result, or when one is damaged or a picture cannot be written; all others are drawn.
     """
-    drawing = _DrawnPictures(announce)
-    others = [kind for kind in _OTHERS if (directory / kind.record).exists()]
-    record = directory / kinds.RUN.record
-    if record.exists() or not others:
-        with drawing.attempt(record):
-            _draw_run(directory, drawing)
-    for kind in others:
-        drawing.add(directory / kind.record, _OTHERS[kind])
-    if drawing.failures:
-        raise OutputError("; ".join(drawing.failures))
-    return drawing.written
+    written: list[Path] = []
+    failures: list[str] = []
+    for kind in [kind for kind in KINDS if (directory / kind.record).exists()] or [RUN]:
+        record = directory / kind.record
+        makers: Mapping[str, Callable[[], Figure]] = {}
+        with _failures_in(record, failures):
+            if kind is RUN:
+                makers = _of_run(read(directory))
+            else:
+                makers = {kind.name: partial(CHARTS[kind], parsed_json(record), directory)}
+        for name, make in makers.items():
+            path = directory / f"{name}.png"
+            with _failures_in(path if kind is RUN else record, failures), style.applied():
+                style.save(make(), path)
+                written.append(path)
+                announce(path)
+        if kind is SURVEY:
+            with _failures_in(record, failures):
+                written.append(survey.for_paraview(directory))
+                announce(written[-1])
+    if failures:
+        raise OutputError("; ".join(failures))
+    return written
 
 
-class _DrawnPictures:
-    """Pictures drawn one after the other; a failure does not stop the others."""
-
-    def __init__(self, announce: Callable[[Path], object]):
-        self._announce = announce
-        self.written: list[Path] = []
-        self.failures: list[str] = []
-
-    @contextmanager
-    def attempt(self, path: Path) -> Iterator[None]:
-        """Record errors of the block, which reads or writes a file."""
-        try:
-            yield
-        except IncipientError as error:
-            self.failures.append(str(error))
-        except Exception as error:
-            why = " ".join(f"{type(error).__name__}: {error}".split())
-            self.failures.append(f"{path}: cannot be drawn: {why}")
-
-    def done(self, path: Path) -> None:
-        """Record and announce a picture."""
-        self.written.append(path)
-        self._announce(path)
-
-    def add(self, source: Path, make: Callable[[Path], list[Path]]) -> None:
-        """Draw the pictures of a file of results."""
-        with self.attempt(source):
-            for path in make(source.parent):
-                self.done(path)
+@contextmanager
+def _failures_in(path: Path, failures: list[str]) -> Iterator[None]:
+    try:
+        yield
+    except IncipientError as error:
+        failures.append(str(error))
+    except KeyError as error:
+        failures.append(f"{path}: holds no {error.args[0]}; compute it again")
+    except Exception as error:
+        why = " ".join(f"{type(error).__name__}: {error}".split())
+        failures.append(f"{path}: cannot be drawn: {why}")
 
 
-def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
-    run = read(directory)
+def _of_run(run: StoredRun) -> dict[str, Callable[[], Figure]]:
+    makers: dict[str, Callable[[StoredRun], Figure]] = {}
     if run.moves:
-        drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
-    for name, make in _makers(run).items():
-        path = directory / f"{name}.png"
-        with drawing.attempt(path), style.applied():
-            style.save(make(run), path)
-            drawing.done(path)
-
-
-def _makers(run: StoredRun) -> dict[str, Maker]:
-    """Functions that draw the pictures of a run's last fields, by name."""
-    makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
+        makers["trajectory"] = trajectory.picture
+    makers["flow"] = partial(flow.picture, shown=flow.SPEED)
+    makers["pressure"] = partial(flow.picture, shown=flow.PRESSURE)
     if not run.in_space:
-        makers["vorticity"] = flow.vorticity
+        makers["vorticity"] = partial(flow.picture, shown=flow.VORTICITY)
     elif run.setting("domain", "top") == "free-surface":
-        makers["elevation"] = elevation.picture
+        makers["elevation"] = surfaces.elevation
     if run.surface is not None:
-        makers["traction"] = traction.picture
-    # A grain under way rests on nothing; where it has met the bed there is a verdict.
-    if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
-        makers["verdict"] = verdict.of_run
+        makers["traction"] = surfaces.traction
+        # A grain under way rests on nothing; where it has met the bed there is a verdict.
+        if not (run.moves and run.result.get("verdict") is None):
+            makers["verdict"] = verdict.of_run
     if walls.has_walls(run):
         makers["walls"] = walls.picture
     if run.setting("domain", "kind") == "box" and not (run.in_space or run.moves):
         makers["profiles"] = flow.profiles
-    makers["mesh"] = cells.picture
-    return makers
+    makers["mesh"] = flow.mesh
+    return {name: partial(make, run) for name, make in makers.items()}

@@ -1,7 +1,6 @@
 """Drawing a judged grain: contact forces in their friction cones, the load, how it begins to move.
 
-Places and vectors have three components. A `Sight` projects them: in 2-D along the third, in 3-D from the side and a
-little from above, the weight down. In 3-D the surfaces of grain and bed are an image that VTK renders below the marks.
+A `Sight` projects places and vectors (3,). In 3-D VTK renders the surfaces of grain and bed below the marks.
 """
 
 from __future__ import annotations
@@ -25,21 +24,20 @@ from .outlines import hull
 from .plane import pyvista_off_screen
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
 
-_TURNED, _RAISED = np.radians(
-    [24.0, 17.0]
-)  # of the view: from across the flow, above the horizontal
+# Of the view: from across the flow, above the horizontal.
+_TURNED, _RAISED = np.radians([24.0, 17.0])
 _PIXELS = 1320  # of the height of a rendering
-# Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arc of the
-# torque, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
-_STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
+# Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arcs of the
+# torque and of the turn, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
+_STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _OUTSIDE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.6, 0.09
 _PIECE, _THICK, _BED = 0.2, 0.05, 1.0
 _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
+_UPRIGHT = 0.95  # cosine: an axis of turning that is upright
 _ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
 
 Marks = list[tuple[Artist, str]]
-Forces = dict[str, np.ndarray]  # (3,) by name
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,40 +108,29 @@ def render(
     plotter.background_color = "white"
     plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
     plotter.enable_depth_peeling(6)  # translucent surfaces in the right order
-    size, middle = (
-        float(np.ptp(points, axis=0).max()),
-        (points.min(axis=0) + points.max(axis=0)) / 2,
-    )
+    size = float(np.ptp(points, axis=0).max())
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
     looks: Looks = {"ambient": 0.3, "smooth_shading": True, "split_sharp_edges": True}
     looks |= {"feature_angle": _SHARP}
     if len(triangles):
         surface = pyvista.PolyData.from_regular_faces(points, triangles)
         surface = surface.compute_normals(auto_orient_normals=True, point_normals=False)
         plotter.add_mesh(surface, color=GRAIN, opacity=0.55, culling="back", **looks)
-        edges = surface.extract_feature_edges(_SHARP, boundary_edges=False, manifold_edges=False)
-        if edges.n_points:
-            plotter.add_mesh(edges, color=INK, line_width=2.0, lighting=False)
-        plotter.add_silhouette(surface, color=INK, line_width=3.0)
+        plotter.add_silhouette(surface, color=INK, line_width=3.0, feature_angle=_SHARP)
     if terrain is not None:
-        side = np.linspace(-_BED, _BED, 201) * size
-        x, y = np.meshgrid(middle[0] + side, middle[1] + side)
-        z = terrain.height(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
-        bed = pyvista.StructuredGrid(x, y, z).extract_surface(algorithm="dataset_surface")
-        bed["away"] = np.hypot(*(bed.points[:, :2] - middle[:2]).T)
-        bed = bed.clip_scalar(scalars="away", value=_BED * size)
+        bed = pyvista.Disc(inner=0.0, outer=_BED * size, r_res=100, c_res=360).triangulate()
+        places = np.asarray(bed.points)[:, :2] + middle[:2]
+        bed.points = np.column_stack([places, terrain.height(places)])
         plotter.add_mesh(bed, color=GROUND, opacity=0.3, **looks)
-    camera, toward = plotter.camera, sight.directions[2]
-    camera.parallel_projection, camera.parallel_scale = True, (y1 - y0) / 2
-    camera.focal_point = (
-        np.array([(x0 + x1) / 2, (y0 + y1) / 2, middle @ toward]) @ sight.directions
-    )
-    camera.position, camera.up = camera.focal_point + 10.0 * size * toward, sight.directions[1]
+    toward = sight.directions[2]
+    focus = np.array([(x0 + x1) / 2, (y0 + y1) / 2, middle @ toward]) @ sight.directions
+    plotter.camera_position = [focus + 10.0 * size * toward, focus, sight.directions[1]]
+    plotter.camera.parallel_projection, plotter.camera.parallel_scale = True, (y1 - y0) / 2
     plotter.reset_camera_clipping_range()
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
-    axes.imshow(
-        image, extent=(x0, x1, y0, y1), aspect="auto", interpolation="antialiased", zorder=1
-    )
+    looks = {"aspect": "auto", "interpolation": "antialiased", "zorder": 1}
+    axes.imshow(image, extent=(x0, x1, y0, y1), **looks)
 
 
 def draw_directions(axes: Axes, sight: Sight) -> None:
@@ -151,10 +138,10 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
-    for name, direction in zip("xyz", 0.06 * (x1 - x0) * sight(np.eye(3)), strict=True):
-        axes.plot(*np.array([corner, corner + direction]).T, color=INK, lw=1.0, zorder=9)
-        x, y = corner + 1.3 * direction
-        axes.text(x, y, name, fontsize=8, ha="center", va="center")
+    looks: Looks = {"arrowprops": {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}}
+    for name, direction in zip("xyz", 0.07 * (x1 - x0) * sight(np.eye(3)), strict=True):
+        x, y = (corner + direction).tolist()
+        axes.annotate(name, corner.tolist(), (x, y), fontsize=8, ha="center", va="center", **looks)
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -180,7 +167,8 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     colours = [STATES[state][0] for state in case.states]
     for point, normal, force, colour in zip(points, normals, case.forces, colours, strict=True):
         reach = max(_SHORTEST_CONE * size, _BEYOND * scale * float(np.linalg.norm(force)))
-        draw_cone(axes, sight, point, -normal, case.cone_angle, reach, colour)
+        if case.friction:
+            draw_cone(axes, sight, point, -normal, np.arctan(case.friction), reach, colour)
         if force.any():
             arrow(axes, sight(point), sight(point + scale * force), colour, 2.4, zorder=7.5)
     for group in case.patches:  # contacts that have an area, given by their corners
@@ -189,29 +177,19 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     mark_contacts(axes, sight(points), sight(normals), case.significant, colours, size)
     if case.motion is not None:
         _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
-    draw_load(axes, sight, case.load.centre, size, case.acting, case.load.flow_couple, case.largest)
-    return marks_of(case)
+    _draw_load(axes, case, sight, size)
+    return _marks_of(case)
 
 
-def draw_load(
-    axes: Axes,
-    sight: Sight,
-    centre: np.ndarray,
-    size: float,
-    forces: Forces,
-    torque: np.ndarray,
-    largest: float,
-) -> None:
+def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
     """Forces from the centre, to one scale, and an arc in the sense of the torque about it."""
+    centre, torque, forces = case.load.centre, case.load.flow_couple, case.acting
     if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
         _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
-    visible = {
-        name: unit(sight(force))
-        for name, force in forces.items()
-        if largest and np.linalg.norm(force) > _SMALL * largest
-    }
+    shown = [name for name in forces if np.linalg.norm(forces[name]) > _SMALL * case.largest]
+    visible = {name: unit(sight(forces[name])) for name in shown}
     for name, along in visible.items():
-        colour, tip = FORCES[name], sight(centre + _STRONGEST * size / largest * forces[name])
+        colour, tip = FORCES[name], sight(centre + _STRONGEST * size / case.largest * forces[name])
         arrow(axes, sight(centre), tip, colour, 2.2 if name == "resultant" else 1.8)
         others = [other for key, other in visible.items() if key != name]
         label(axes, tip + 0.05 * size * along, along + _aside(along, others), name, colour)
@@ -289,7 +267,6 @@ def _draw_motion(
     places: np.ndarray,
     size: float,
 ) -> None:
-    """The grain a little later, dashed; the acceleration of its centre; the sense in which it turns."""
     rates = motion.at(places - centre)
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
@@ -303,21 +280,7 @@ def _draw_motion(
             facecolor=MOTION, edgecolor="white", lw=0.9, shrinkA=0, shrinkB=0, zorder=6.8,
         ))  # fmt: skip
     if np.linalg.norm(motion.angular) * size > 1e-6 * fastest:
-        top, _ = _ends_of_arc(sight, motion.angular)
-        arms = places - centre
-        lengths = np.linalg.norm(arms, axis=1)
-        above = lengths[arms @ top > np.cos(_ARC) * lengths]
-        radius = float((above if len(above) else lengths).max()) + 0.1 * size
-        _turning(axes, sight, centre, motion.angular, radius, MOTION, 2.4)
-
-
-def _ends_of_arc(sight: Sight, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Perpendicular to an axis: upwards, or toward the eye if the axis is upright, and onwards from there."""
-    axis = unit(axis)
-    top = sight.directions[1] - (sight.directions[1] @ axis) * axis
-    if np.linalg.norm(top) < 0.3:
-        top = sight.directions[2] - (sight.directions[2] @ axis) * axis
-    return unit(top), np.cross(axis, unit(top))
+        _turning(axes, sight, centre, motion.angular, _OUTSIDE * size, MOTION, 2.4)
 
 
 def _turning(
@@ -329,8 +292,11 @@ def _turning(
     colour: str,
     width: float,
 ) -> None:
-    """An arc about an axis through the centre, with a head in the sense of turning."""
-    top, onwards = _ends_of_arc(sight, axis)
+    axis = unit(axis)
+    # Upwards, or toward the eye if the axis is upright.
+    eye = sight.directions[1 if abs(axis @ sight.directions[1]) < _UPRIGHT else 2]
+    top = unit(eye - (eye @ axis) * axis)
+    onwards = np.cross(axis, top)
     angles = np.linspace(-_ARC, _ARC, 40)[:, None]
     points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
     looks: Looks = {"color": colour, "lw": width, "fill": False, "zorder": 7}
@@ -339,14 +305,12 @@ def _turning(
 
 
 def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
-    """Unit vector across an arrow's direction, away from another that runs close to it; zero if none does."""
     across = quarter_turned(along)
     close = [other for other in others if along @ other > 0.8]
     return -np.sign(across @ close[0]) * across if close else np.zeros(2)
 
 
 def _across(direction: np.ndarray) -> np.ndarray:
-    """A unit vector perpendicular to a direction."""
     return unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
 
 
@@ -356,14 +320,16 @@ def _circle(normal: np.ndarray) -> np.ndarray:
     return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
 
 
-def marks_of(case: Judged) -> Marks:
+def _marks_of(case: Judged) -> Marks:
     """Legend of the marks of a case."""
     states = [STATES[state] for state in dict.fromkeys(case.states)]
     marks: Marks = [
         (Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states
     ]
-    opening = f"friction cone, {np.degrees(case.cone_angle):.3g}° to either side of the normal"
-    marks.append((Patch(facecolor="#55555533", edgecolor="#555555", lw=0.8), opening))
+    if case.friction:
+        angle = np.degrees(np.arctan(case.friction))
+        opening = f"friction cone, {angle:.3g}° to either side of the normal"
+        marks.append((Patch(facecolor="#55555533", edgecolor="#555555", lw=0.8), opening))
     if case.forces.any():
         marks.append((Line2D([], [], color="#555555", lw=2.4, marker=">", ms=6), case.occasion))
     if case.significant:

@@ -1,40 +1,32 @@
-"""A run in motion: a field of the flow at the steps that were stored; in 3-D on the vertical plane through the grain.
-
-Fields are shown in bands of colour, the same in all frames: bands compress many times better than shades.
-"""
+"""A run in motion: a field at the steps that were stored, in bands of colour that are the same in all frames."""
 
 from __future__ import annotations
 
 import math
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter, PillowWriter
-from matplotlib.axes import Axes
+from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 from matplotlib.ticker import MaxNLocator
-from PIL import Image
 
 from ..errors import OutputError
 from ..files import replaced
-from ..geometry.placement import Placement
 from ..output.series_file import read_step, times
-from ..scene import Scene
 from . import style
-from .contact_forces import contact_forces
 from .flow import PRESSURE, SPEED, VORTICITY, Shown
-from .history import read_history
+from .history import contact_forces, read_history
 from .outlines import spoke
 from .record import StoredRun, parsed_json, read_scene
-from .style import INK, View
+from .style import INK, Looks, View
 
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
 _SECONDS, _RATES = 8.0, (4, 20)  # about how long a film takes, and frames per second
-_DOTS, _DOTS_OF_GIF, _COLOURS = 100, 80, 128  # per inch; of a GIF, which stores each frame whole
+_DOTS = {".gif": 80, ".mp4": 100}  # per inch; a GIF stores each frame whole
 _ARROWS, _SLOWEST = 24, 0.01  # along the longer side; of the fastest: where there is none
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
 _BANDS = 24
@@ -43,14 +35,18 @@ _BANDS = 24
 def animate(directory: Path, target: Path | None = None, field: str = "velocity") -> Path:
     """Show a field of a run in motion; returns the file written. Not collective.
 
-    `target` ends in .gif or .mp4; by default it is DIRECTORY/FIELD.gif. Every stored step is a frame, or 200 of
-    them, evenly spaced in time. The result need not be there: a run may be watched while it goes on.
+    `target` ends in .gif or .mp4; by default it is DIRECTORY/FIELD.gif. The run need not have ended.
 
     Raises:
         OutputError: with fewer than two steps, without ffmpeg for an MP4, or when it cannot be written.
     """
     path = target or directory / f"{field}.gif"
-    _check(path)
+    ending = path.suffix.lower()
+    if ending not in _DOTS:
+        raise OutputError(f"{path}: is not a name for an animation; let it end in .gif or .mp4")
+    if ending == ".mp4" and not FFMpegWriter.isAvailable():
+        remedy = "install it or write a .gif"
+        raise OutputError(f"{path}: MP4 needs ffmpeg, which is not installed; {remedy}")
     indices, moments = _frames(directory / "fields")
     rate = int(np.clip(len(indices) / _SECONDS, *_RATES))
     unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
@@ -59,22 +55,15 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
         film = _Film(directory, FIELDS[field], indices, moments)
         with replaced(path, unfinished, failures) as part:
             part.touch()
-            _write(film, part, rate)
+            writer = FFMpegWriter(rate) if ending == ".mp4" else PillowWriter(rate)
+            FuncAnimation(
+                film.figure, film.show, frames=len(moments), init_func=list,
+                cache_frame_data=False,
+            ).save(part, writer, dpi=_DOTS[ending])  # fmt: skip
     return path
 
 
-def _check(path: Path) -> None:
-    """Refuse a name that is not one of a film, and MP4 where there is no ffmpeg."""
-    if path.suffix.lower() not in (".gif", ".mp4"):
-        raise OutputError(f"{path}: is not a name for an animation; let it end in .gif or .mp4")
-    if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
-        raise OutputError(
-            f"{path}: MP4 needs ffmpeg, which is not installed; install it or write a .gif"
-        )
-
-
 def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Indices and times of the steps to show: those closest to evenly spaced times."""
     stored = np.array(times(stem))
     if len(stored) < 2:
         remedy = "run the scene with [time] and --set output.every=1"
@@ -82,74 +71,40 @@ def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
     if len(stored) <= _MOST_FRAMES:
         return np.arange(len(stored)), stored
     wanted = np.linspace(stored[0], stored[-1], _MOST_FRAMES)
-    middles = 0.5 * (stored[1:] + stored[:-1])
-    indices = np.unique(np.searchsorted(middles, wanted))
+    indices = np.unique(np.searchsorted(0.5 * (stored[1:] + stored[:-1]), wanted))
     return indices, stored[indices]
 
 
-class _GifWriter(PillowWriter):
-    """Writes a GIF whose frames share one palette, without dithering: half as large."""
-
-    _frames: list[Image.Image]
-
-    def finish(self) -> None:
-        """Write the frames."""
-        frames = [frame.convert("RGB") for frame in self._frames]
-        palette = frames[-1].quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
-        self._frames = [
-            frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
-        ]
-        super().finish()
-
-
-def _write(film: _Film, path: Path, rate: int) -> None:
-    if path.suffix.lower() == ".mp4":
-        extra = ["-crf", "20", "-movflags", "+faststart"]
-        writer: Any = FFMpegWriter(fps=rate, codec="h264", extra_args=extra)
-        dots = _DOTS
-    else:
-        writer, dots = _GifWriter(fps=rate), _DOTS_OF_GIF
-    with writer.saving(film.figure, str(path), dots):
-        for number in range(len(film.moments)):
-            film.show(number)
-            style.show_as_written(film.figure)
-            writer.grab_frame()
-
-
 class _Film:
-    """A figure that shows one step after the other."""
-
     def __init__(self, directory: Path, field: Shown, indices: np.ndarray, moments: np.ndarray):
         self.directory, self.field, self.indices, self.moments = directory, field, indices, moments
-        self.scene = read_scene(directory)
-        self.history = None
+        self.scene, self.history = read_scene(directory), None
+        result = directory / "result.json"
+        self.result = parsed_json(result) if result.exists() else {}
         first = self.run(0)
+        if first.moves:
+            self.history = read_history(directory / "history.csv")
+            first = self.run(0)
         self.size = first.model.grain.size if self.scene.get("body") else 1.0
-        self.history = read_history(directory / "history.csv") if first.moves else None
-        contact = first.model.contact if first.moves else None
-        self.contacts = contact_forces(directory, contact)
+        self.contacts = contact_forces(directory, first.model.contact) if first.moves else None
         self.levels = self._levels()
         self.norm = BoundaryNorm(self.levels, 256, extend="both")
         self.view = self._view(first)
         self.figure, (self.axes,) = style.panels([self.view], first.headline, first.plane.upwards)
-        width, height = (
-            2 * math.ceil(s * _DOTS / 2) / _DOTS for s in self.figure.get_size_inches()
-        )
-        self.figure.set_size_inches(width, height)  # videos want an even number of dots
         bar = self.figure.colorbar(ScalarMappable(self.norm, field.colours), ax=self.axes)
         bar.set_label(f"{field.name} [scene units]")
         self._digits = max(0, 1 - math.floor(math.log10(np.diff(moments).max())))
 
     def run(self, number: int) -> StoredRun:
-        """The step that a frame shows."""
+        """The step that a frame shows, with the place of a moving grain."""
         step = read_step(self.directory / "fields", int(self.indices[number]))
-        place, result = self._place(float(self.moments[number])), {}
-        if place is not None and place.gdim == 3:
-            result["grain"] = {"computed_centre": place.centre, "quaternion": place.quaternion}
+        result = self.result
+        if self.history is not None:
+            place = self.history.at(float(self.moments[number]))
+            result = {"grain": {"computed_centre": place.centre, "quaternion": place.quaternion}}
         return StoredRun(self.directory, result, self.scene, step, None)
 
     def _levels(self) -> np.ndarray:
-        """Limits of the bands of colour, for the values of all frames."""
         sampled = []
         for number in range(len(self.moments)):
             values = self.field.values(self.run(number).field(self.field.stored))
@@ -165,19 +120,17 @@ class _Film:
             y1 = max(float(run.fields.points[:, -1 if run.in_space else 1].max()) for run in runs)
         return x0, x1, y0, y1
 
-    def show(self, number: int) -> None:
-        """Draw a frame instead of the one before."""
+    def show(self, number: int) -> list[Artist]:
         run, time, axes = self.run(number), float(self.moments[number]), self.axes
         plane, values = run.plane, self.field.values(run.in_plane(self.field.stored))
         axes.clear()
-        axes.set(xlim=self.view[:2], ylim=self.view[2:], aspect="equal")
-        axes.set(xlabel="x [scene units]", ylabel=f"{plane.upwards} [scene units]")
+        axes.set(aspect="equal", xlabel="x [scene units]", ylabel=f"{plane.upwards} [scene units]")
         axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
-        looks: style.Looks = {"levels": self.levels, "cmap": self.field.colours, "norm": self.norm}
+        looks: Looks = {"levels": self.levels, "cmap": self.field.colours, "norm": self.norm}
         bands = axes.tricontourf(plane.triangulation(), values, extend="both", zorder=1, **looks)
         plane.draw_solids(axes, [bands])
         if self.field is SPEED:
-            self._arrows(axes, *plane.velocities(plane.box, _ARROWS))
+            self._arrows(*plane.velocities(plane.box, _ARROWS))
         if self.history is not None:
             place = self.history.at(time)
             if not run.in_space and plane.grains:  # how the grain is turned
@@ -190,27 +143,13 @@ class _Film:
         if self.contacts is not None:
             self.contacts.draw(axes, time, self.size)
         axes.set(xlim=self.view[:2], ylim=self.view[2:])
+        style.show_as_written(self.figure)
+        return []
 
-    def _arrows(
-        self, axes: Axes, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray
-    ) -> None:
+    def _arrows(self, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray) -> None:
         """Velocities (2, rows, columns); as long as the root of the speed, so that slow flow is seen."""
         reached = velocity / self.levels[-1]
         speeds = np.ma.masked_less(np.linalg.norm(reached, axis=0), _SLOWEST)
-        steps = 0.9 * (x[1] - x[0]) * reached / np.sqrt(np.maximum(speeds, speeds**2))
-        axes.quiver(
-            x, y, *steps, angles="xy", scale_units="xy", scale=1.0, pivot="mid", color="white", alpha=0.85,
-            width=0.0022, headwidth=4.0, headlength=4.5, headaxislength=4.0, minlength=0.0, zorder=2,
-        )  # fmt: skip
-
-    def _place(self, time: float) -> Placement | None:
-        """Placement of the grain: from its history, otherwise from its mesh, otherwise from the scene."""
-        if not self.scene.get("body"):
-            return None
-        if self.history is not None:
-            return self.history.at(time)
-        try:
-            grain = parsed_json(self.directory / "result.json")["grain"]
-            return Placement(tuple(grain["computed_centre"]), quaternion=tuple(grain["quaternion"]))
-        except (OutputError, KeyError, TypeError):  # the run goes on
-            return Scene(**self.scene).placement
+        looks: Looks = {"angles": "xy", "scale_units": "xy", "scale": 1.1 / (x[1] - x[0])}
+        looks |= {"width": 0.0022, "pivot": "mid", "alpha": 0.85, "zorder": 2}
+        self.axes.quiver(x, y, *(reached / np.sqrt(speeds)), color="white", **looks)

@@ -1,18 +1,24 @@
-"""The history of a run with a moving grain, read back from its CSV file."""
+"""Path and contacts of a moving grain, read from history.csv and contacts.csv."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 
+from ..arrays import spatial
 from ..errors import OutputError
 from ..geometry.placement import Placement
-from ..input_files import reading
+from ..output.ownership import CONTACTS
+from ..scene import Contact
+from .drawing import PLANE, arrow, draw_cone
+from .record import REMEDY, table
+from .style import STATES
 
 # Columns of place and orientation, and of their rates, in 2-D and in 3-D.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
@@ -20,9 +26,11 @@ RATES = {
     2: ("velocity_x", "velocity_y", "spin"),
     3: (*(f"velocity_{axis}" for axis in "xyz"), *(f"spin_{axis}" for axis in "xyz")),
 }
-_READ = {"time", "meshes"}.union(*PLACE.values(), *RATES.values())
 _FULL_TURN = 2.0 * np.pi
-REMEDY = "give the directory of a finished run, or run the scene again"
+# Lengths of arrows in grain sizes: of the median force, and at most; of cones at least.
+_USUAL, _LONGEST, _SHORTEST = 0.45, 0.9, 0.2
+_SAME_TIME = 1e-9  # relative
+_SLIDES = 1e-6  # of the fastest slip in a run
 
 
 @dataclass(frozen=True)
@@ -34,14 +42,13 @@ class History:
     def __getitem__(self, name: str) -> np.ndarray:
         return self.columns[name]
 
-    @cached_property
+    @property
     def times(self) -> np.ndarray:
         """(n,) ascending."""
         return self.columns["time"]
 
     @property
     def gdim(self) -> int:
-        """Dimension of the space that the grain moves in."""
         return _gdim(self.columns)
 
     @cached_property
@@ -51,33 +58,34 @@ class History:
 
     @property
     def remeshings(self) -> np.ndarray:
-        """Times of the first steps on new meshes."""
         meshes = self.columns.get("meshes", np.ones(len(self.times)))
-        new = np.diff(meshes, prepend=meshes[:1]) > 0
-        return np.asarray(self.times[new])
+        return np.asarray(self.times[np.diff(meshes, prepend=meshes[:1]) > 0])
 
     def at(self, time: float) -> Placement:
-        """Position of the grain at a time, interpolated linearly between rows."""
         place = [
             float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]
         ]
         if self.gdim == 2:
             return Placement((place[0], place[1]), place[2])
-        w, x, y, z = (float(part) for part in np.divide(place[3:], np.linalg.norm(place[3:])))
+        w, x, y, z = np.divide(place[3:], np.linalg.norm(place[3:])).tolist()
         return Placement(tuple(place[:3]), quaternion=(w, x, y, z))
 
     def started(self, placement: Placement) -> History:
         """This path with the place at time zero before it, where the first step is later."""
         if self.times[0] <= 0.0:
             return self
-        turned = self._turned(placement)
-        start = dict(zip(PLACE[self.gdim], (*placement.centre, *turned), strict=True))
+        start = dict(
+            zip(PLACE[self.gdim], (*placement.centre, *self._turned(placement)), strict=True)
+        )
         start |= {"time": 0.0, "meshes": 1.0}
-        first = {name: [start.get(name, np.nan)] for name in self.columns}
-        return History({name: np.concatenate([first[name], self.columns[name]]) for name in first})
+        return History(
+            {
+                name: np.insert(rows, 0, start.get(name, np.nan))
+                for name, rows in self.columns.items()
+            }
+        )
 
     def _turned(self, placement: Placement) -> tuple[float, ...]:
-        """The angle with as many full turns as the first row has; in 3-D the quaternion with its sign."""
         if placement.quaternion is not None:
             first = [self.columns[name][0] for name in PLACE[3][3:]]
             sign = 1.0 if np.dot(first, placement.quaternion) >= 0.0 else -1.0
@@ -88,36 +96,70 @@ class History:
 
 def read_history(path: Path) -> History:
     """Read the history of a moving grain; raises OutputError for a file that is missing, damaged or not a history."""
-    with (
-        reading(path, REMEDY, error=OutputError),
-        path.open(encoding="utf-8", newline="") as file,
-    ):
-        header, *rows = list(csv.reader(file)) or [[]]
-    names = [heading.partition(" [")[0] for heading in header]
-    missing = [name for name in ("time", *PLACE[_gdim(names)]) if name not in names]
-    if missing:
-        raise OutputError(f"{path}: holds no {missing[0]}; run the scene again")
-    return History(_columns(path, names, rows))
-
-
-def _columns(path: Path, names: list[str], rows: list[list[str]]) -> dict[str, np.ndarray]:
-    complete = [row for row in rows if len(row) == len(names)]
-    if not complete or len(complete) < len(rows) - 1:  # the last may be on its way to the disk
-        raise OutputError(f"{path}: holds no complete steps; run the scene again")
-    try:
-        by_name = zip(names, zip(*complete, strict=True), strict=False)
-        columns = {
-            name: np.array([float(text) if text else np.nan for text in column])
-            for name, column in by_name
-            if name in _READ
-        }
-    except ValueError as error:
-        raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
-    known = np.isfinite([columns[name] for name in ("time", *PLACE[_gdim(columns)])]).all(axis=0)
+    columns = table(path, REMEDY, "mode")
+    names = ("time", *PLACE[_gdim(columns)])
+    for name in names:
+        if name not in columns:
+            raise OutputError(f"{path}: holds no {name}; run the scene again")
+    known = np.isfinite([columns[name] for name in names]).all(axis=0)
     if not known.any():
         raise OutputError(f"{path}: holds no place of the grain; run the scene again")
-    return {name: column[known] for name, column in columns.items()}
+    return History({name: column[known] for name, column in columns.items()})
 
 
 def _gdim(names: Container[str]) -> int:
     return 3 if "z" in names else 2
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Contacts at the ends of steps (n,), along the flow and upwards (n, 2); normals from the bed.
+
+    friction: coefficients of contacts that stick, and that slide
+    """
+
+    times: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    forces: np.ndarray
+    slips: np.ndarray
+    friction: tuple[float, float]
+
+    def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
+        """Draw the contacts at the time next to this one, if it is `within` a time: cones, and forces to one scale."""
+        drawn: list[Artist] = []
+        apart = np.abs(self.times - time)
+        if apart.min() > within + _SAME_TIME * max(abs(time), 1.0):
+            return drawn
+        sizes = np.linalg.norm(self.forces, axis=1)
+        usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 1.0
+        for k in np.flatnonzero(self.times == self.times[np.argmin(apart)]):
+            slides = int(self.slips[k] > _SLIDES * self.slips.max())
+            colour = STATES["SLIDE" if slides else "ROLL"][0]
+            length = min(_USUAL * sizes[k] / usual, _LONGEST) * size
+            point, normal = spatial(self.points[k]), spatial(self.normals[k])
+            reach, opening = max(_SHORTEST * size, 1.15 * length), np.arctan(self.friction[slides])
+            drawn.append(draw_cone(axes, PLANE, point, normal, opening, reach, colour))
+            if length > 0.0:
+                tip = self.points[k] + length * self.forces[k] / sizes[k]
+                drawn.append(arrow(axes, self.points[k], tip, colour, 1.8))
+        return drawn
+
+
+def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | None:
+    """Read contacts.csv of a run with a section [contact]; None where it had no contacts. Raises OutputError."""
+    path = directory / CONTACTS
+    if contact is None or not path.exists():
+        return None
+    columns = table(path, "run the scene again")
+    if not len(columns["time"]):
+        return None
+    points, normals, forces = (
+        np.column_stack(
+            [columns[f"{name}{axis}"] for axis in ("x", "z" if "z" in columns else "y")]
+        )
+        for name in ("", "normal_", "force_")
+    )
+    kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
+    friction = contact.friction, kinetic
+    return ContactForces(columns["time"], points, normals, forces, columns["slip"], friction)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,43 +29,45 @@ class DrawnMotion:
         return self.acceleration + np.cross(self.angular, arms)
 
 
+class Marked(NamedTuple):
+    """Contacts (n, 3) of a grain that was not judged, or none."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    areas: np.ndarray | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A case and the verdicts of both criteria.
+    """A case and the verdicts of both criteria; the fields with defaults have these for a grain that was not judged.
 
-    forces:      contact forces on the grain (n, 3), and `states` (n) of the contacts, keys of `style.STATES`
-    share:       fraction of the flow's load that these forces balance: 1, or the safety factor where no forces balance
-                 the load and the motion is not known; nan where there are none
-    motion:      None at rest and where it is not known
+    forces: of the contacts on the grain (n, 3); states: of the contacts (n), keys of `style.STATES`
+    share: fraction of the flow's load that these forces balance, nan where there are none
     significant: the paper's significant reaction surface, indices of contacts
-    left:        force and torque (3,) that reaction and friction leave over by the paper's criteria
-    sentences:   the exact criterion's, the paper's with the agreement
+    left: force and torque (3,) that reaction and friction leave over by the paper's criteria
+    sentences: the exact criterion's, the paper's with the agreement
     """
 
     load: Load
-    contacts: Contacts
-    friction: float
+    contacts: Contacts | Marked
     forces: np.ndarray
     states: tuple[str, ...]
-    share: float
-    motion: DrawnMotion | None
-    mode: str
-    safety_factor: float
-    outcome: str
-    significant: tuple[int, ...]
-    left: tuple[np.ndarray, np.ndarray]
     sentences: tuple[str, str]
+    friction: float = 0.0
+    share: float = math.nan
+    motion: DrawnMotion | None = None
+    mode: str = ""
+    safety_factor: float = math.nan
+    outcome: str = ""
+    significant: tuple[int, ...] = ()
+    left: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def planar(self) -> bool:
         """Whether no point, normal, force or torque leaves the plane z = 0."""
-        vectors = (
-            self.contacts.points,
-            self.contacts.normals,
-            self.load.flow_force,
-            self.load.weight,
-        )
-        return not any(v[..., 2].any() for v in vectors) and not self.load.flow_couple[:2].any()
+        load, contacts = self.load, self.contacts
+        vectors = (contacts.points, contacts.normals, load.flow_force, load.weight)
+        return not any(v[..., 2].any() for v in vectors) and not load.flow_couple[:2].any()
 
     @property
     def patches(self) -> list[list[int]]:
@@ -80,16 +82,6 @@ class Judged:
         return list(corners.values())
 
     @property
-    def arms(self) -> np.ndarray:
-        """The arms from the centre of mass to the contacts, (n, 3)."""
-        return self.contacts.points - self.load.centre
-
-    @property
-    def cone_angle(self) -> float:
-        """Half the opening of the friction cones, radians."""
-        return math.atan(self.friction)
-
-    @property
     def acting(self) -> dict[str, np.ndarray]:
         """Forces on the grain other than the bed's (3,); without weight the flow's alone."""
         load = self.load
@@ -99,14 +91,11 @@ class Judged:
     @property
     def largest(self) -> float:
         """The largest of all forces, to which arrows are scaled; one without any."""
-        return (
-            max(float(np.linalg.norm(force)) for force in (*self.forces, *self.acting.values()))
-            or 1.0
-        )
+        every = [*self.forces, *self.acting.values()]
+        return float(np.linalg.norm(every, axis=1).max()) or 1.0
 
     @property
     def occasion(self) -> str:
-        """The load that the contact forces balance, in words."""
         if not math.isfinite(self.share):
             return "no contact forces balance the load"
         if self.share != 1.0:
@@ -116,11 +105,7 @@ class Judged:
 
 
 def judged(verdict: dict[str, Any], where: Path) -> Judged:
-    """A stored verdict, with the contact forces at the actual load, computed where they are not stored.
-
-    Raises:
-        OutputError: naming the file `where` when the verdict lacks something or cannot be understood.
-    """
+    """A stored verdict, with the contact forces at the actual load. Raises OutputError naming the file `where`."""
     try:
         return _judged(verdict)
     except KeyError as error:
@@ -167,7 +152,6 @@ def _motion(stored: dict[str, Any]) -> DrawnMotion:
 def _forces(
     exact: dict[str, Any], load: Load, contacts: Contacts, friction: float
 ) -> tuple[np.ndarray, tuple[str, ...], float]:
-    """Contact forces, states, and the fraction of the flow's load that they balance."""
     motion, safety = exact["motion"], exact["safety"]
     if motion is not None:
         return np.array(motion["contact_forces"]), tuple(motion["contact_states"]), 1.0

@@ -1,10 +1,11 @@
-"""The plane of pictures of a flow; in 3-D the vertical plane through the grain."""
+"""The plane of pictures of a flow; in 3-D the vertical plane through the grain, cut by VTK."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,65 +16,65 @@ from matplotlib.path import Path
 from matplotlib.tri import Triangulation
 
 from ..arrays import spatial
-from ..geometry.placement import Placement
-from .mesh import curve
-from .outlines import Outline
+from .outlines import Outline, placed_surface
 from .style import GRAIN, GROUND, INK, View
 
 if TYPE_CHECKING:
     from .record import StoredRun
 
 BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
-TETRAHEDRON, STRAIGHT = 24, 10  # VTK's numbers of the quadratic one and of the straight one
-# Nodes of the eight straight tetrahedra that a quadratic one is cut into.
-PARTS = (
-    *((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3)),
-    *((4, 5, 6, 8), (4, 6, 7, 8), (6, 7, 8, 9), (5, 6, 8, 9)),
-)
-SUBDIVIDED = 2  # halvings of curved triangles whose sections are drawn
+_SMOOTH = 2  # halvings of curved triangles whose sides are the drawn boundary
 _FINE = 0.02  # of the grain's size: between the points of its surface, whose section is drawn
 _BELOW = 0.04  # of the height: ground that is shown below a bed
 
 
+def pyvista_off_screen() -> Any:
+    """pyvista, set to render without a display where there is none, before VTK makes a window."""
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    import pyvista
+
+    return pyvista
+
+
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """Fields on straight triangles, along the flow and upwards.
+    """Fields along the flow and upwards.
 
-    points (n, 2); triangles (m, 3); fields: by name, (n,) or (n, 3)
+    sheet: pyvista's triangles in x and y, with values of the fields
     outlines, grains: closed lines (k, 2) around the fluid and around grains
     along: indices of the in-plane components; level: y of a plane in 3-D
     """
 
-    points: np.ndarray
-    triangles: np.ndarray
-    fields: Mapping[str, np.ndarray]
+    sheet: Any
     outlines: list[Outline]
     grains: list[Outline]
     along: tuple[int, int] = (0, 1)
     level: float | None = None
 
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(n, 2)."""
+        return np.asarray(self.sheet.points)[:, :2]
+
     @property
     def upwards(self) -> str:
-        """Name of the axis that is shown upwards."""
         return "xyz"[self.along[1]]
 
     @property
     def box(self) -> View:
-        """Left, right, lowest and highest coordinate of the fluid."""
-        (x0, y0), (x1, y1) = self.points.min(axis=0), self.points.max(axis=0)
-        return float(x0), float(x1), float(y0), float(y1)
-
-    def within(self, view: View) -> np.ndarray:
-        """(k, 3) the triangles that touch a rectangle."""
-        corners = self.points[self.triangles]
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        x0, x1, y0, y1 = view
-        seen = (low[:, 0] <= x1) & (high[:, 0] >= x0) & (low[:, 1] <= y1) & (high[:, 1] >= y0)
-        return self.triangles[seen]
+        x0, x1, y0, y1, *_ = self.sheet.bounds
+        return x0, x1, y0, y1
 
     def triangulation(self, view: View | None = None) -> Triangulation:
-        """matplotlib's triangulation, of a part of the plane or of all."""
-        return Triangulation(*self.points.T, self.triangles if view is None else self.within(view))
+        """matplotlib's triangulation of the triangles that touch a rectangle, or of all."""
+        triangles = self.sheet.regular_faces
+        if view is not None:
+            corners = self.points[triangles]
+            right, top = (corners.min(axis=1) <= view[1::2]).T
+            left, bottom = (corners.max(axis=1) >= view[::2]).T
+            triangles = triangles[right & top & left & bottom]
+        return Triangulation(*self.points.T, triangles)
 
     def views(self, ground: bool = False) -> list[View]:
         """The whole plane, with some ground below, and the part around a grain and its wake."""
@@ -90,12 +91,9 @@ class Plane:
 
     def at(self, points: np.ndarray, name: str) -> np.ma.MaskedArray:
         """A field at points (n, 2), masked outside of the fluid."""
-        pyvista = pyvista_off_screen()
-        cells = pyvista.PolyData.from_regular_faces(spatial(self.points), self.triangles)
-        cells["values"] = self.fields[name]
-        samples = pyvista.PolyData(spatial(points)).sample(cells)
-        outside = ~np.asarray(samples["vtkValidPointMask"], dtype=bool)
-        values = np.asarray(samples["values"])
+        samples = pyvista_off_screen().PolyData(spatial(points)).sample(self.sheet)
+        values = np.asarray(samples[name])
+        outside = np.asarray(samples["vtkValidPointMask"]) == 0
         mask = np.broadcast_to(outside.reshape(-1, *([1] * (values.ndim - 1))), values.shape)
         return np.ma.masked_array(values, mask)
 
@@ -121,9 +119,8 @@ class Plane:
         axes.set_facecolor(GROUND)
         lines = [Path(np.vstack([line, line[:1]]), closed=True) for line in self.outlines]
         looks: dict[str, Any] = {"facecolor": fluid, "edgecolor": INK, "lw": 0.8}
-        boundary = PathPatch(
-            Path.make_compound_path(*lines), zorder=0.5 if fluid != "none" else 3, **looks
-        )
+        looks["zorder"] = 0.5 if fluid != "none" else 3
+        boundary = PathPatch(Path.make_compound_path(*lines), **looks)
         axes.add_artist(boundary)
         for artist in painted:
             artist.set_clip_path(boundary)
@@ -133,78 +130,44 @@ class Plane:
 
 def plane_of(run: StoredRun) -> Plane:
     """A run's last fields on its plane of pictures."""
+    along, level = ((0, 2), level_of(run)) if run.in_space else ((0, 1), None)
+    fine = run.grid.extract_surface(nonlinear_subdivision=_SMOOTH, algorithm="dataset_surface")
     if run.in_space:
-        return _section(run)
-    mesh = run.mesh
-    outer, *holes = (curve(mesh.points, loop) for loop in mesh.loops)
-    grains = holes if run.touching_grain is None else [run.touching_grain]
-    return Plane(mesh.points, mesh.quarters, run.fields.fields, [outer], grains)
-
-
-def _section(run: StoredRun) -> Plane:
-    """The vertical plane through the grain, or the middle: straight parts of the cells, cut."""
-    grid = pyvista_off_screen().UnstructuredGrid({TETRAHEDRON: run.fields.cells}, run.fields.points)
-    for name, values in run.fields.fields.items():
-        grid[name] = values
-    level = level_of(run, BESIDE)
-    origin = (0.0, level, 0.0)
-    cut = _straight(grid, level).slice("y", origin=origin, generate_triangles=True)
-    fields = {name: np.asarray(cut[name]) for name in run.fields.fields}
-    outlines, grains = boundary_lines(grid, level), grain_lines(run, level)
-    points = np.asarray(cut.points)[:, [0, 2]]
-    return Plane(points, cut.regular_faces, fields, outlines, grains, (0, 2), level_of(run))
-
-
-def pyvista_off_screen() -> Any:
-    """pyvista, set to render without a display where there is none, before VTK makes a window."""
-    if not os.environ.get("DISPLAY"):
-        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    import pyvista
-
-    return pyvista
+        origin = (0.0, level_of(run, BESIDE), 0.0)
+        sheet = run.grid.slice("y", origin=origin, generate_triangles=True)
+        sides = fine.slice("y", origin=origin)
+    else:
+        sheet = run.grid.triangulate().extract_surface(algorithm="dataset_surface")
+        edges = {"feature_edges": False, "manifold_edges": False, "non_manifold_edges": False}
+        sides = fine.clean().extract_feature_edges(**edges)
+    outlines = lines_of(sides, along)
+    sheet.points = spatial(np.asarray(sheet.points)[:, along])
+    if run.in_space:
+        grains = grain_lines(run, run.value("grain", "computed_centre"), level)
+    else:
+        grains = outlines[1:] if run.touching_grain is None else [run.touching_grain]
+    return Plane(sheet, outlines, grains, along, level)
 
 
 def level_of(run: StoredRun, beside: float = 0.0) -> float:
     """y of the plane that is shown: through the grain, or the middle; a fraction of the width within the domain."""
     low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
-    centre = run.value("grain", "computed_centre")
-    y = run.middle if centre is None else float(centre[1])
+    y = run.value("grain", "computed_centre", (0.0, run.middle))[1]
     inwards = beside * (high - low)
     return float(np.clip(y, low + inwards, high - inwards))
 
 
-def boundary_lines(grid: Any, level: float) -> list[Outline]:
-    """Closed lines (n, 2) of x and z along which a plane of constant y cuts the boundary of quadratic tetrahedra."""
-    y = grid.points[:, 1][grid.cells_dict[TETRAHEDRON]]
-    cut = grid.extract_cells(np.flatnonzero((y.min(axis=1) <= level) & (y.max(axis=1) >= level)))
-    surface = cut.extract_surface(nonlinear_subdivision=SUBDIVIDED, algorithm="dataset_surface")
-    return _lines(surface.triangulate(), level)
-
-
-def grain_lines(run: StoredRun, level: float) -> list[Outline]:
-    """Closed lines (n, 2) around the grain where it was computed, in a plane of constant y."""
-    centre = run.value("grain", "computed_centre")
+def grain_lines(run: StoredRun, centre: Any, level: float | None) -> list[Outline]:
+    """Closed lines (n, 2) around the grain at a centre, in a plane of constant y."""
     if centre is None:
         return []
-    grain = run.model.grain
-    placement = Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
-    surface = grain.surface(_FINE * grain.size)
-    points = placement.to_scene(surface.points)
-    solid = pyvista_off_screen().PolyData.from_regular_faces(points, surface.triangles)
-    return _lines(solid, level)
+    points, triangles = placed_surface(run.model.grain, run.placement(centre), _FINE)
+    solid = pyvista_off_screen().PolyData.from_regular_faces(points, triangles)
+    return lines_of(solid.slice("y", origin=(0.0, level, 0.0)), (0, 2))
 
 
-def _lines(surface: Any, level: float) -> list[Outline]:
-    lines = surface.slice(normal="y", origin=(0.0, level, 0.0)).strip(join=True)
-    return [line.points[:, [0, 2]] for line in lines.cell]
-
-
-def _straight(grid: Any, level: float) -> Any:
-    """The straight parts of quadratic tetrahedra that a plane of constant y goes through, on the same nodes."""
-    cells = grid.cells_dict[TETRAHEDRON][:, np.array(PARTS)].reshape(-1, 4)
-    y = grid.points[:, 1][cells]
-    cells = cells[(y.min(axis=1) <= level) & (y.max(axis=1) >= level)]
-    cut = pyvista_off_screen().UnstructuredGrid({STRAIGHT: cells}, grid.points)
-    for name in grid.point_data:
-        cut[name] = grid[name]
-    return cut
+def lines_of(segments: Any, along: tuple[int, int]) -> list[Outline]:
+    """Lines (n, 2) of joined segments, the longest across first."""
+    joined = segments.strip(join=True, max_length=segments.n_cells + 1)
+    lines = [np.asarray(line.points)[:, along] for line in joined.cell]
+    return sorted(lines, key=lambda line: -np.ptp(line, axis=0).max())

@@ -1,10 +1,11 @@
-"""Data of a finished run for pictures, read from its directory."""
+"""Data of finished runs and of other results for pictures, read from their directory."""
 
 from __future__ import annotations
 
+import csv
 import json
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,17 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..errors import OutputError, SceneError
 from ..geometry.placement import Placement
 from ..input_files import reading
 from ..output.series_file import StoredStep, read_step
 from ..scene import Scene, load
-from . import style
-from .mesh import QuadraticMesh
 from .outlines import grain_outline
-from .plane import Plane, plane_of
+from .plane import Plane, plane_of, pyvista_off_screen
 from .style import View
 
 REMEDY = "give the directory of a finished run, or run the scene again"
@@ -39,26 +37,31 @@ class StoredRun:
     surface: StoredStep | None
 
     @cached_property
-    def mesh(self) -> QuadraticMesh:
-        """The plane mesh of the flow."""
-        return QuadraticMesh(self.fields.points[:, :2], self.fields.cells)
+    def grid(self) -> Any:
+        pyvista = pyvista_off_screen()
+        plane, solid = pyvista.CellType.QUADRATIC_TRIANGLE, pyvista.CellType.QUADRATIC_TETRA
+        kind = solid if self.in_space else plane
+        grid = pyvista.UnstructuredGrid({kind: self.fields.cells}, self.fields.points)
+        for name, values in self.fields.fields.items():
+            grid[name] = values
+        return grid
 
     @cached_property
     def plane(self) -> Plane:
-        """The plane in which the flow is shown."""
         return plane_of(self)
 
     @property
     def views(self) -> list[View]:
-        """The parts of that plane that are shown."""
         return self.plane.views(ground=bool(self.scene.get("bed")))
 
     @property
     def place(self) -> Placement | None:
         """Placement of the grain at the end of the run, at rest where it touches the bed; None without a grain."""
         centre = self.value("grain", "centre")
-        if centre is None:
-            return None
+        return None if centre is None else self.placement(centre)
+
+    def placement(self, centre: Any) -> Placement:
+        """The placement with a centre and the grain's orientation at the end of the run."""
         turned = self.value("grain", "quaternion")
         if turned is None:
             return Placement(tuple(centre), self.value("grain", "angle", 0.0))
@@ -66,10 +69,7 @@ class StoredRun:
 
     @cached_property
     def touching_grain(self) -> np.ndarray | None:
-        """Outline (n, 2), anticlockwise, of a grain whose contacts are closed, so that the mesh has but a part of it.
-
-        None of any other grain, and without one.
-        """
+        """Outline (n, 2) of a grain with closed contacts, of which the mesh has a part; None for other grains."""
         if not self.value("gap", "closed"):
             return None
         return grain_outline(self.model.grain, self.place)
@@ -87,9 +87,9 @@ class StoredRun:
         return self.fields.fields[name]
 
     def in_plane(self, name: str) -> np.ndarray:
-        """Values of a field at the points of the plane, (nodes,) or (nodes, 3)."""
+        """Values of a field at the points of the plane, (points,) or (points, 3)."""
         self.field(name)
-        return self.plane.fields[name]
+        return np.asarray(self.plane.sheet[name])
 
     def setting(self, section: str, key: str) -> Any:
         """A value of the resolved scene, None if the section or the key is absent."""
@@ -97,7 +97,6 @@ class StoredRun:
 
     @property
     def moves(self) -> bool:
-        """Whether the grain moved while the flow was computed."""
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
@@ -105,31 +104,20 @@ class StoredRun:
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
 
-    def space(self, section: str, key: str) -> np.ndarray:
+    def vector(self, section: str, key: str) -> np.ndarray:
         """A vector of the result, (3,); zero if it is absent."""
         return np.array(self.value(section, key, (0.0, 0.0, 0.0)), dtype=float)
 
-    def acting(self) -> dict[str, np.ndarray]:
-        """Forces (3,) by name on a grain that is not judged; the flow's alone without gravity."""
-        flow = self.space("force", "flow")
-        weight = self.space("force", "weight") + self.space("force", "buoyancy")
-        if not weight.any():
-            return {"flow": flow}
-        return {"flow": flow, "weight": weight, "resultant": flow + weight}
-
     @property
     def in_space(self) -> bool:
-        """Whether its fields are those of a 3-D scene, on tetrahedra."""
         return self.fields.cells.shape[1] == 10
 
     @property
     def middle(self) -> float:
-        """y of the middle of a 3-D domain."""
         return float(self.setting("domain", "origin")[1] + 0.5 * self.setting("domain", "width"))
 
     @property
     def halved(self) -> bool:
-        """Whether the fields are those of half a 3-D domain."""
         return bool(
             self.fields.points[:, 1].min() > self.middle - 0.25 * self.setting("domain", "width")
         )
@@ -143,28 +131,19 @@ class StoredRun:
 
     @property
     def title(self) -> str:
-        """The scene's title, or a default."""
-        return (
-            self.result.get("title")
-            or self.scene.get("title")
-            or f"{self.setting('flow', 'kind')} flow"
-        )
+        flow = f"{self.setting('flow', 'kind')} flow"
+        return self.result.get("title") or self.scene.get("title") or flow
 
     @property
     def headline(self) -> str:
-        """The title with the Reynolds number."""
         reynolds, scale = self.setting("fluid", "reynolds"), self.setting("fluid", "scale")
-        return (
-            f"{self.title}  (Re = {reynolds:g} on the scale of the {scale})"
-            if reynolds
-            else self.title
-        )
+        about = f"  (Re = {reynolds:g} on the scale of the {scale})" if reynolds else ""
+        return f"{self.title}{about}"
 
 
 def read(directory: Path) -> StoredRun:
     """Read a run's directory. Raises OutputError: naming the file that is missing or damaged."""
-    result = parsed_json(directory / "result.json")
-    scene = read_scene(directory)
+    result, scene = parsed_json(directory / "result.json"), read_scene(directory)
     surface = read_step(directory / "surface") if scene.get("body") else None
     if surface is not None and "traction" not in surface.fields:
         raise OutputError(f"{directory / 'surface'}: holds no traction; run the scene again")
@@ -185,11 +164,7 @@ def scene_of(directory: Path) -> Scene:
 
 @contextmanager
 def of_this_version(directory: Path) -> Iterator[None]:
-    """Add the remedy for results of another version to the refusal of their scene in the block.
-
-    Raises:
-        OutputError: instead of a SceneError.
-    """
+    """Turn a refusal of the scene of results in the block into an OutputError with the remedy for other versions."""
     try:
         yield
     except SceneError as error:
@@ -206,30 +181,35 @@ def parsed_json(path: Path) -> dict[str, Any]:
     return _renamed(_parsed(path, json.loads))
 
 
+def table(path: Path, again: str, *texts: str) -> dict[str, np.ndarray]:
+    """Columns (n,) of numbers of a CSV file but those of `texts`; NaN for empty cells, headings without units.
+
+    The last row may be incomplete, on its way to the disk. Raises OutputError with the remedy `again`.
+    """
+    with (
+        reading(path, again, error=OutputError),
+        path.open(encoding="utf-8", newline="") as file,
+    ):
+        header, *rows = list(csv.reader(file)) or [[]]
+        if rows and len(rows[-1]) < len(header):
+            rows.pop()
+        names = [heading.partition(" [")[0] for heading in header]
+        columns = dict(
+            zip(names, zip(*rows, strict=True) if rows else [()] * len(names), strict=True)
+        )
+        return {
+            name: np.array([float(cell or "nan") for cell in column])
+            for name, column in columns.items()
+            if name not in texts
+        }
+
+
 def _renamed(stored: Any) -> Any:
     if isinstance(stored, list):
         return [_renamed(part) for part in stored]
     if not isinstance(stored, dict):
         return stored
     return {"torque" if key == "couple" else key: _renamed(part) for key, part in stored.items()}
-
-
-def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str) -> list[Path]:
-    """Draw the picture of a JSON file beside it, under its name. Not collective.
-
-    Raises:
-        OutputError: the file is missing or damaged, with the remedy `again`, or the picture cannot be written.
-    """
-    stored, path = parsed_json(source), source.with_suffix(".png")
-    with style.applied():
-        try:
-            figure = picture(stored)
-        except KeyError as error:
-            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
-        except (TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
-        style.save(figure, path)
-    return [path]
 
 
 def _parsed(path: Path, parse: Any) -> dict[str, Any]:

@@ -9,8 +9,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.textpath import TextPath
 
 from .judged import Judged, pressed
 from .style import FLOW, FORCES, INK, MOTION, STATES, Looks
@@ -24,7 +22,7 @@ _ACROSS, UP = 5.3, 4.4  # the drawing; renderings of space have its proportions
 _COLUMN = 6.36  # where the numbers begin
 _BELOW = 1.3  # axis labels and the legend
 _LINE, _ROW = 0.21, 0.172
-_LETTERS, _BETWEEN = 8, 0.12  # of the numbers: points; the least between name and value
+_LETTERS, _MOST = 8, 43  # of the numbers: points; characters of a name and its value in one row
 _MOST_CONTACTS = 4
 _NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "resultant": "Resultant"}
 
@@ -64,19 +62,11 @@ def write_numbers(axes: Axes, groups: Iterable[Group], below: float = 0.12) -> N
             weight, value = "normal" if number else "bold", value.replace("-", "−")
             looks: Looks = {"fontsize": _LETTERS, "va": "center"}
             figure.text(_COLUMN / _WIDTH, row / height, name, color=colour, weight=weight, **looks)
-            if _wide(name, weight) + _wide(value) + _BETWEEN > _WIDTH - _EDGE - _COLUMN:
+            if len(name) + len(value) > _MOST:
                 row -= _ROW  # the value has a line of its own
             figure.text(1 - _EDGE / _WIDTH, row / height, value, ha="right", **looks)
             row -= _ROW
         row -= 0.5 * _ROW
-
-
-def _wide(words: str, weight: str = "normal") -> float:
-    """Width of words in the column of numbers [inches]."""
-    if not words:
-        return 0.0
-    path = TextPath((0.0, 0.0), words, size=_LETTERS, prop=FontProperties(weight=weight))
-    return float(path.get_extents().width) / 72
 
 
 def panel(axes: Axes, height: float) -> Axes:
@@ -111,7 +101,7 @@ def judge_rows(case: Judged) -> list[Group]:
     if case.motion is not None:
         exact.append(("Acceleration", vector(case.motion.acceleration, planar), MOTION))
         exact.append(("Angular acceleration", turning(case.motion.angular, planar), MOTION))
-    force, torque = case.left
+    force, torque = case.left or (np.zeros(3), np.zeros(3))
     paper: Group = [
         ("The paper's criteria", f"row {case.outcome.split(':')[0]} of its table", INK),
         ("Residual force", vector(force, planar), INK),

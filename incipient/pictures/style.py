@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import LogLocator
 
 from ..files import part_of, replaced
 
@@ -39,6 +40,7 @@ STATES = {
     "ROLL": (_ROLLED, "keeps its place while the grain turns"),
     "SLIDE": (_EDGE, "slides"),
     "LIFT": (_FREE, "lifts off"),
+    "NOT_JUDGED": (INK, "with its normal"),
 }
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
@@ -82,6 +84,13 @@ def show_as_written(figure: Figure) -> None:
         powers.update(labels if axis.get_scale() == "log" else ())
     for text in figure.findobj(Text):
         text.set_parse_math(text in powers)
+
+
+def number_plainly(axis: Axis) -> None:
+    """Write numbers at a logarithmic axis without powers, at 1, 2 and 5 of each decade."""
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axis.set_minor_formatter("{x:g}")
+    axis.set_major_formatter("{x:g}")
 
 
 def save(figure: Figure, path: Path) -> None:

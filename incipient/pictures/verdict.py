@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,14 +9,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from ..arrays import spatial
 from ..contact import Contacts, Load, incipient_motion
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..geometry.placement import Placement
 from ..judging.case import Case
-from ..scene import Body, Scene
+from ..scene import Body
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
 from .drawing import (
@@ -28,23 +26,14 @@ from .drawing import (
     draw_case,
     draw_directions,
     draw_grain,
-    draw_load,
     draw_pieces,
-    mark_contacts,
     render,
     show_place,
-)
+)  # fmt: skip
 from .flow import draw_streamlines
-from .judged import Judged, judged, sentence
-from .outlines import (
-    Solid,
-    bed_line,
-    grain_outline,
-    placed_surface,
-    sketched_outline,
-    sketched_solid,
-)
-from .record import StoredRun, drawn, scene_of
+from .judged import Judged, Marked, judged, sentence
+from .outlines import Solid, bed_line, grain_outline, hull, placed_surface, sketched
+from .record import StoredRun, scene_of
 from .sheet import (
     Group,
     contact_rows,
@@ -55,8 +44,8 @@ from .sheet import (
     panel,
     sheet,
     write_numbers,
-)
-from .style import FLOW, INK, MOTION
+)  # fmt: skip
+from .style import FLOW, INK, MOTION, number_plainly
 
 _UNIT = "[scene units]"
 _COEFFICIENTS = ("drag", "lift", "moment")
@@ -79,91 +68,68 @@ def of_run(run: StoredRun) -> Figure:
     stored, scene = run.result.get("verdict"), run.model
     assert run.place is not None
     shape = Shape(scene.grain, run.place, scene.bed_shape)
-    if stored is None:
-        return _unjudged(run, shape)
-    case = judged(stored, run.directory / "result.json")
+    case = _unjudged(run) if stored is None else judged(stored, run.directory / "result.json")
     figure, axes = sheet(*case.sentences, run.headline)
     explain(axes, _show(axes, case, shape))
     if not run.in_space:
         draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     groups = [load_rows(case.acting, case.load.flow_couple, _UNIT, not run.in_space)]
-    write_numbers(axes, [*groups, *judge_rows(case), *_flow_rows(run)])
+    groups += [] if stored is None else judge_rows(case)
+    write_numbers(axes, [*groups, *_flow_rows(run)])
     return figure
 
 
-def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
-    """A judged case, with a sketch of an unknown bed or grain; returns the legend's marks."""
-    load, contacts = case.load, case.contacts
-    planar = case.planar and (shape is None or shape.placement.gdim == 2)
-    sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
-    solid = _sketch(sight, case) if shape is None else _surface(sight, shape)
-    bed = None if shape is None else shape.bed
-    size = _place(axes, sight, solid, bed, contacts.points, known=shape is not None)
-    if bed is None:
-        draw_pieces(axes, case, sight, size)
-    return draw_case(axes, case, sight, solid[0], size)
-
-
-def _surface(sight: Sight, shape: Shape) -> Solid:
-    """Places (n, 3) along a grain's outline, in 3-D on its surface, with triangles."""
-    if sight.planar:
-        return spatial(grain_outline(shape.grain, shape.placement)), np.empty((0, 3), dtype=int)
-    return placed_surface(shape.grain, shape.placement)
-
-
-def _sketch(sight: Sight, case: Judged) -> Solid:
-    """Points and triangles of a grain of which only the contacts are known."""
-    if sight.planar:
-        return spatial(sketched_outline(case)), np.empty((0, 3), dtype=int)
-    return sketched_solid(case)
-
-
-def _place(
-    axes: Axes, sight: Sight, solid: Solid, bed: Any, contacts: np.ndarray, known: bool = True
-) -> float:
-    """Draw a grain and its bed where they and contacts (n, 3) are seen; the grain's size."""
-    places, triangles = solid
-    seen = np.vstack([places, contacts])
-    size = float(np.ptp(seen if sight.planar else places, axis=0).max())
-    x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if sight.planar else 0.3)
-    if not sight.planar:
-        render(axes, sight, places, triangles, bed)
-        draw_directions(axes, sight)
-        return size
-    if bed is not None:
-        draw_bed(axes, bed_line(bed, x0, x1))
-    draw_grain(axes, sight(places), known)
-    return size
-
-
-def _unjudged(run: StoredRun, shape: Shape) -> Figure:
-    """The load on a grain without a verdict, and its contacts if there are any."""
-    figure, axes = sheet(
-        "The forces on the grain; the scene asks for no verdict.", "", run.headline
-    )
-    forces, torque = run.acting(), run.space("torque", "flow")
-    write_numbers(axes, [load_rows(forces, torque, _UNIT, not run.in_space), *_flow_rows(run)])
+def _unjudged(run: StoredRun) -> Judged:
+    assert run.place is not None
     listed = run.result.get("contacts") or []
     points, normals = (
         spatial([contact[name] for contact in listed]) if listed else np.empty((0, 3))
         for name in ("point", "normal")
     )
-    down = forces.get("weight", np.zeros(3))
-    sight = Sight.of(forces["flow"], down, normals) if run.in_space else PLANE
-    size = _place(axes, sight, _surface(sight, shape), shape.bed, np.empty((0, 3)))
-    if not run.in_space:
-        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
-    largest = max(float(np.linalg.norm(force)) for force in forces.values())
-    draw_load(axes, sight, spatial(shape.placement.centre), size, forces, torque, largest)
-    if listed:
-        mark_contacts(axes, sight(points), sight(normals), (), [INK] * len(points), size)
-        mark = Line2D([], [], color=INK, ls="--", lw=1.1, marker="o")
-        explain(axes, [(mark, "contact, with its normal")])
-    return figure
+    weight = run.vector("force", "weight") + run.vector("force", "buoyancy")
+    flow, torque = run.vector("force", "flow"), run.vector("torque", "flow")
+    return Judged(
+        load=Load(flow, torque, weight, spatial(run.place.centre)),
+        contacts=Marked(points, normals),
+        forces=np.zeros((len(listed), 3)),
+        states=("NOT_JUDGED",) * len(listed),
+        sentences=("The forces on the grain; the scene asks for no verdict.", ""),
+    )
+
+
+def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
+    load, contacts = case.load, case.contacts
+    planar = case.planar and (shape is None or shape.placement.gdim == 2)
+    sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
+    places, triangles = _solid(case, shape, planar)
+    bed = None if shape is None else shape.bed
+    seen = np.vstack([places, contacts.points])
+    size = float(np.ptp(seen if planar else places, axis=0).max())
+    x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if planar else 0.3)
+    if not planar:
+        render(axes, sight, places, triangles, bed)
+        draw_directions(axes, sight)
+    else:
+        if bed is not None:
+            draw_bed(axes, bed_line(bed, x0, x1))
+        draw_grain(axes, sight(places), shape is not None)
+    if bed is None:
+        draw_pieces(axes, case, sight, size)
+    return draw_case(axes, case, sight, places, size)
+
+
+def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
+    """Places (n, 3) along a grain's outline, in 3-D on its surface, with triangles; sketched without a shape."""
+    flat = np.empty((0, 3), dtype=int)
+    if shape is None:
+        points, triangles = sketched(case)
+        return (spatial(hull(points[:, :2])), flat) if planar else (points, triangles)
+    if planar:
+        return spatial(grain_outline(shape.grain, shape.placement)), flat
+    return placed_surface(shape.grain, shape.placement)
 
 
 def _flow_rows(run: StoredRun) -> list[Group]:
-    """Load coefficients and properties of the flow, where result and scene hold them."""
     closed = bool(run.value("gap", "closed"))
     values = {
         f"{key.capitalize()} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS
@@ -181,13 +147,9 @@ def _flow_rows(run: StoredRun) -> list[Group]:
     return [[("Flow", "", INK), *rows]] if rows else []
 
 
-def draw_judgement(directory: Path) -> list[Path]:
-    """Draw judgement.png from the judgement.json of a directory; raises as `record.drawn`. Not collective."""
+def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
+    """The picture of a judged case."""
     source = directory / "judgement.json"
-    return drawn(source, lambda stored: _judgement(stored, source), "judge the case again")
-
-
-def _judgement(stored: dict[str, Any], source: Path) -> Figure:
     case, shape = judged(stored["verdict"], source), _shape_of_case(stored, source)
     chances = stored.get("probabilities")
     more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
@@ -224,24 +186,13 @@ def _probability_rows(chances: dict[str, Any] | None) -> list[Group]:
     return [rows]
 
 
-def draw_threshold(directory: Path) -> list[Path]:
-    """Draw threshold.png from the threshold.json and scene.toml of a directory. Not collective.
-
-    Raises:
-        OutputError: when one of them is missing or damaged, or the picture cannot be written.
-    """
-    source, again = directory / "threshold.json", "find the threshold again"
-    scene = scene_of(directory)
-    if scene.grain is None or scene.bed_shape is None:
-        raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
-    return drawn(source, lambda stored: _threshold(stored, scene, source), again)
-
-
-def _threshold(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
+def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     """The grain as it begins to move at the critical flow, and the trials by which this was computed."""
-    case = judged(with_motion(stored, scene.body, scene.placement), source)
+    scene, again = scene_of(directory), "find the threshold again"
+    if scene.grain is None or scene.bed_shape is None or scene.placement is None:
+        raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
+    case = judged(with_motion(stored, scene.body, scene.placement), directory / "threshold.json")
     figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title)
-    assert scene.placement is not None
     explain(axes, _show(axes, case, Shape(scene.grain, scene.placement, scene.bed_shape)))
     there = load_rows(case.acting, case.load.flow_couple, _UNIT, scene.gdim == 2)
     if not stored["factor"]:
@@ -267,7 +218,6 @@ def with_motion(
 
 
 def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str, Any] | None:
-    """The incipient motion where the flow is a little stronger than critical."""
     acting, at = stored["load"], stored["contacts"]
     friction = float(stored["verdict"]["judges"]["criteria"]["friction"])
     force, torque = (
@@ -311,24 +261,18 @@ def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
 
 
 def _value_with_error(stored: dict[str, Any], key: str) -> str:
-    """A number of the threshold with its error, none where there is no threshold."""
     if stored[key] is None:
         return "none"
     return with_error(stored[key], stored["errors"][key]).replace("+-", "±")
 
 
 def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
-    """The safety factor against the strength of the flow, both on logarithmic scales."""
     every, critical = stored["trials"], float(stored["factor"])
-    fastest = max((trial["factor"] for trial in every), default=1.0)
+    solved = sorted((trial["factor"], trial["safety_factor"] or 0.0) for trial in every)
+    trials = np.array(solved).reshape(-1, 2)
     # The flow that represents the Stokes limit is too slow for the axes of the others.
-    trials = np.array(
-        sorted(
-            (trial["factor"], trial["safety_factor"])
-            for trial in every
-            if trial["safety_factor"] and trial["factor"] > _SLOWEST * fastest
-        )
-    ).reshape(-1, 2)
+    slowest = _SLOWEST * trials[:, 0].max(initial=1.0)
+    trials = trials[(trials[:, 0] > slowest) & (trials[:, 1] > 0.0)]
     line = np.unique(np.vstack([trials, [critical, 1.0]]), axis=0)
     axes.axhline(1.0, color=INK, lw=0.8)
     axes.plot(*line.T, color=FLOW, lw=1.0, alpha=0.6)
@@ -336,15 +280,9 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     axes.plot(critical, 1.0, "*", color=MOTION, ms=11, mec="white", mew=0.6, zorder=5)
     axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(lambda value, _: f"{value:g}" if _leads(value) else "")
+        number_plainly(axis)
     axes.tick_params(which="both", labelsize=7)
     axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
     flows = f"{len(every)} flow{'s' if len(every) > 1 else ''}"
     axes.set_title(f"Safety factor, {flows} solved", fontsize=8.5)
     axes.grid(color="#e2e2e2", lw=0.5)
-
-
-def _leads(value: float) -> bool:
-    """Whether a number begins with 2 or 5."""
-    return round(value / 10.0 ** math.floor(math.log10(value) + 1e-9)) in (2, 5)

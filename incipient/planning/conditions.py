@@ -52,6 +52,9 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked
         yield from ((FREE, one) for one in of_surface["ends"])
     elif setup.scene.domain.kind == "channel":
         yield AROUND, Prescribed(left, base_flow.entering)
+        if base_flow.flow.oscillates:
+            yield AROUND, Prescribed(right, base_flow.entering)
+            return
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
         yield FREE, Open(right, base_flow.velocity if base_flow.flow.changes else None)
     else:

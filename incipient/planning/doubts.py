@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from ..scene.model import WIDE_GAP
 from ..setup.setup import Setup
+from ..turbulence.wall_law import SMOOTH_TO
 from .discretisation import velocity_order
 from .meshing_in_space import cut_at_inflow
 
@@ -28,16 +29,16 @@ def _gap(setup: Setup) -> Iterator[str]:
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and (scene.rests or body.moves):
         yield (
-            f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
-            f"away from the bed; give {WIDE_GAP:g} or less"
+            f"contact.gap = {gap:g} is wide: loads are computed for a grain {gap:g} of its size above the bed; "
+            f"give {WIDE_GAP:g} or less"
         )
     if body.motion != "released":
         return
     begins, kept = setup.geometry.stance.gap, gap * setup.scene.grain.size
     if begins < NEARER * kept:
         yield (
-            f"the grain begins {begins:.3g} from its bed, nearer than its gap of {kept:.3g}, which the first step "
-            "puts right: it stands on one side alone; set body.settle = true"
+            f"the grain starts {begins:.3g} from its bed, closer than its gap of {kept:.3g}, because it touches on one "
+            "side only; the first step corrects this: set body.settle = true"
         )
 
 
@@ -87,6 +88,11 @@ def _turbulence(setup: Setup) -> Iterator[str]:
             "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag "
             "on a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to "
             "a third too large; another program with this model has 1.1 to 1.6 times the drag, 0.5 to 0.9 of the lift"
+        )
+    if 0.0 < walls.roughness < SMOOTH_TO * walls.unit:
+        yield (
+            f"the walls are hydraulically smooth, u* k_s/nu about {walls.roughness / walls.unit:.2g}: their roughness "
+            "changes nothing"
         )
     if bed is not None and walls.roughness > SMALL * bed.feature:
         yield (

@@ -157,7 +157,7 @@ def shedding(setup: Setup) -> str:
         return ""
     if not scene.fluid.inertia or scene.effects.inertia is False:
         return ""
-    return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices from {least:g} on"
+    return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices above {least:g}"
 
 
 def _of_changes(setup: Setup) -> float | None:
@@ -208,7 +208,7 @@ def free_surface(setup: Setup) -> Decision:
         speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
         reason += f"; long waves travel at {speed:.3g}"
         if pinned := setup.pinned_sides:
-            reason += f"; the fluid sticks to {' and '.join(pinned)}, where its elevation stays"
+            reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
         return Decision(name, True, reason + _ends(setup))
     if scene.top != "slip" or froude is None:
         return Decision(name, False, reason)
@@ -227,10 +227,10 @@ def _ends(setup: Setup) -> str:
     text = f"; Froude number {number:.2g}" if number else ""
     text += f"; the level is {'the still one' if number >= 1.0 else 'free'} at the inflow, "
     beyond = "that of the still fluid beyond the outflow"
-    text += beyond if surface.outflow == "open" else "and a wall at the right end"
+    text += beyond if surface.outflow == "open" else "and the outflow is closed by a wall"
     if wave is not None:
-        text += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
-    return text + (f"; waves die out over the last {surface.sponge:g}" if surface.sponge else "")
+        text += f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
+    return text + (f"; waves are damped over the last {surface.sponge:g}" if surface.sponge else "")
 
 
 def third_dimension(setup: Setup) -> Decision:

@@ -25,6 +25,7 @@ EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 # Cells behind a held grain with such a layer, how far from its centre, and how far in time, over the grain's size.
 WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
 PLANE_CELL = 0.2  # likewise, along a level bed that is resolved, near a grain
+PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}  # along the bed, in thicknesses of an oscillating layer
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
 GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle
@@ -100,6 +101,10 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
             along = min(one.size for one in near if one.boundary)
             layers = wall_cells.layers(setup, order, along)
     far = far_cells(setup).largest_in_space(order)
+    if setup.scene.flow.oscillates:
+        placed, size = stance.placement, PROFILE_CELL[order] * setup.base_flow.layer
+        away = None if placed is None else Away(point(placed.centre), BED_GROWTH, far)
+        near.append(Near(size, GROWTH, boundary=setup.sides.bottom, away=away))
     return Sizes(far, tuple(near), gap_part=GAP_CELL[order], layers=layers)
 
 
@@ -140,6 +145,8 @@ def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
         return []
     reach = WAKE if setup.scene.time is None else WAKE_IN_TIME
     steps = np.arange(0.5, reach, 0.5 * WAKE_CELL)
+    if setup.scene.flow.oscillates:
+        steps = np.concatenate([-steps, steps])
     points = centre + grain.size * steps[:, None] * velocity / speed
     return [Near(WAKE_CELL * grain.size, GROWTH, points=tuple(point(one) for one in points))]
 

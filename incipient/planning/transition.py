@@ -16,6 +16,9 @@ TURBULENT = 1300.0
 # The boundary layer of a uniform flow on a smooth plate, of the flow's velocity and the length of the plate
 # (Schlichting & Gersten 2017, Boundary-Layer Theory, section 15.1: 3.5e5 to 1e6, by the disturbances in the flow).
 TURBULENT_LAYER = 5e5
+# Stokes' boundary layer over a smooth bed, of its thickness and the largest velocity: bursts at each reversal from here
+# on (in pipes: Hino, Sawamoto & Takasu 1976, J. Fluid Mech. 75, 193).
+TURBULENT_STOKES_LAYER = 550.0
 REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
@@ -53,6 +56,10 @@ def transition(setup: Setup, faster: float = 1.0) -> Transition | None:
     along = faster * scene.reference_velocity * domain.length / scene.viscosity
     if kind == "uniform" and scene.bed is not None and along > TURBULENT_LAYER:
         return Transition("Re of the length", along, TURBULENT_LAYER, "boundary layers")
+    if scene.flow.oscillates:
+        of_layer = faster * scene.flow.numbers(1.0, scene.viscosity)["Re_delta"]
+        if of_layer > TURBULENT_STOKES_LAYER:
+            return Transition("Re_delta", of_layer, TURBULENT_STOKES_LAYER, "Stokes layers")
     reynolds, least = faster * setup.numbers.flow_reynolds, turbulent_from(scene.flow)
     if scene.top == "stream" or reynolds <= least:
         return None

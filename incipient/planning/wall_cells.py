@@ -132,7 +132,7 @@ def _along_layers(walls: Walls, scene: Scene, placement: Placement | None) -> It
     if scene.gdim == 3:
         return
     largest = ALONG * walls.depth
-    size, far = min(largest, ALONG_RISE * _rise(scene)), None
+    size, far = min(largest, ALONG_RISE * rise(scene)), None
     if placement is not None:
         size = min(largest, NEAR_GRAIN * scene.grain.size)
         far = Away(point(placement.centre), AWAY_GROWTH, largest)
@@ -146,7 +146,7 @@ def _along_layers(walls: Walls, scene: Scene, placement: Placement | None) -> It
     yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > largest)
 
 
-def _rise(scene: Scene) -> float:
+def rise(scene: Scene) -> float:
     """The length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
     bed, domain = scene.bed_shape, scene.domain
     if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):

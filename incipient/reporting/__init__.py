@@ -27,8 +27,7 @@ NAME = "report.html"
 def write(path: Path, target: Path | None = None) -> Path:
     """Write the page of a result directory, or of the file of a sweep; returns its path. Not collective.
 
-    Missing and outdated pictures are drawn in a separate process; the page names failed ones. Default of `target`:
-    DIRECTORY/report.html or, beside the sweep, SWEEP_report.html.
+    Missing and outdated pictures are drawn first. Default of `target`: DIRECTORY/report.html, or SWEEP_report.html.
 
     Raises:
         SceneError: no such directory or file, or no result in it.

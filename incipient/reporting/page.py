@@ -128,14 +128,12 @@ def cell(value: Any) -> Markup:
 
 
 def _vector(parts: Sequence[float]) -> Markup:
-    """Components in brackets, round-off as zero."""
     size = max((abs(part) for part in parts if math.isfinite(part)), default=0.0)
     shown = (_number(part, ".6g", abs(part) <= LOST * size) for part in parts)
     return Markup("({})").format(Markup(", ").join(shown))
 
 
 def _number(value: float, digits: str, lost: bool = False) -> Markup:
-    """A number for display, round-off as zero, and in full for programs."""
     if isinstance(value, int):
         return Markup('<data value="{}">{}</data>').format(value, value)
     if not math.isfinite(value):

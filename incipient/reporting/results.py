@@ -15,10 +15,11 @@ from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_sentence, with_motion
 from ..planning.effects import percent
+from ..results import errorbars
 from ..results.errorbars import ALL
 from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
-from ..results.quantity import OutputQuantity, at, gdim_of
+from ..results.quantity import STORED_NAMES, OutputQuantity, at, gdim_of
 from ..results.si import si_loads, si_rows
 from ..results.trajectory import trajectory_sentence
 from .page import Bounded, components, erring, turning
@@ -37,15 +38,7 @@ CAPTIONS = {
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
 }
-# Column headings of the error budget, by the keys of errors in result.json.
-ERRORS = {
-    "force": "of the force",
-    "torque": "of the torque",
-    "elevation": "of elevations, at most",
-    "level": "of elevations at the end",
-    "shear_velocity": "of u*, at most",
-    "centreline": "of velocities on centrelines",
-}
+ERRORS = {STORED_NAMES.get(name, name): heading for name, heading in errorbars.ERRORS.items()}
 # Remedies for errors by the name of the term.
 REMEDIES = {
     "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",
@@ -96,7 +89,6 @@ def _of_run(stored: Context, record: Path) -> Context:
 
 
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
-    """The verdict in sentences, the exact criterion first; without a verdict the path of the grain."""
     if case is not None:
         note = stored["verdict"].get("note")
         return (*case.sentences, sentence(note) if note else "")
@@ -108,7 +100,6 @@ def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
 
 
 def _notes(stored: Context) -> list[str]:
-    """Notes at the top of the page."""
     notes = []
     if stored["status"] != "complete":
         why = stored["error"] or "its numbers are preliminary"
@@ -122,7 +113,6 @@ def _notes(stored: Context) -> list[str]:
 def _rows(
     stored: Context, quantities: Sequence[OutputQuantity], heading: str
 ) -> list[tuple[str, Any]]:
-    """Labels and values, with error bars, of a result's quantities under a heading."""
     rows: list[tuple[str, Any]] = []
     for quantity in quantities:
         if quantity.heading == heading and (value := quantity.value(stored)) is not None:
@@ -132,7 +122,6 @@ def _rows(
 
 
 def _loads(stored: Context, unit: str) -> list[list[Any]]:
-    """Name and components, with errors, of all forces or torques."""
     gdim = gdim_of(stored)
     axes = range(gdim) if gdim == 3 or unit == "force" else (2,)
     rows = []
@@ -144,7 +133,6 @@ def _loads(stored: Context, unit: str) -> list[list[Any]]:
 
 
 def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
-    """Headings and rows of the errors of all terms and their parts, and of the sum of several terms."""
     keys = [key for key in ERRORS if bars.get(key) is not None]
     whole = _size(bars, keys[0]) if keys else 0.0
     terms = [
@@ -166,7 +154,6 @@ def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
 
 
 def _error(term: Context, key: str, planar: bool) -> Any:
-    """The error of a force or torque, or the largest of other errors, as a cell."""
     if term[key] is None:
         return ""
     known = [math.nan if error is None else error for error in term[key]]
@@ -176,13 +163,11 @@ def _error(term: Context, key: str, planar: bool) -> Any:
 
 
 def _size(term: Context, key: str) -> float:
-    """The norm of the error of a load, the largest of other errors."""
     known = [error or 0.0 for error in term[key]]
     return math.hypot(*known) if key in ("force", "torque") else max(known, default=0.0)
 
 
 def _in_si(values: Context | None) -> list[tuple[str, Any, str]]:
-    """Label, value and unit of flow, loads and units of a result in SI units."""
     if values is None:
         return []
     loads = [
@@ -247,7 +232,6 @@ def _certainty_of_threshold(stored: Context) -> str:
 
 
 def _corrected(term: Context) -> str:
-    """The correction of the loads for a term as text; empty without one."""
     if (correction := term.get("correction")) is None:
         return ""
     sizes = {"force": math.hypot(*correction["force"]), "torque": math.hypot(*correction["torque"])}

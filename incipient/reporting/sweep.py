@@ -76,7 +76,6 @@ def context_of(file: Path) -> dict[str, Any]:
 
 
 def _scenes(store: Store) -> dict[str, str]:
-    """The scene of the first case of each source, as TOML."""
     first: dict[str, str] = {}
     for case in store.cases():
         if case["source"] not in first:

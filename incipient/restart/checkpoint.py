@@ -1,8 +1,4 @@
-"""The checkpoint file of a run, written and read atomically.
-
-HDF5: arrays are datasets, other values are datasets of JSON text, dataclasses are groups. The file's attributes are
-`format`, `version` and the `program` that wrote it. Rank 0 writes complete arrays; every rank reads them.
-"""
+"""The checkpoint file of a run: HDF5 with arrays, JSON texts and dataclasses as groups, written atomically."""
 
 from __future__ import annotations
 
@@ -22,7 +18,7 @@ from ..parallel import Comm, collectively
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 8
+FORMAT, VERSION = "incipient checkpoint", 9
 ANEW = "start a new run with: incipient run"
 
 
@@ -86,14 +82,12 @@ class StoredValues:
 class StoredBody:
     """A moving grain, its coupling to the fluid and its mesh. States are place, angle or quaternion, velocities.
 
-    made, weights:   initial node positions (nodes, 3), and weights of the grain's motion (nodes, gdim + 1)
-    made_for:        state at meshing
-    states, times:   of the grain, present and previous (n, 6 or 13), (n,)
-    places:          node positions then (nodes, n, 3)
-    mean_load:       load in the last step (k,), None before the first; with the order and length of that step
-    load, flow_load: at the end of the last step (k,)
-    velocities:      of the grain, for the limit of the step, one row for each past state of the flow
-    on_bed:          contacts with the bed and the motion there; None if contact ends the run
+    made, weights: initial node positions (nodes, 3), and weights of the grain's motion (nodes, gdim + 1)
+    made_for: state at meshing
+    states, times: of the grain, present and previous (n, 6 or 13), (n,); places: of the nodes then (nodes, n, 3)
+    mean_load: in the last step (k,), None before the first; load, flow_load: at its end (k,)
+    velocities: of the grain, one row for each past state of the flow
+    on_bed: contacts with the bed and the motion there; None if contact ends the run
     """
 
     made: Floats
@@ -145,7 +139,6 @@ class Checkpoint:
 
     @property
     def time(self) -> float:
-        """The time reached by the run."""
         return float(self.times[0])
 
 
@@ -191,7 +184,6 @@ def _require_readable(path: Path, file: Any) -> None:
 
 
 def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    """The datasets of a dataclass and its parts, with full names: arrays, and bytes of JSON text."""
     for field in fields(part):
         name, value = f"{within}/{field.name}", getattr(part, field.name)
         if is_dataclass(value):

@@ -1,7 +1,5 @@
-"""Mesh and nodal values: gathered on rank 0, and distributed over any number of ranks.
-
-Stored data are independent of the library's numbering and distribution: the mesh has its original order, and values are
-stored with the positions of their nodes.
+"""Mesh and nodal values, gathered on rank 0 and distributed over any number of ranks: the mesh in its original order,
+values with the positions of their nodes.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from ..fluid.transient import Past, Transient
 from ..mesh.cells import cell_facets
 from ..mesh.domain import Domain, named_facets
 from ..parallel import NumberedRows, collectively, joined
-from .checkpoint import Checkpoint, StoredFlow, StoredMesh, StoredValues
+from .checkpoint import ANEW, Checkpoint, StoredFlow, StoredMesh, StoredValues
 
 # Largest distance of a node from its stored position, relative to the mesh's size.
 SAME_PLACE = 1e-10
@@ -70,7 +68,6 @@ def stored_values(space: Any, states: Sequence[Floats]) -> StoredValues:
 
 
 def _given(mesh: Any) -> Integers:
-    """Original numbers of the local nodes."""
     return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
 
 
@@ -103,7 +100,7 @@ def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
     known, matched = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
     if matched != known:
         why = f"{matched} of them are facets of the stored mesh"
-        raise OutputError(f"{known} boundary facets are stored, {why}")
+        raise OutputError(f"{known} boundary facets are stored, {why}; {ANEW}")
     return Domain(mesh, facets, dict(stored.names))
 
 
@@ -148,7 +145,7 @@ def _fetched(comm: MPI.Comm, places: Floats, values: Floats, points: Floats) -> 
     tolerance = SAME_PLACE * np.ptp(places, axis=0).max()
     with collectively(comm):
         if distances.max(initial=0.0) > tolerance or len(np.unique(rows)) < len(points):
-            raise OutputError("the stored flow has other nodes than the stored mesh")
+            raise OutputError(f"the stored flow and the stored mesh have different nodes; {ANEW}")
     return values[rows]
 
 

@@ -10,7 +10,7 @@ class Trial:
     estimate: relative error of the quantity; None: not converged, or not compared yet
     seconds: wall time of mesh, solution and estimate
     step: the time step, None for steady flow; of_step, of_mesh: their contributions to the estimate
-    note: changes besides the mesh, or the reason for a missing solution or estimate
+    note: changes besides the mesh, or the reason for a missing estimate
     """
 
     order: int
@@ -31,7 +31,6 @@ class Trial:
         return f"of the step {self.of_step:.1e}, of the mesh {self.of_mesh:.1e}"
 
     def line(self) -> str:
-        """The trial as a line of text."""
         error = "            " if self.estimate is None else f"error {self.estimate:.1e}"
         step = "" if self.step is None else f"   step {self.step:.3g}"
         notes = "   ".join(part for part in (self.parts, self.note) if part)
@@ -59,7 +58,6 @@ class Adaptation:
     beside: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """Outcome and trials, one line each."""
         reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
         *others, last = self.includes
         of = f"{', '.join(others)} and {last}" if others else last

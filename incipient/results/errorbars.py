@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +12,11 @@ import numpy as np
 
 from ..arrays import Floats
 from ..geometry.placement import Placement
-from .elevations import Elevations
-from .loads import Forces, Torques, loads_words
+from .loads import Elevations, Forces, Torques, loads_words
 from .quantity import STORED_NAMES, as_stored
-from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
+    from ..contact.robustness import Interval
     from ..mesh.sampling import Extremum
     from .wall_report import WallReport
 
@@ -24,11 +24,17 @@ if TYPE_CHECKING:
 NO_GRAIN: Floats = np.zeros(0)
 ALL = "the sum: an error bar is not a standard deviation"
 MOST_SPANS = 4  # of reverse flow in the text
-# Quantities of a term's errors.
-ERRORS = (
-    *("force", "torque", "place", "elevation", "level"),
-    *("shear", "separated", "centreline"),
-)
+# Quantities of a term's errors, with their headings on pages.
+ERRORS = {
+    "force": "of the force",
+    "torque": "of the torque",
+    "place": "of the end of the path, at most",
+    "elevation": "of elevations, at most",
+    "level": "of elevations at the end",
+    "shear": "of u*, at most",
+    "separated": "of x of separation, at most",
+    "centreline": "of velocities on centrelines",
+}
 
 
 @dataclass(frozen=True)
@@ -103,14 +109,11 @@ class Term:
     """One source of error: absolute errors of force, torque (3,) and other quantities, and their method of estimation.
 
     force, torque: remaining errors after a correction; (0,) without a grain
-    place: (3,), in 3-D (6,), of position and rotation of a moving grain, in radians, in 3-D about x, y and z
+    place: (3,), in 3-D (6,), of position and rotation [rad] of a moving grain
     power: exponent of the gap in the error; parts: terms whose sum this term is
     elevation, level: (stations,) of a free surface: largest error within the run, and error at the end
-    shear: (2,) of u* at the outflow, and of its mean along the walls
-    separated: (2,) of x of separation and reattachment along the bed
-    centreline: (3,) of the extreme velocities on the centrelines of a lid-driven box
+    shear, separated, centreline: as in `Loads`
     doubt: why the errors may be more than twice as large; empty without a reason
-    correction: of force and torque for this error; None without one
     """
 
     name: str
@@ -151,7 +154,6 @@ class Term:
 
     @property
     def uncorrected(self) -> Term:
-        """The term without its correction."""
         if self.correction is None:
             return self
         pairs = (self.correction.force, self.force), (self.correction.torque, self.torque)
@@ -160,7 +162,6 @@ class Term:
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
-        """The sum of terms; NaN for force and torque without any."""
         if not parts:
             return cls(name, np.full(3, np.nan), np.full(3, np.nan), how)
         return cls(name, how=how, parts=parts, **{of: _sum_of(parts, of) for of in ERRORS})  # type: ignore[arg-type]
@@ -204,7 +205,6 @@ class Term:
         return replace(self, force=self.force + unsteady[:number], torque=torque)
 
     def with_elevations_times(self, factor: float) -> Term:
-        """The term with errors of elevations enlarged by a factor."""
         if self.elevation is None or self.level is None:
             return self
         return replace(self, elevation=factor * self.elevation, level=factor * self.level)
@@ -214,6 +214,84 @@ class Term:
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in ERRORS}
         known = {n: (a, b) for n, (a, b) in pairs.items() if a is not None and b is not None}
         return replace(self, **{n: np.maximum(a, b) for n, (a, b) in known.items()})
+
+
+@dataclass(frozen=True)
+class SafetyBar:
+    """The safety factor over all loads within the error bars, its certainty, and the decisive error."""
+
+    value: float
+    # low, high: smallest and largest safety factor of a load within the bars
+    low: float
+    high: float
+    # Whether rest under all of these loads, or motion under all, is proved; with wall layers only within the range of
+    # the law of the wall
+    certain: bool
+    # Modes of the loads within the bars if `complete`, otherwise of the loads examined
+    modes: tuple[str, ...]
+    # Whether other modes within the bars are excluded; a single mode is then certain
+    complete: bool
+    decisive: str  # the term whose removal shrinks the range of safety factors most
+    # some, every: smallest and largest multiple of the flow's load that the contacts balance for some load within the
+    # bars, and for all of them; None without one
+    some: Interval | None
+    every: Interval | None
+    # Terms whose estimate failed, and the model of the mean flow
+    unknown: tuple[str, ...] = ()
+    # Relative change of the load of the flow as the grain rocks, which sets low and high; nothing is then proved.
+    # None: the grain does not rock
+    frozen: float | None = None
+
+    @property
+    def relative(self) -> float:
+        """The width of the range over the safety factor, infinite for one infinite end.
+
+        If the contacts do not balance the weight alone, and all safety factors are zero: the relative difference
+        between the ends of `every` and `some`.
+        """
+        if self.high > 0.0 or self.some is None:
+            return _ratio(self.low, self.high, self.value)
+        if self.every is None:
+            return _ratio(*self.some, self.some[1])
+        lower = _ratio(self.some[0], self.every[0], self.every[0])
+        return lower + _ratio(self.every[1], self.some[1], self.some[1])
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self) | {"sentence": self.sentence()}
+
+    def sentence(self) -> str:
+        """The consequence of the error bars for the verdict, as a sentence."""
+        between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
+        if self.high == 0.0:
+            from ..contact.robustness import held_words
+
+            between = f"safety factor 0, {held_words(self.some, self.every)}"
+        if self.frozen is not None:
+            between = f"safety factor {self.value:.4g}, about {self.low:.4g} to {self.high:.4g}"
+            said = "likely, but not proved" if self.low > 1.0 or self.high < 1.0 else "NOT certain"
+            return f"{said}: {between}, the flow's load being that in the first pose, off by about {self.frozen:.0%}"
+        if not self.certain:
+            return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
+        if self.unknown:
+            names = " and ".join(self.unknown)
+            return f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
+        return f"certain within the error bars: {self._outcome()}; {between}"
+
+    def _outcome(self) -> str:
+        if self.modes == ("rest",):
+            return "it rests"
+        modes = [mode for mode in self.modes if mode != "moves"]
+        if not modes:
+            return "it moves"
+        if not self.complete:
+            return f"it moves ({' or '.join(modes)}, at this load and at the worst within the bars)"
+        return f"it moves ({modes[0]})" if len(modes) == 1 else f"it moves, by {' or '.join(modes)}"
+
+
+def _ratio(low: float, high: float, scale: float) -> float:
+    if low >= high:
+        return 0.0
+    return math.inf if math.isinf(high) or scale == 0.0 else (high - low) / scale
 
 
 @dataclass(frozen=True)
@@ -231,7 +309,6 @@ class ErrorBars:
 
     @cached_property
     def total(self) -> Term:
-        """The sum of all terms."""
         return Term.of_parts("all", self.terms, ALL)
 
     @property
@@ -254,7 +331,6 @@ class ErrorBars:
         return Correction(*(np.sum(changes, axis=0) for changes in parts))
 
     def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
-        """Forces and torques with the total correction."""
         change = self.correction
         if change is None:
             return force, torque
@@ -266,7 +342,6 @@ class ErrorBars:
         return next((term.name for term in self.terms if term.doubt), "")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         total = as_stored(self.total)
         return {
             **{name: total[name] for name in (STORED_NAMES.get(of, of) for of in ERRORS)},
@@ -276,22 +351,24 @@ class ErrorBars:
             "safety_factor": as_stored(self.safety),
         }
 
-    def lines(self, gdim: int = 2) -> list[str]:
-        """Errors and their sources as text."""
+    def lines(self, gdim: int = 2, details: bool = False) -> list[str]:
+        """Errors and their sources as text; with details how they are estimated, their parts, and those left out."""
         lines = [f"error bars          {_errors(self.total, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
-            lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
-            if (change := term.correction) is not None:
+            how = f"   {term.how}" if details else ""
+            lines.append(f"  {term.name:<18}{_errors(term, gdim)}{how}")
+            if details and (change := term.correction) is not None:
                 by = loads_words(change.force + 0.0, change.torque + 0.0, gdim, "+.2g")
                 lines.append(f"    {'corrected by':<16}{by}")
             if term.doubt:
-                lines.append(
-                    f"    {'not certain':<16}may be more than twice as large: {term.doubt}"
-                )
-            lines += [
-                f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts
-            ]
-        lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
+                why = f"may be more than twice as large: {term.doubt}"
+                lines.append(f"    {'not certain':<16}{why}")
+            if details:
+                lines += [
+                    f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts
+                ]
+        if details or not self.terms:
+            lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 
 

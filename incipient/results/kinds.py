@@ -16,11 +16,10 @@ CRITICAL = "critical numbers"  # heading of a page
 class ResultKind:
     """One kind of results.
 
-    name: of its record NAME.json and of the template of its page
-    title: of a page whose record and scene have none
+    name: of its record NAME.json and of the template of its page; title: of a page without any
     tables: other files beside the record; pictures: those that are always drawn
     has_scene: whether the directory contains the scene of the results
-    quantities: numbers in tables of sweeps and on pages; those of runs are defined by their effects
+    quantities: in tables of sweeps and on pages; those of runs are defined by their effects
     """
 
     name: str
@@ -32,12 +31,10 @@ class ResultKind:
 
     @property
     def record(self) -> str:
-        """The name of its record."""
         return f"{self.name}.json"
 
     @property
     def files(self) -> set[str]:
-        """The names of all its files but the scene."""
         return {self.record, *self.tables, *self.pictures}
 
 

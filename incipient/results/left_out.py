@@ -31,6 +31,6 @@ class Omission:
         lines = [f"left out            {self.name}: would change the result {size} ({self.how})"]
         if self.exceeds:
             lines.append(
-                f"WARNING             {self.name} may matter at the accuracy asked for: {self.remedy}"
+                f"WARNING             {self.name} may matter at the requested accuracy: {self.remedy}"
             )
         return lines

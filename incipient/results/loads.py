@@ -1,9 +1,9 @@
-"""Forces and torques on a grain, their coefficients, and the gap of the computation, as data."""
+"""Forces and torques on a grain, their coefficients, the gap of the computation, elevations over time, as data."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -11,14 +11,28 @@ from ..arrays import Floats
 from .quantity import AXES, load_words
 
 
+class _OfFlow:
+    """Force or torque of the flow (3,), corrected for errors of known sign; None in `computed`: it is uncorrected."""
+
+    flow: Floats
+    computed: Floats | None
+
+    @property
+    def plain(self) -> Floats:
+        """As computed (3,)."""
+        return self.flow if self.computed is None else self.computed
+
+    def corrected(self, change: Floats) -> Self:
+        """With a change (3,) added to what was computed."""
+        return replace(self, flow=self.plain + change, computed=self.plain)  # type: ignore[type-var]
+
+
 @dataclass(frozen=True)
-class Forces:
+class Forces(_OfFlow):
     """Forces on the grain (3,), scene units with fluid density one.
 
-    flow: of the flow, without buoyancy; corrected for errors of known sign
-    surface_integral: integral of sigma n over the surface, as a cross-check of the computed force
-    buoyancy: of the hydrostatic pressure, exact
-    computed: of the flow by the residual method, uncorrected; None: `flow` is uncorrected
+    flow: without buoyancy; computed: by the residual method
+    surface_integral: of sigma n over the surface, a cross-check; buoyancy: of the hydrostatic pressure
     """
 
     flow: Floats
@@ -28,26 +42,16 @@ class Forces:
     computed: Floats | None = None
 
     @property
-    def plain(self) -> Floats:
-        """The force of the flow as computed (3,)."""
-        return self.flow if self.computed is None else self.computed
-
-    def corrected(self, change: Floats) -> Forces:
-        """The forces with a change (3,) added to the computed force of the flow."""
-        return replace(self, flow=self.plain + change, computed=self.plain)
-
-    @property
     def total(self) -> Floats:
         """Flow, buoyancy and weight together, the paper's F_flow&g (9)."""
         return self.flow + self.buoyancy + self.weight
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"total": self.total, "computed": self.plain}
 
 
 @dataclass(frozen=True)
-class Torques:
+class Torques(_OfFlow):
     """Torques on the grain (3,) about a point (3,), named as the forces; in 2-D along the third axis."""
 
     flow: Floats
@@ -55,17 +59,7 @@ class Torques:
     about: Floats
     computed: Floats | None = None
 
-    @property
-    def plain(self) -> Floats:
-        """The torque of the flow as computed (3,)."""
-        return self.flow if self.computed is None else self.computed
-
-    def corrected(self, change: Floats) -> Torques:
-        """The torques with a change (3,) added to the computed torque of the flow."""
-        return replace(self, flow=self.plain + change, computed=self.plain)
-
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"computed": self.plain}
 
 
@@ -96,15 +90,12 @@ class Gap:
 
     @property
     def resolved(self) -> bool:
-        """Whether at least two cells span the gap."""
         return self.closed or self.cells >= 2
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         return asdict(self) | {"resolved": self.resolved}
 
     def line(self) -> str:
-        """The gap as a line of text."""
         if self.closed:
             return f"gap                 closed where it is narrower than {self.width:.4g}"
         refine = "NOT resolved: refine with a smaller numerics.mesh_size"
@@ -133,3 +124,64 @@ def loads_words(force: Floats, torque: Floats, gdim: int, digits: str = ".6g") -
     """Force and torque (3,) as text."""
     turning = load_words(torque, "torque", gdim, digits)
     return f"{load_words(force, 'force', gdim, digits)}   torque {turning}"
+
+
+@dataclass(frozen=True, eq=False)
+class Elevations:
+    """Elevations at the stations over time."""
+
+    times: Floats  # (n,), ascending, from the start or the checkpoint
+    values: Floats  # (n, stations)
+    largest: float  # largest absolute elevation on the surface within these times
+
+    @classmethod
+    def of(cls, readings: list[ElevationReading]) -> Elevations:
+        times, values = (
+            np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True)
+        )
+        return cls(
+            times, values.reshape(len(readings), -1), max(reading.largest for reading in readings)
+        )
+
+    @property
+    def step(self) -> float:
+        return float((self.times[-1] - self.times[0]) / max(len(self.times) - 1, 1))
+
+    @property
+    def sharpness(self) -> float:
+        """Largest second difference in time over the largest value; about (w dt)^2 for a wave."""
+        largest = float(np.abs(self.values).max(initial=0.0))
+        bent = float(np.abs(np.diff(self.values, 2, axis=0)).max(initial=0.0))
+        return bent / largest if largest > 0.0 else 0.0
+
+    def apart(self, other: Elevations) -> Floats:
+        """(stations,) largest differences from another run at the times of the run with fewer of them.
+
+        The other run is interpolated by a cubic spline. Zero without common times.
+        """
+        few, many = sorted((self, other), key=lambda one: len(one.times))
+        slack = 1e-9 * (many.times[-1] - many.times[0])
+        common = (few.times >= many.times[0] - slack) & (few.times <= many.times[-1] + slack)
+        if not common.any():
+            return np.zeros(few.values.shape[1])
+        return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
+
+    def apart_at_the_end(self, other: Elevations) -> Floats:
+        return np.abs(self.values[-1] - other.values[-1])
+
+    def at(self, times: Floats) -> Floats:
+        """(k, stations) interpolated elevations at times (k,) of the run."""
+        if len(self.times) == 1:
+            return np.repeat(self.values, len(times), axis=0)
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.times, self.values)(times))
+
+
+@dataclass(frozen=True)
+class ElevationReading:
+    """Elevations at the stations at a time, and the largest absolute elevation on the surface."""
+
+    time: float
+    values: list[float]
+    largest: float

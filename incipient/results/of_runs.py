@@ -62,7 +62,6 @@ def _rotation(stored: Mapping[str, Any]) -> list[float] | None:
 
 
 def _parts(unit: str) -> Iterator[OutputQuantity]:
-    """The uncorrected pressure and viscous parts of a computed load."""
     for part in ("pressure", "viscous"):
         yield OutputQuantity(
             f"{unit}.{part}",
@@ -88,7 +87,6 @@ EXTREMES = (
 
 
 def _on_centreline(place: int, name: str) -> tuple[OutputQuantity, OutputQuantity]:
-    """An extreme velocity and its position."""
     value = OutputQuantity(
         f"centrelines.{name}.value",
         name,
@@ -101,7 +99,6 @@ def _on_centreline(place: int, name: str) -> tuple[OutputQuantity, OutputQuantit
 
 
 def _safety(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Ends of the error bar of the safety factor; null is infinite."""
     bar = at(stored, "error_bars.safety_factor")
     if bar is None:
         return None

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from .trajectory import place_words
+
 LOW, HIGH = "_low", "_high"  # suffixes of the columns with the ends of an error bar
 AXES = ("x", "y", "z")
 STORED_NAMES = {"shear": "shear_velocity"}  # names of fields in files
@@ -39,12 +41,10 @@ class OutputQuantity:
 
     @property
     def label(self) -> str:
-        """Words and unit."""
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
     @property
     def is_load(self) -> bool:
-        """Whether it is a force or a torque."""
         return self.unit in ("force", "torque")
 
     def value(self, stored: Mapping[str, Any]) -> Any:
@@ -70,7 +70,6 @@ class OutputQuantity:
         return None if value is None or error is None else (value - error, value + error)
 
     def columns(self, stored: Mapping[str, Any]) -> dict[str, Any]:
-        """Columns of a sweep's table; for a vector its nonzero components."""
         if not self.column or (value := self.value(stored)) in (None, ""):
             return {}
         if isinstance(value, str) or not hasattr(value, "__len__"):
@@ -85,10 +84,13 @@ class OutputQuantity:
         return columns
 
     def text(self, stored: Mapping[str, Any]) -> str:
-        """Label, value and error bar as text."""
-        value, bar = self.value(stored), None if self.is_load else self.bar(stored)
-        shown = load_words(value, self.unit, gdim_of(stored)) if self.is_load else f"{value:.6g}"
-        within = "" if bar is None else f" +- {0.5 * (bar[1] - bar[0]):.1e}"
+        value, gdim = self.value(stored), gdim_of(stored)
+        shown, within = words_of(value, self.unit, gdim), ""
+        if isinstance(value, str) or np.ndim(value) == 0:
+            bar = self.bar(stored)
+            within = "" if bar is None else f" +- {0.5 * (bar[1] - bar[0]):.1e}"
+        elif self.error and (errors := at(stored, self.error)) is not None:
+            within = f" +- {words_of(errors, self.unit, gdim, '.1e')}"
         name = self.label if self.short is None else self.short
         return f"{name} {shown}{within}".lstrip()
 
@@ -128,6 +130,17 @@ def put(stored: dict[str, Any], key: str, value: Any) -> None:
 def gdim_of(stored: Mapping[str, Any]) -> int:
     """Dimension of the scene of a result."""
     return 2 if at(stored, "scene.domain.width") is None else 3
+
+
+def words_of(value: Any, unit: str, gdim: int, digits: str = ".6g") -> str:
+    """A word, a number or a vector as text."""
+    if isinstance(value, str):
+        return value
+    if np.ndim(value) == 0:
+        return format(float(value), digits)
+    if unit == "length" and digits == ".6g":
+        return f"({', '.join(place_words(float(part), 6) for part in value)})"
+    return load_words(value, unit, gdim, digits)
 
 
 def load_words(vector: Any, unit: str, gdim: int, digits: str = ".6g") -> str:

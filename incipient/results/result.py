@@ -16,14 +16,13 @@ from ..planning.plan import Plan
 from ..scene import Scene
 from ..setup.setup import Setup
 from .adaptation import Adaptation
-from .cost_of_effects import cost_lines
-from .elevations import Elevations
 from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
-from .loads import Coefficients, Forces, Gap, Torques, loads_words
+from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import OutputQuantity, as_stored, put, screen_lines
 from .si import si_lines, with_loads
-from .trajectory import number_words, place_words, trajectory_lines
+from .timing import cost_lines
+from .trajectory import number_words, place_words, trajectory_sentence
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
@@ -72,7 +71,7 @@ class Steadied:
             return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
         return (
             f"NOT steady          at t = {self.time:.6g}: it changes by {self.change:.1e} per unit of time, "
-            f"{self.asked:.1e} is asked for: use a later time.end"
+            f"above the requested {self.asked:.1e}: use a later time.end"
         )
 
 
@@ -80,17 +79,10 @@ class Steadied:
 class Result:
     """The outcome of a run. Vectors have three components in scene units.
 
-    without_error_bars:     why requested error bars are missing
-    surface:                elevations of a free surface at the stations at the end, and a channel's inflow
-    elevations:             elevations at the stations over time, as in history.csv
-    separated:              intervals of x of reverse laminar flow along the bed, between separation and
-                            reattachment; None: not determined
-    turbulence:             report on the walls of a turbulent flow, None without turbulence
-    steady:                 the end of a run until steady flow, otherwise None
-    si:                     the flow in SI units (`results.si`), None without [units]
-    traction:               of the fluid on the grain at the end, None without a grain
-    quantities:             the quantities of runs; measured: values that effects measure, by key, None of an
-                            absent effect
+    surface, elevations: of a free surface at the stations at the end, and over time
+    separated: intervals of x of reverse laminar flow along the bed; None: not determined
+    si: the flow in SI units (`results.si`), None without [units]
+    quantities: of runs; measured: values that effects measure, by key, None of an absent effect
     """
 
     title: str
@@ -168,7 +160,6 @@ class Result:
         return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
 
     def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
-        """The flow at points of the half that was not computed; nan outside the fluid."""
         scene = Scene(**self.scene)
         if not Setup(scene).symmetric:
             return np.full(points.shape, np.nan), np.full(len(points), np.nan)
@@ -220,18 +211,16 @@ class Result:
 
 
 def _lines(result: Result, details: bool) -> list[str]:
-    gdim, stored = result.gdim, result.to_dict()
-    lines = _verdict(result)
-    lines += screen_lines(result.quantities, stored, details)
+    stored, bars = result.to_dict(), result.error_bars
+    lines = _verdict(result) + screen_lines(result.quantities, stored, details)
     lines += si_lines(stored["si"])
-    if result.error_bars is not None:
-        lines += result.error_bars.lines(gdim)
+    if bars is not None:
+        lines += bars.lines(result.gdim, details)
     elif result.without_error_bars:
         lines.append(f"error bars          {result.without_error_bars}")
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
-        bars = result.error_bars
         errors = () if bars is None else (bars.total.shear, bars.total.separated)
         lines += result.turbulence.lines(*errors)
     if result.steady is not None:
@@ -239,32 +228,43 @@ def _lines(result: Result, details: bool) -> list[str]:
     if result.gap is not None and np.isfinite(result.gap.width):
         lines.append(result.gap.line())
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
-    if result.trajectory is not None:
-        lines += trajectory_lines(result.trajectory)
     if result.surface is not None:
-        lines += _levels(result.surface, result.error_bars)
+        lines += _levels(result.surface, bars)
     if result.separated is not None:
-        lines.append(_separation(result.separated, result.error_bars))
+        lines.append(_separation(result.separated, bars))
+    lines += _effects(result.plan, details)
     lines += [line for omission in result.omitted for line in omission.lines()]
-    return lines + cost_lines(result.cost.get("effects", {}))
+    return lines + (cost_lines(result.cost.get("effects", {})) if details else [])
 
 
 def _verdict(result: Result) -> list[str]:
-    """The verdict of both criteria, and its certainty."""
-    if result.verdict is None:
-        return []
-    said = result.verdict["sentence"].split("; ", 1)
-    if "note" in result.verdict:
-        said.append(result.verdict["note"])
-    elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
-        said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
+    path, said = result.trajectory, []
+    lines = [] if path is None else [f"motion              {trajectory_sentence(path)}"]
+    if result.verdict is not None:
+        said = result.verdict["sentence"].split("; ", 1)
+        if "note" in result.verdict:
+            said.append(result.verdict["note"])
+        elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
+            said.append(_without_rest((result.scene.get("body") or {}).get("settle")))
+    elif path is not None and path["ended"]["without_verdict"]:
+        said = [f"none: {path['ended']['without_verdict']}"]
     if result.error_bars is not None and result.error_bars.safety is not None:
         said.append(result.error_bars.safety.sentence())
-    return [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+    return lines + [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+
+
+def _effects(plan: Plan, details: bool) -> list[str]:
+    lines = []
+    for heading, present in (("simulated", True), *((("absent", False),) if details else ())):
+        effects = (effect for effect in plan.effects if effect.present is present)
+        lines += [
+            f"{'' if row else heading:<20}{effect.name}: {effect.reason}"
+            for row, effect in enumerate(effects)
+        ]
+    return lines
 
 
 def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
-    """Intervals of separation along the bed, with the errors of the longest one."""
     errors = None if bars is None else bars.total.separated
     intervals = []
     for start, end in longest_first(spans)[:MOST_SPANS]:
@@ -276,14 +276,12 @@ def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) ->
 
 
 def _without_rest(settled: Any) -> str:
-    """The remedy for a grain that moves under its weight alone."""
     if settled:
         return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
-    return "with body.settle = true it first rolls and tips to a place where it rests"
+    return "with body.settle = true it first rolls and tips to a position of rest"
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
-    """Elevations of a free surface with their errors, and the inflow below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
     lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
     total = None if bars is None else bars.total

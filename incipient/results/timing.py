@@ -1,18 +1,25 @@
-"""Cost of a run: wall time and memory by stage and by effect.
+"""Cost of a run: wall time and memory by stage and by effect, Newton updates by effect.
 
-Stages nest. Time counts for the innermost stage and for its effect, unless transferred to another effect
-(`incipient.results.cost_of_effects`).
+Stages nest; time counts for the innermost stage and its effect. A steady linear flow needs one Newton update, a time
+step two (the second confirms the reused LU factorisation): further updates and the continuation count for inertia,
+time steps after the first for unsteadiness.
 """
+
+from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import EffectName
+from ..planning.plan import Plan
+
+if TYPE_CHECKING:
+    from ..fluid.steady import Step
 
 # The default effect of each stage.
 EFFECT_OF_STAGE: dict[str, str] = {
@@ -85,7 +92,6 @@ class Ledger:
             )
 
     def _settle(self) -> None:
-        """Add the time since the last call to the innermost open stage."""
         now, peak = time.perf_counter(), peak_memory_mib()
         if self._open:
             name, effect = self._open[-1]
@@ -96,7 +102,6 @@ class Ledger:
         self._since, self._peak = now, peak
 
     def total(self) -> float:
-        """Seconds since the start of the clock."""
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
@@ -108,7 +113,6 @@ class Ledger:
         self.began -= total
 
     def to_dict(self) -> dict[str, Any]:
-        """Wall times by stage, and the total."""
         self._settle()
         return {**self.wall_time, "total": self.total()}
 
@@ -131,3 +135,70 @@ def peak_memory_mib() -> float:
         _, _, peak = status.read(4096).partition(b"VmHWM:")
         return int(peak.split(maxsplit=1)[0]) / 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+LINEAR_CORRECTIONS = 2  # of a time step
+
+
+class Corrections:
+    """Attributes Newton updates within the stage "flow" to effects."""
+
+    def __init__(self, ledger: Ledger, plan: Plan):
+        self._ledger = ledger
+        self._inertia, self._unsteadiness = (
+            plan.has(EffectName.INERTIA),
+            plan.has(EffectName.UNSTEADINESS),
+        )
+        self._laps: list[tuple[int, Share]] = []
+
+    @contextmanager
+    def begun(self) -> Iterator[None]:
+        """Record the Newton updates of the block. Not collective."""
+        self._ledger.lap(EffectName.FLOW)
+        self._laps = []
+        yield
+
+    def record(self, iteration: int, size: float = 0.0) -> None:
+        """Record a Newton update by its number in the solve, from zero."""
+        self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
+
+    def watched_by(
+        self, watch: Callable[[float, int, float], Any]
+    ) -> Callable[[float, int, float], None]:
+        """A callback for the updates of a steady solve that also calls `watch`."""
+
+        def record_and_pass_on(share: float, iteration: int, size: float) -> None:
+            """Record the update, then call `watch`."""
+            self.record(iteration, size)
+            watch(share, iteration, size)
+
+        return record_and_pass_on
+
+    def book_steady(self, steps: Sequence[Step]) -> None:
+        """Attribute the updates of a steady solve: the first one at the last order belongs to the flow."""
+        before = sum(step.report.iterations for step in steps if step.order != steps[-1].order)
+        laps, self._laps = self._laps, []
+        for number, (_, share) in enumerate(laps):
+            if number != before and self._inertia:
+                self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
+
+    def book_step(self, number: int) -> None:
+        """Attribute the updates of a time step by its number, from one."""
+        laps, self._laps = [*self._laps, (0, self._ledger.lap(EffectName.FLOW))], []
+        for iteration, share in laps:
+            if self._inertia and iteration >= LINEAR_CORRECTIONS:
+                self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
+            elif self._unsteadiness and number > 1:
+                self._ledger.transfer(EffectName.FLOW, EffectName.UNSTEADINESS, share)
+
+
+def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:
+    """Cost of each effect as text, the costliest first; shares below a thousandth are omitted."""
+    total = sum(share["wall_time"] for share in effects.values()) or 1.0
+    dearest = sorted(effects.items(), key=lambda item: -item[1]["wall_time"])
+    return [
+        f"{'' if row else 'cost by effect':<20}{name:<14}{share['wall_time']:8.2f} s "
+        f"{100 * share['wall_time'] / total:5.1f}% {share['memory_mib']:7.0f} MiB {share['unknowns']:>8} unknowns"
+        for row, (name, share) in enumerate(dearest)
+        if share["wall_time"] >= 1e-3 * total
+    ]

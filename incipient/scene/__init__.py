@@ -2,7 +2,18 @@
 
 from .domain import Domain
 from .file import dumps, example, load, loads, save, schema
-from .flows import ExpressionFlow, Flow, Lid, LogLaw, OpenChannel, Poiseuille, Shear, Still, Uniform
+from .flows import (
+    ExpressionFlow,
+    Flow,
+    Lid,
+    LogLaw,
+    OpenChannel,
+    Oscillatory,
+    Poiseuille,
+    Shear,
+    Still,
+    Uniform,
+)
 from .model import Bed, Body, Contact, Effects, Fluid, Gravity, Output, Scene, Time, register
 from .numerics import Numerics
 from .shapes import (
@@ -60,7 +71,16 @@ __all__ += [
     "Numerics",
     "OpenChannel",
 ]
-__all__ += ["Output", "Poiseuille", "Polygon", "Polyhedron", "Polyline", "Rectangle", "RidgeBed"]
+__all__ += [
+    "Oscillatory",
+    "Output",
+    "Poiseuille",
+    "Polygon",
+    "Polyhedron",
+    "Polyline",
+    "Rectangle",
+    "RidgeBed",
+]
 __all__ += ["Scene", "Shear", "Sinusoidal", "Sphere", "SphereBed", "Spheres", "Star", "Still"]
 __all__ += [
     "Superellipse",

@@ -16,7 +16,7 @@ Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_leng
 
 def _with_width(key: str) -> Rule:
     return Rule(key, lambda s: s.width is None and getattr(s, key) is not None,
-                "goes with width, which is not given", "add domain.width or leave it out")  # fmt: skip
+                "needs width, which is not given", "add domain.width or leave it out")  # fmt: skip
 
 
 class Domain(Section):

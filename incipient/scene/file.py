@@ -25,7 +25,7 @@ S = TypeVar("S", bound=Section)
 # Sections whose overrides do not change the subject of the title.
 _NOT_THE_SCENE = ("title", "numerics", "output", "time")
 
-# What TOML cannot mean otherwise may stand on the command line without quotes.
+# Text that is not TOML may stand on the command line without quotes.
 _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
 
 

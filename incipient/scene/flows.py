@@ -1,5 +1,6 @@
 """The section [flow]."""
 
+import math
 import sys
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
@@ -11,6 +12,7 @@ from .gust import Gust
 from .section import (
     NotNegative,
     Positive,
+    Rule,
     Section,
     allowed,
     is_number,
@@ -24,6 +26,7 @@ Words = Annotated[
     Field(strict=False),
     of_length((2, 3), "give two, as in [x, y]; in 3-D three"),
 ]
+FEWEST = 8  # time steps in a period
 LEVELS = ("auto", "effective", "crest", "mean")
 _LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
 Datum = Annotated[
@@ -51,6 +54,7 @@ class FlowSection(Section):
         moves_top, by_formulas: whether the upper side slides; whether cells at the inflow resolve its velocity.
         scaled_by: the key of [units] that gives its speed.
         duct: of a flow between side walls, the height of the duct over the depth; 0: the sides do not change it.
+        needs: rules between the flow and other sections, of which `rules` knows nothing.
     """
 
     top: ClassVar[Top] = "stream"
@@ -68,11 +72,27 @@ class FlowSection(Section):
     by_formulas: ClassVar[bool] = False
     scaled_by: ClassVar[str] = "velocity"
     duct: ClassVar[float] = 0.0
+    needs: ClassVar[tuple[Rule, ...]] = ()
 
     @property
     def changes(self) -> bool:
         """Whether the flow changes in time."""
         return False
+
+    @property
+    def cycle(self) -> float:
+        """Period of a flow that oscillates: it is prescribed at both ends, and a run starts from it; inf: none."""
+        return math.inf
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether it has a period."""
+        return math.isfinite(self.cycle)
+
+    @property
+    def frequency(self) -> float:
+        """w = 2 pi over the period."""
+        return 2.0 * math.pi / self.cycle
 
     @property
     def words(self) -> str:
@@ -90,6 +110,10 @@ class FlowSection(Section):
     def shear_rate(self, depth: float) -> float:
         """Shear rate at the datum; zero where no formula gives it."""
         return 0.0
+
+    def numbers(self, size: float, viscosity: float) -> dict[str, float]:
+        """Dimensionless numbers of the flow past a grain of a size, by their names in the plan."""
+        return {}
 
 
 class Profile(FlowSection):
@@ -199,11 +223,61 @@ class LogLaw(Profile):
     @property
     def words(self) -> str:
         """What is computed."""
-        return "mean profile of a turbulent flow, kept by a force instead of its turbulent stress"
+        return "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
 
     def reference_velocity(self, length: float) -> float:
         """u*."""
         return self.shear_velocity
+
+
+class Oscillatory(Profile):
+    """Stokes' boundary layer over a bed below long waves: U [cos wt - exp(-z/d) cos(wt - z/d)] at a height z."""
+
+    tops = ("auto", "stream")
+    stresses_bed = True
+    needs = (
+        Rule("flow.kind", lambda s: s.time is None,
+             '"oscillatory" changes in time but without [time] the flow is steady', "add a section [time]"),
+        Rule("time.step", lambda s: s.time is not None and FEWEST * s.time.step > s.flow.period,
+             f"is {{s.time.step:g}}, more than 1/{FEWEST} of flow.period", "reduce it"),
+        Rule("time.start", lambda s: s.time is not None and s.time.changed("start"),
+             'is not read with flow.kind = "oscillatory", which starts from its own layer', "leave it out"),
+        Rule("time.until_steady", lambda s: s.time is not None and s.time.until_steady is not None,
+             'is for a steady flow but flow.kind = "oscillatory" has none', "leave it out"),
+        Rule("effects.unsteadiness", lambda s: s.effects.unsteadiness is False,
+             "is false, but without a rate of change no oscillatory layer exists", 'use "auto"'),
+        Rule("domain.sides", lambda s: s.gdim == 3 and s.sides == "wall",
+             '"wall" contradicts the flow "oscillatory", which knows no side walls', 'use "slip" or "stream"'),
+    )  # fmt: skip
+
+    kind: Literal["oscillatory"] = key("Kind of flow", "oscillatory")
+    velocity: Positive = key(
+        "V = U, amplitude of the orbital velocity above the layer [length/time]", 1.0
+    )
+    period: Positive = key("Period of the oscillation; U is reached at time 0 [time]")
+
+    @property
+    def changes(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def cycle(self) -> float:
+        """The period."""
+        return self.period
+
+    def thickness(self, viscosity: float) -> float:
+        """d = (2 nu/w)^(1/2), the Stokes thickness."""
+        return math.sqrt(2.0 * viscosity / self.frequency)
+
+    def numbers(self, size: float, viscosity: float) -> dict[str, float]:
+        """Keulegan-Carpenter number, thickness of the layer over the grain's size, its Reynolds number."""
+        thickness = self.thickness(viscosity)
+        return {
+            "KC": self.velocity * self.period / size,
+            "delta/d": thickness / size,
+            "Re_delta": self.velocity * thickness / viscosity,
+        }
 
 
 class Lid(FlowSection):
@@ -264,7 +338,15 @@ class Still(FlowSection):
 
 
 Flow = Annotated[
-    Shear | Poiseuille | OpenChannel | Uniform | LogLaw | Lid | ExpressionFlow | Still,
+    Shear
+    | Poiseuille
+    | OpenChannel
+    | Uniform
+    | LogLaw
+    | Oscillatory
+    | Lid
+    | ExpressionFlow
+    | Still,
     Field(discriminator="kind"),
 ]
 

@@ -78,7 +78,7 @@ class Gusts(FromFile):
              lambda s: f"is {s.record:g}, less than the total duration of the events, {_lasted(s):g}",
              "enlarge it, or merge events that overlap"),
         Rule("points", lambda s: s.law == "measured" and not rises(s.points),
-             "their times do not ascend", "sort them by time, each once"),
+             "their times do not increase", "sort them by time, each once"),
         Rule("points", _flat, "have no mean above zero, or no fluctuation", "give velocities downstream"),
         Rule("record", lambda s: s.law == "events" and s.record is None,
              "is missing: the duration in which the events were counted", "give it"),

@@ -82,7 +82,7 @@ class BodySection(Section):
         "x of a grain that rests on the bed [length]; give x or centre", None, examples=[4.0]
     )
     density: NotNegative | None = key(
-        "Density relative to the fluid [-]; without it or a mass no weight and no verdict",
+        "Density relative to the fluid [-]; without it or a mass there is no weight and no verdict",
         None,
         examples=[2.65],
     )

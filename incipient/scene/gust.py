@@ -12,7 +12,7 @@ from pydantic import Field
 from .points import FromFile, file_key, read_points
 from .section import NotNegative, Pair, Positive, Rule, key, rises
 
-RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, where none is given
+RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 
 
 class Gust(FromFile):
@@ -20,7 +20,7 @@ class Gust(FromFile):
 
     rules = (
         Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
-             "their times do not ascend", "give two or more, sorted by time"),
+             "their times do not increase", "give two or more, sorted by time"),
         Rule("points", lambda s: s.shape != "points" and s.points,
              'are not read with shape = "{s.shape}"', 'set shape = "points"'),
         Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",

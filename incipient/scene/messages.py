@@ -48,7 +48,7 @@ class Problem:
     key: Key
     why: str
     remedy: str
-    between: bool = False  # whether keys of other sections have a part in it
+    between: bool = False  # whether other sections are involved
 
     def __str__(self) -> str:
         path = key_text(self.key)

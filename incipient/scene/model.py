@@ -16,7 +16,7 @@ from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
-from .flows import Flow
+from .flows import Flow, FlowSection
 from .fluctuations import Gusts
 from .grains import FRICTIONLESS, LEVEL
 from .mass import mass, mean_density
@@ -36,8 +36,9 @@ from .units import Scales, Units, scales_of, with_units
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
 
+UNPLACED = "unplaced"  # of validation: the position of the grain is checked later
 _DEFAULT_GAP = 0.01
-# Gaps [grain sizes]: above the first the plan warns, above the second the flow is no more that around a grain at rest.
+# Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
 _DEFAULT_TOLERANCE = 1e-6
 
@@ -202,11 +203,15 @@ class Scene(Section):
     def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
         if not isinstance(data, dict) or data.get("units") is None:
             return data
-        return with_units(data, partial(cls.model_validate, context=info.context))
+        # Grains settle once: where the whole scene is validated, not where it is without its units.
+        unplaced = {**(info.context or {}), UNPLACED: True}
+        return with_units(data, partial(cls.model_validate, context=unplaced))
 
     @model_validator(mode="after")
-    def _free_of_contradictions(self) -> Scene:
-        problems = [*contradictions(self)] or misplaced(self)
+    def _free_of_contradictions(self, info: ValidationInfo) -> Scene:
+        problems = [*contradictions(self)]
+        if not problems and not (info.context or {}).get(UNPLACED):
+            problems = misplaced(self)
         if problems:
             raise refusal("Scene", problems, between=True)
         return self
@@ -419,12 +424,13 @@ class Scene(Section):
 
 
 def register(section: type[Section]) -> None:
-    """Add a kind of grain or bed to scenes (docs/contribute/adding.md).
+    """Add a kind of grain, bed or flow to scenes (docs/contribute/adding.md).
 
-    Raises SceneError if its `shape` (grain) or `kind` (bed) is not a single value or is already used.
+    Raises SceneError if its `shape` (grain) or `kind` is not a single value or is already used.
     """
     name = discriminator(section)
-    field = Scene.model_fields["body" if name == "shape" else "bed"]
+    flows = issubclass(section, FlowSection)
+    field = Scene.model_fields["flow" if flows else "body" if name == "shape" else "bed"]
     known = variants(field.annotation)
     if name is None or tag(section) in map(tag, known):
         why = (
@@ -433,5 +439,6 @@ def register(section: type[Section]) -> None:
             else "shape or kind is missing"
         )
         raise SceneError(f'{section.__name__}: {why}; give a key as in shape: Literal["stadium"]')
-    field.annotation = Annotated[Union[(*known, section)], Field(discriminator=name)] | None  # type: ignore
+    kinds: Any = Annotated[Union[(*known, section)], Field(discriminator=name)]
+    field.annotation = kinds if flows else kinds | None
     Scene.model_rebuild(force=True)

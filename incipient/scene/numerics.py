@@ -8,9 +8,9 @@ ORDERS = (2, 3, 4)
 
 # Quantities of a free surface: elevations in the course of the run, and at its end.
 OF_SURFACE = ("elevation", "level")
-# The quantity of the walls of a turbulent flow: u* at the outflow, or its mean where the bed is not level.
+# The quantity of the walls of a turbulent flow: u* at the outflow, or its mean if the bed is not planar.
 OF_WALLS = "shear velocity"
-# Below this the curved cells' geometry errs as much, which no estimate sees (docs/contribute/defaults.md).
+# Below this the curved cells' geometry errs as much, which no estimate includes (docs/contribute/defaults.md).
 FINEST = 1e-5
 Accuracy = Annotated[
     float | Literal["verdict"] | None,

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
-FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
+FINEST_PLACE = 1e-6  # of the smallest size in the scene: least resolution of positions
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
-_PLACES = 201  # in each direction at which bed and free surface are looked at
+_PLACES = 201  # points in each direction at which bed and free surface are checked
 CELLS_OF_A_FORM = 20  # at the least
 
 
@@ -67,7 +67,7 @@ def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
         needed = finest * min(extent, extent if grain is None else grain.size)
         if 4.0 * apart > needed:
             key = "origin" if abs(start) > extent else name
-            why = f"is so large that numbers there are {apart:.2g} apart, but places are needed to {needed:.2g}"
+            why = f"is so large that numbers there are {apart:.2g} apart, but positions are needed to {needed:.2g}"
             yield problem(f"domain.{key}", why, "move the scene towards zero, or make it smaller")
 
 
@@ -79,7 +79,7 @@ def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
     """Extents too large, relative to a grain or to bedforms in 3-D, for gmsh to distinguish points."""
     sizes = {"the grain": math.inf if grain is None else grain.size}
     if domain.gdim == 3 and bed is not None:
-        sizes["a form of the bed"] = bed.feature
+        sizes["a bedform"] = bed.feature
     what, size = min(sizes.items(), key=lambda item: item[1])
     for name, extent in zip(_names(domain), domain.extents, strict=True):
         if extent > FARTHEST * size:
@@ -98,7 +98,7 @@ def _forms(bed: Any, shape: Any, domain: Domain, grain: Any, max_cells: int) -> 
         forms = area / (2.0 * shape.feature) ** 2
     if forms * CELLS_OF_A_FORM > max_cells:
         why = f"has about {forms:.2g} forms {where}, with at least {CELLS_OF_A_FORM} cells each more than "
-        remedy = "enlarge them, give a flat bed in their place, or allow more with --set numerics.max_cells=NUMBER"
+        remedy = "enlarge them, use a flat bed instead, or allow more with --set numerics.max_cells=NUMBER"
         yield problem("bed", f"{why}numerics.max_cells = {max_cells}", remedy)
 
 
@@ -219,7 +219,9 @@ def _body_place(scene: Scene) -> Iterator[Problem]:
     if into_bed and body.x is None:
         yield problem(key, into_bed, "raise the grain, or give x to let it rest on the bed")
     elif into_bed:  # lowered onto a bed finer than the resolution of its support
-        remedy = "make the bed's forms larger or flatter: beside the grain they are too steep to lower it"
+        remedy = (
+            "make the bedforms larger or flatter: next to the grain they are too steep to lower it"
+        )
         yield problem(key, into_bed, remedy)
 
 

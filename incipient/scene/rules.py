@@ -1,5 +1,4 @@
-"""Rules between sections: one table of key, condition, reason and remedy, in which `{s...}` is an attribute of the
-scene.
+"""Rules between sections: key, condition, reason and remedy; `{s...}` in a text is an attribute of the scene.
 
 The first broken rule of each group is reported.
 """
@@ -35,12 +34,12 @@ _BY_OTHERS = (
     "incipient judge --forces"
 )
 
-Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks itself
+Asked = Callable[[Any], Any]  # of a scene; rules check which sections exist
 
 
 def contradictions(scene: Scene) -> Iterator[Problem]:
     """Contradictions between sections, except for positions and extents."""
-    for group in RULES:
+    for group in (*RULES, scene.flow.needs):
         first = next((rule for rule in group if rule.broken(scene)), None)
         if first is not None:
             yield first.problem(scene)
@@ -216,9 +215,9 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     # Flow and domain.
     (
         Rule("flow.kind", lambda s: s.flow.closed is True and not _boxed(s),
-             "a lid closes a box but the domain is a channel", 'set domain.kind = "box"'),
+             '"{s.flow.kind}" needs a box but the domain is a channel', 'set domain.kind = "box"'),
         Rule("flow.kind", lambda s: s.flow.closed is False and _boxed(s),
-             '"{s.flow.kind}" flows through but a box is closed',
+             '"{s.flow.kind}" needs open ends but a box is closed',
              'set domain.kind = "channel", or use "lid" or "still"'),
         Rule("domain.top", lambda s: _boxed(s) and s.domain.top == "stream" and not s.flow.by_formulas,
              "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"'),
@@ -430,7 +429,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),
         Rule("flow.kind", lambda s: _stream(s) and _surface(s).outflow == "wall" and not s.flow.at_rest,
-             '"{s.flow.kind}" flows through but surface.outflow is "wall"', 'use "still"'),
+             '"{s.flow.kind}" needs an open outflow but surface.outflow is "wall"', 'use "still"'),
     ),
     (
         Rule("surface.ends", lambda s: _stream(s) and _surface(s).ends != "wall",

@@ -35,7 +35,7 @@ def rested(
     start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))
     smoothed = grain.smoothed if isinstance(grain, Polygon) else None
     if smoothed is not None:
-        # On many short sides a grain would roll by one after the other: it first rolls on a smooth outline.
+        # A grain with many short sides would roll over them one by one: it first rolls on a smooth outline.
         coarse = settle(smoothed, bed, start, down, hold, reach / grain.size)
         start = coarse.placement if coarse.stable else start
     settled = settle(grain, bed, start, down, hold, reach / grain.size)

@@ -161,7 +161,7 @@ def apart(kind: str) -> Rule:
 class BedSection(Section):
     """Common keys of beds."""
 
-    gdims: ClassVar[tuple[int, ...]] = (2,)  # dimensions of the spaces that there is such a bed in
+    gdims: ClassVar[tuple[int, ...]] = (2,)  # possible geometric dimensions
 
     @property
     def slope_angle(self) -> float:

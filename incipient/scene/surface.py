@@ -35,7 +35,7 @@ class Surface(FromFile):
         Rule("points", lambda s: s.points and s.elevation != "0",
              "are given with a formula for the elevation", "leave one of them out"),
         Rule("points", lambda s: len(s.points) == 1 or not rises(s.points),
-             "do not ascend in x", "give two or more points sorted by x, each x once"),
+             "do not increase in x", "give two or more points sorted by x, each x once"),
     )  # fmt: skip
 
     elevation: Annotated[str, formula("xy")] = key(

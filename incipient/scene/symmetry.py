@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
 SPACING = 0.1  # of points on a grain's surface, in its size
 FEW = 200  # points at which a grain is compared first
-PLACES = 41  # in each direction, at which bed and flow are looked at
+PLACES = 41  # points in each direction at which bed and flow are compared
 MIRRORED = np.array([1.0, -1.0, 1.0])
 UNCHANGED = np.ones(1)
 
@@ -67,7 +67,7 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
     for some in (
         points[:: 1 + len(points) // FEW],
         points,
-    ):  # few show at once that a scanned grain is none
+    ):  # a few points suffice to exclude most scanned grains
         mirrored = placement.to_scene(some)
         mirrored[:, 1] = 2.0 * middle - mirrored[:, 1]
         off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(some)).max())
@@ -86,7 +86,10 @@ def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
 
 
 def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
-    along, across = 7 * PLACES + 2, 5 * PLACES + 1  # places that no period of the bed divides
+    along, across = (
+        7 * PLACES + 2,
+        5 * PLACES + 1,
+    )  # numbers of points without a common period with the bed
     heights = bed.height(domain.grid(along, across)).reshape(along, across)
     off = float(np.abs(heights - heights[:, ::-1]).max())
     if off > ALIKE * max(float(np.ptp(heights)), 1e-300):

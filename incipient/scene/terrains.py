@@ -26,7 +26,7 @@ class TerrainSection(BedSection):
     """Common keys of beds in 3-D only."""
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
-    shape_key: ClassVar[str] = "kind"  # the key that is refused where there is no such bed
+    shape_key: ClassVar[str] = "kind"  # the key that is refused if the bed is not possible
 
     slope: float = key(
         "Angle by which the bed falls in the direction of the flow [degrees]", 0.0, gt=-90, lt=90

@@ -50,7 +50,7 @@ class Turbulence(Section):
                     "does not have two or more rows of one length",
                     "give rows of height and speed, each with k or none"),
         _of_profile(lambda s: not rises(((0.0,), *s.profile)),
-                    "has heights that do not ascend from above zero", "sort the rows by height, without walls"),
+                    "has heights that do not increase from above zero", "sort the rows by height, without walls"),
         _of_profile(lambda s: any(value <= 0.0 for row in s.profile for value in row[1:]),
                     "has a speed or a k that is not positive", "omit walls: the law of the wall holds there"),
         *map(_of_k_epsilon, OF_K_EPSILON),
@@ -108,9 +108,7 @@ class Turbulence(Section):
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """Error message for rows of the profile beyond a wall on top, or all outside the depth of a channel; otherwise
-        "".
-        """
+        """Error message for rows of the profile beyond a wall on top, or all outside the depth of a channel, or ""."""
         if walls < 2 and self.profile and self.profile[0][0] > depth:
             why = f"has no row within the depth of {depth:.4g}"
             return f"turbulence.profile: {why}; give heights in lengths of the scene"

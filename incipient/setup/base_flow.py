@@ -76,10 +76,10 @@ class BaseFlow:
         """The force per unit mass that keeps the flow, a function of place and time (UFL); None: none is needed."""
         return None
 
-    @property
-    def knots(self) -> np.ndarray:
-        """Times (n,) that show the course of the flow besides evenly spaced ones."""
-        return np.empty(0) if self.gust is None else self.gust.knots()
+    def instants(self, end: float, samples: int) -> np.ndarray:
+        """Times (n,) up to an end that show the course of the flow: evenly spaced ones, and those of a gust."""
+        knots = np.empty(0) if self.gust is None else self.gust.knots()
+        return np.union1d(np.linspace(0.0, end, samples), knots[knots <= end])
 
     def factor(self, t: float) -> float:
         """The factor of the flow at a time, whose rate of change drives it."""
@@ -251,6 +251,42 @@ class LogLawFlow(BaseFlow):
         return float((self.speed * self.flow.shear_velocity) ** 2)
 
 
+class OscillatoryFlow(BaseFlow):
+    """Stokes' oscillatory boundary layer (Stokes 1851; Batchelor 1967, An Introduction to Fluid Dynamics, 4.3)."""
+
+    @property
+    def layer(self) -> float:
+        """The Stokes thickness."""
+        return self.flow.thickness(self.viscosity)
+
+    def instants(self, end: float, samples: int) -> np.ndarray:
+        """Times (n,) within one period."""
+        return np.linspace(0.0, min(self.flow.period, end), samples)
+
+    def profile(self, z: Floats, y: Floats, t: float) -> Floats:
+        """The layer at an instant; next to the bed it is an eighth of the period ahead of the flow above."""
+        phase, eta = self.flow.frequency * t, np.maximum(z, 0.0) / self.layer
+        return self.flow.velocity * (np.cos(phase) - np.exp(-eta) * np.cos(phase - eta))
+
+    @cached_property
+    def entering(self) -> Velocity:
+        """The same through both ends, at rest on the higher of their beds: as much flows in as out."""
+        return lambda x, t: self._risen_from(self._foot(x), x, t)
+
+    def _foot(self, x: Floats) -> Floats:
+        """The higher bed (n,) of both ends at the width of positions (3, n), not below the datum."""
+        foot, domain = np.full(x.shape[1], self.datum), self.domain
+        for end in (domain.left, domain.right) if self.bed is not None else ():
+            along = np.full(x.shape[1], end)
+            places = along if domain.gdim == 2 else np.column_stack([along, x[1]])
+            foot = np.maximum(foot, self.bed.height(places))
+        return foot
+
+    def bed_stress(self) -> float:
+        """The largest in time, U (w nu)^(1/2)."""
+        return self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.viscosity)
+
+
 class FormulaFlow(BaseFlow):
     """A velocity given by formulas."""
 
@@ -269,7 +305,7 @@ class FormulaFlow(BaseFlow):
 
 
 # Flows that are not `FlowSection.speed` times a factor, by flow.kind.
-KINDS = {"log-law": LogLawFlow, "expression": FormulaFlow}
+KINDS = {"log-law": LogLawFlow, "oscillatory": OscillatoryFlow, "expression": FormulaFlow}
 
 
 def base_flow_of(scene: Scene, speed: float = 1.0) -> BaseFlow:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,6 +40,7 @@ class Numbers:
     shields: float | None = (
         None  # that stress over the submerged weight of the grain, (rho_s - rho_f) g d
     )
+    of_flow: dict[str, float] = field(default_factory=dict)  # of its kind alone, by name
 
     def text(self) -> str:
         """The numbers that the scene has, on one line."""
@@ -53,6 +54,7 @@ class Numbers:
             "Froude": self.froude,
             "Re*": self.shear_reynolds,
             "Shields number": self.shields,
+            **self.of_flow,
         }
         notes = {"grain Re": " (largest speed at its height)"}
         return ", ".join(
@@ -72,7 +74,7 @@ def numbers_of(setup: Setup) -> Numbers:
         speed = max(speed_past_grain(setup), _own_speed(setup))
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
-        if scene.bed is not None and scene.flow.stresses_bed and not scene.flow.changes:
+        if scene.bed is not None and scene.flow.stresses_bed and base_flow.gust is None:
             stress = setup.bed_stress()
             of_shear = math.sqrt(stress) * grain.size / viscosity
             weighs = scene.density is not None and scene.density > 1.0 and scene.gravity is not None
@@ -96,15 +98,13 @@ def numbers_of(setup: Setup) -> Numbers:
         froude,
         of_shear,
         shields,
+        {} if grain is None else scene.flow.numbers(grain.size, viscosity),
     )
 
 
 def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
-    """Times at which an unsteady flow is sampled, including those of a gust."""
-    if time is None:
-        return np.zeros(1)
-    knots = base_flow.knots
-    return np.union1d(np.linspace(0.0, time.end, samples), knots[knots <= time.end])
+    """Times at which an unsteady flow is sampled."""
+    return np.zeros(1) if time is None else base_flow.instants(time.end, samples)
 
 
 def speed_past_grain(setup: Setup) -> float:

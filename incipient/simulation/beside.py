@@ -42,7 +42,6 @@ class Beside:
         return key in self._meshes
 
     def __call__(self, scene: Scene) -> Loads:
-        """Force and torque in a scene. Collective."""
         moved = self._meshes.get(scene.model_dump_json())
         if moved is None:
             return self._by_itself(scene, self._run.comm, self._speed)
@@ -88,7 +87,6 @@ class InTurn:
         self._open.__exit__(*exception)
 
     def __call__(self, scene: Scene) -> Loads:
-        """Force and torque in a scene. Collective."""
         if scene.gdim != 3 or scene.time is not None or scene.is_averaged or scene.body is None:
             return self._by_itself(scene, self._comm, 1.0)
         key = scene.model_dump_json()

@@ -132,8 +132,8 @@ def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
     """Traction probe of the grain, or None. Collective."""
     if layout.placement is None:
         return None
-    from ..coupled import enclosed, tractions
+    from ..coupled import tractions
 
     closing = layout.closing
-    pressure = None if closing is None else enclosed.EnclosedPressure(fluid, closing, CLOSED)
+    pressure = None if closing is None else tractions.EnclosedPressure(fluid, closing, CLOSED)
     return tractions.TractionProbe(fluid, "body", layout.placement.centre, pressure)

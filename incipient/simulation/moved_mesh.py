@@ -94,9 +94,7 @@ class MovedMesh:
         with self.run.stage("flow"):
             report = fluid.solve(TOLERANCE, self.run.scene.numerics.max_iterations)
         if not report.converged:
-            raise ConvergenceError(
-                "the flow on the moved mesh did not converge from the solution of the run"
-            )
+            raise ConvergenceError("Newton's method did not converge on the moved mesh")
 
 
 def _centre(run: Run, setup: Setup) -> Floats:

@@ -13,10 +13,9 @@ from ..planning.effects import EffectName
 from ..planning.layout import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
-from ..results.cost_of_effects import Corrections
-from ..results.elevations import Elevations
 from ..results.errorbars import Loads, Term
-from ..results.timing import Ledger
+from ..results.loads import Elevations
+from ..results.timing import Corrections, Ledger
 from ..setup.setup import Setup
 from .steadiness import Steadiness
 

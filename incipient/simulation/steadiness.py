@@ -28,7 +28,6 @@ class Steadiness:
 
     @property
     def reached(self) -> bool:
-        """Whether the flow is steady."""
         return self.change <= self._asked
 
     def column(self, step: TimeStep) -> dict[str, float]:
@@ -43,5 +42,4 @@ class Steadiness:
         return {"change": self.change}
 
     def result(self) -> Steadied:
-        """Outcome at the end of the run. Not collective."""
         return Steadied(self.reached, self._fluid.time, self.change, self._asked)

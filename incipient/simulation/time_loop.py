@@ -14,6 +14,7 @@ from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
 from ..fluid import Fluid
 from ..interrupt import Interruption
 from ..planning.conditions import conditions
+from ..planning.discretisation import of_steady
 from ..planning.effects import EffectName
 from ..results.loads import named, named_torque
 from .build import flow_model
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
 
 
-NOT_STEADY = 'time.start: no steady flow to begin with; use a smaller numerics.mesh_size, or "rest"'
+NOT_STEADY = 'time.start: the steady flow did not converge; use a smaller numerics.mesh_size, or time.start = "rest"'
+NOT_BEGUN = "flow: the oscillation does not begin; use a smaller numerics.mesh_size or velocity"
 
 
 class TimeLoop:
@@ -70,8 +72,27 @@ class TimeLoop:
             return
         if not run.plan.has(EffectName.UNSTEADINESS):
             solve_steadily(run, run.fluid)
+        elif run.scene.flow.oscillates:
+            self._start_within_oscillation()
         elif start != "rest":
             self._start_from(inertia=start == "steady")
+
+    def _start_within_oscillation(self) -> None:
+        """Set the state to the oscillating base flow and a disturbance that is at rest on walls, without an impulse.
+
+        The disturbance is that of one backward difference over 1/w in which the base flow u(0) has its rate of change,
+        u'(0) = w u(T/4): the step begins at u(0) - u'(0)/w, and without a grain it ends at u(0).
+        """
+        run, fluid, flow = self._run, self._run.fluid, self._run.scene.flow
+        velocity, at = fluid.velocity, run.setup.base_flow.velocity
+        for function, later in ((fluid.state, 0.0), (fluid.history[0], 1.0)):
+            velocity.interpolate(lambda x, k=later: at(x, 0.0) - k * at(x, 0.25 * flow.cycle))
+            function.x.array[fluid.space.velocity_map] = velocity.x.array
+        fluid.discretise_time((flow.frequency, -flow.frequency, 0.0), (1.0, 0.0))
+        with run.stage("flow"):
+            report = fluid.solve(of_steady(run.scene.numerics.tolerance))
+        if not report.converged:
+            raise ConvergenceError(NOT_BEGUN)
 
     def _start_from(self, inertia: bool) -> None:
         """Set the state of fluid and turbulence to the steady flow around the fixed grain."""
@@ -212,6 +233,6 @@ class TimeLoop:
         with suppress(OutputError):
             kept = self._keep()
             return type(error)(
-                f"{error}; t = {self._recorded:.6g} is kept: incipient resume {kept}"
+                f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
             )
         return error

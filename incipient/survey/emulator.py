@@ -79,9 +79,7 @@ class Emulator:
         return np.asarray(0.9 * scaled.T @ scaled / len(scaled) + 0.1 * np.eye(scaled.shape[1]))
 
     def deviations_with(self, features: Floats, added: Floats) -> Floats:
-        """Standard deviations (m,) of the drag at features (m, 7) after further runs at others (k, 7), over that of the
-        runs.
-        """
+        """Standard deviations (m,) of the drag at features (m, 7), over the runs', after runs at others (k, 7)."""
         scaler, process = (step for _, step in self.processes[0].steps)
         points = process.X_train_
         if len(added):

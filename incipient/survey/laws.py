@@ -23,8 +23,8 @@ def kirchner(percentile: ArrayLike, ratio: ArrayLike = 1.0) -> Floats:
 
 
 def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:
-    """Shields number at which a constant drag coefficient and a rough log law move a grain about its pivot, without
-    lift.
+    """Shields number at which a constant drag coefficient and a rough log law, without lift, move a grain about its
+    pivot.
 
     protrusion: its top above the bed's mean level, where the velocity is zero; ratio: its diameter over the median.
     Infinite without protrusion, or if no force along the flow moves it.

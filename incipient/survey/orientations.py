@@ -15,7 +15,7 @@ from ..arrays import known_percentiles, percentile
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
 from ..geometry.placement import Placement
-from ..output.lock import locked
+from ..output.ownership import locked
 from ..parallel import Comm, collectively
 from ..progress import Silent
 from ..scene import Scene

@@ -93,7 +93,7 @@ class EmulatorRecord:
     def lines(self) -> list[str]:
         flow = "not estimated" if self.flow is None else f"{self.flow:.1%} of the drag"
         failed = f", {self.failed} failed" if self.failed else ""
-        least = "" if self.level >= LEVEL else f": so few runs give no more; {FOR_LEVEL} tell 95%"
+        least = "" if self.level >= LEVEL else f": so few runs show no more; 95% takes {FOR_LEVEL}"
         halve = f"{self.to_halve} more runs would halve the mean bar of the drag"
         return [
             f"runs                {self.runs}{failed}; error of the flow {flow}",
@@ -241,7 +241,7 @@ class SurveyOutcome:
         if len(self.thresholds) <= TOO_FEW:
             lines.append(few([threshold.shields for threshold in self.thresholds]))
         first = [str(row["number"]) for row in self.rows() if "rank" in row][:FIRST]
-        return [*lines, f"first to go         grains {', '.join(first)}"]
+        return [*lines, f"first to move       grains {', '.join(first)}"]
 
 
 def _percentiles(name: str, values: Floats) -> list[dict[str, float]]:

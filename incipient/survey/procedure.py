@@ -16,7 +16,7 @@ from ..arrays import Floats
 from ..errors import SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import read_text
-from ..output.lock import locked
+from ..output.ownership import locked
 from ..parallel import Comm, collectively, from_first
 from ..progress import Silent
 from ..scene.file import parse

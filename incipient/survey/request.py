@@ -41,7 +41,7 @@ class Deposited(Section):
         ge=1,
         le=1000,
     )
-    seed: int = key("Seed of places and diameters", 0, ge=0, le=2**31)
+    seed: int = key("Seed of positions and diameters", 0, ge=0, le=2**31)
 
 
 class MeasuredSpheres(Section):

@@ -284,7 +284,9 @@ class _Sweep:
                 future.add_done_callback(self._ended.put)
                 continue
             except CancelledError:
-                self._voice.say(f"{case.name}: the scheduler has gone; waiting for it")
+                self._voice.say(
+                    f"{case.name}: the connection to the scheduler is lost; waiting for it"
+                )
                 self._tries[case.identity] -= 1
                 self._waiting[case.identity] = case
                 continue
@@ -314,12 +316,12 @@ class _Sweep:
         """The outcome of a case whose process has died; None: it is tried again."""
         limit, tries = self._means.limit, self._tries[case.identity]
         if spent >= limit:
-            return CaseOutcome(reason=f"was ended: it took longer than {limit:.0f} s", wall=spent)
+            return CaseOutcome(reason=f"was stopped: it took longer than {limit:.0f} s", wall=spent)
         reason = f"its worker process at {worker} was killed, or a library has crashed"
         if exceeded_memory(self._client, worker):
             reason = "was ended because it exceeded the memory of its worker; give fewer --jobs"
         if tries < self._means.tries:
-            self._voice.say(f"{case.name}: {reason}; it is tried again")
+            self._voice.say(f"{case.name}: {reason}; it is repeated")
             self._waiting[case.identity] = case
             return None
         return CaseOutcome(reason=f"{reason} (tried {tries} times)", wall=spent)

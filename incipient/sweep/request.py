@@ -127,7 +127,7 @@ def requested(
         aim = Aim(column, tolerance, next(n for n in (most, section.most, MOST) if n is not None))
     elif most is not None or quantity is not None:
         option, remedy = "most" if most is not None else "quantity", "give --refine as well"
-        raise SceneError(f"--{option}: is for a refinement; {remedy}, or leave it out")
+        raise SceneError(f"--{option}: applies to a refinement; {remedy}, or leave it out")
     return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
 
 

@@ -36,12 +36,13 @@ def size_classes(
         size: the column of sizes; default: diameter, or body.diameter.
 
     Raises:
-        SceneError: bounds do not ascend, a column is missing, or no grain is in a class.
+        SceneError: bounds do not increase, a column is missing, or no grain is in a class.
         OutputError: the file of the sweep cannot be read.
     """
     if len(bounds) < 2 or not all(low < high for low, high in pairwise(bounds)):
+        listed = ", ".join(f"{bound:g}" for bound in bounds)
         raise SceneError(
-            f"--size-classes: {_shown(bounds)} do not grow; give two bounds or more, as in 1,2,4"
+            f"--size-classes: {listed} do not increase; give two bounds or more, as in 1,2,4"
         )
     table_rows = (
         _of_csv(path)
@@ -90,7 +91,3 @@ def _number(value: Any) -> float:
         return number(value)
     except ValueError:
         return math.nan
-
-
-def _shown(bounds: Sequence[float]) -> str:
-    return ", ".join(f"{bound:g}" for bound in bounds)

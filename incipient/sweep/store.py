@@ -86,7 +86,7 @@ class Store:
         except (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError) as error:
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
             remedy = _REMEDIES.get(
-                code, "it is damaged; put back a copy, or save it by sqlite3 FILE .recover"
+                code, "it is damaged; restore a copy, or save it by sqlite3 FILE .recover"
             )
             raise OutputError(f"{self.path}: {shortened(error)}; {remedy}") from error
 

@@ -75,9 +75,7 @@ class CriticalStrength:
         return float(np.interp(abs(growth), ends, known))
 
     def at(self, growth: float, relative: bool) -> float:
-        """The critical strength in a flow that grows in unit time by `growth` times the scene's, or its own if
-        `relative`.
-        """
+        """The critical strength at growth in unit time by `growth` times the scene's flow, or its own if `relative`."""
         key = (float(f"{growth:.8g}"), relative)
         if key not in self._known:
             self._known[key] = self._solved(*key)

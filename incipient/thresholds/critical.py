@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..accuracy.errorbars import coarse_scenes, error_terms
-from ..accuracy.run import improved_loads
+from ..accuracy.finish import improved_loads
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
@@ -30,7 +30,9 @@ from ..simulation.beside import Beside
 from ..simulation.build import prepared
 from ..simulation.simulate import loads_of
 from ..simulation.state import Run
+from ..simulation.steady import loads_at
 from .bars import corrected, critical_bars
+from .in_time import FEWEST_PERIODS, largest_demand
 from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
 from .search import CriticalFlow, CriticalSearch
@@ -42,6 +44,8 @@ OTHERWISE = (
     "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
     "for a threshold; use a smaller numerics.mesh_size"
 )
+OF_PERIODS = "where the flow oscillates"
+IN_TIME = "not estimated: the flow oscillates"
 ROCKED = (
     "before it leaves it rocks, {way}; under the load of the flow past its first pose, with an error of about "
     "{drift:.0%}"
@@ -82,8 +86,9 @@ def find_threshold(
         )
         if not (flow.is_critical and run.scene.numerics.error_bars):
             return threshold
-        if flow.rocking is not None:
-            return replace(threshold, without_bars=OF_ROCKING)
+        if flow.rocking is not None or scene.time is not None:
+            without = IN_TIME if flow.rocking is None else OF_ROCKING
+            return replace(threshold, without_bars=without)
         with told_where_kept(keep(replace(threshold, without_bars=TO_COME)), comm):
             return _with_bars(threshold, run, search, flow)
 
@@ -93,7 +98,7 @@ def find_threshold(
     if scene.is_averaged:
         return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
-        search = CriticalSearch(run)
+        search = CriticalSearch(run, loads_at if scene.time is None else largest_demand)
         return concluded(run, search, search.from_rest())
 
 
@@ -106,7 +111,17 @@ def _require(scene: Scene) -> None:
         ((scene.density or 0.0) > 1.0, "a grain denser than the fluid (body.density > 1)"),
         (falls, "gravity ([gravity] acceleration > 0)"),
         (scene.contact is not None, "friction ([contact] friction)"),
-        (scene.time is None, "a steady flow (no [time] section)"),
+        (scene.time is None or scene.flow.oscillates, "a steady flow (no [time] section)"),
+        (not scene.moves, 'a held grain (body.motion = "fixed")'),
+        (
+            scene.time is None or scene.numerics.accuracy is None,
+            f"no numerics.accuracy {OF_PERIODS}",
+        ),
+        (scene.time is None or scene.gusts is None, f"no [gusts] {OF_PERIODS}"),
+        (
+            scene.time is None or scene.time.end >= FEWEST_PERIODS * scene.flow.cycle,
+            f"{FEWEST_PERIODS} or more periods (a later time.end)",
+        ),
         (not scene.flow.at_rest, "a flow (flow.kind other than still)"),
         (scene.flow.keeps_shape, KEEPS_SHAPE),
     )

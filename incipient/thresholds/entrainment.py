@@ -49,12 +49,11 @@ ACCELERATION = "acceleration acts through added mass and pressure gradient, with
 
 
 @dataclass(frozen=True)
-class OfStrength:
+class InMeanFlow:
     """Motion in one mean flow.
 
     strength: of the mean flow over the scene's; shields: its Shields number
-    probability: fraction of time in motion; low, high: its range from the errors of threshold and series, and with the
-        other law of the same intensity
+    probability: fraction of time in motion
     rate: upcrossings of the critical strength per unit time; None: not known
     lasting: gusts that move the grain out of its pocket; None: not requested
     """
@@ -62,26 +61,27 @@ class OfStrength:
     strength: float
     shields: float
     probability: float
-    low: float
-    high: float
     rate: float | None
-    lasting: RateOfLasting | None = None
+    lasting: RateOfLasting | None
 
 
 @dataclass(frozen=True)
-class Quantile:
-    """The mean flow with a given probability of motion.
+class OfStrength(InMeanFlow):
+    """Motion in a given mean flow.
 
-    strength, shields, rate, lasting: as of `OfStrength`
-    terms: errors of the Shields number by source
+    low, high: range of the probability from the errors of threshold and series, and with the other law of the same
+        intensity
     """
 
-    probability: float
-    strength: float
-    shields: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Quantile(InMeanFlow):
+    """Motion in the mean flow of a given probability; terms: errors of its Shields number by source."""
+
     terms: dict[str, float]
-    rate: float | None
-    lasting: RateOfLasting | None = None
 
     @property
     def error(self) -> float | None:
@@ -171,6 +171,8 @@ def find_entrainment(
     scene, gusts = setup.scene, setup.scene.gusts
     if gusts is None:
         raise SceneError("gusts: is missing; add [gusts] with an intensity, or a measured series")
+    if scene.time is not None:
+        raise SceneError("gusts: are fluctuations of a steady flow; leave [time] out")
     if not all(0.0 < probability < 1.0 for probability in probabilities):
         raise SceneError("probabilities: give one or more, each between 0 and 1")
     if not all(1.0 / FARTHEST <= strength <= FARTHEST for strength in strengths):
@@ -302,7 +304,7 @@ class Motion:
         spread = self._data.spread(probability) if self._data else 0.0
         low, high = max(min(ranges) - spread, 0.0), min(max(ranges) + spread, 1.0)
         shields = self.flow.shields(strength)
-        return OfStrength(strength, shields, probability, low, high, *self._rates(strength))
+        return OfStrength(strength, shields, probability, *self._rates(strength), low, high)
 
     def quantile(self, probability: float) -> Quantile:
         """The mean flow of a probability of motion, with error bars. Raises SceneError without one."""
@@ -324,7 +326,7 @@ class Motion:
             spread = self._data.spread(probability)
             ends = [self.nearest(probability + sign * spread) for sign in (-1.0, 1.0)]
             terms["length of the record"] = change(map(self.strength, ends))
-        return Quantile(probability, strength, shields, terms, *self._rates(strength))
+        return Quantile(strength, shields, probability, *self._rates(strength), terms)
 
     def _rates(self, strength: float) -> tuple[float | None, RateOfLasting | None]:
         law = self.law(strength)

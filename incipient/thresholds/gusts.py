@@ -195,7 +195,7 @@ def _missing(scene: Scene) -> str:
     if body is None or body.motion != "released":
         return 'body.motion: gusts are computed for a grain that rests on its bed; use "released"'
     if bed is None or bed.kind == "flat":
-        return "bed.kind: a flat bed has no pocket to leave; use a bed with forms"
+        return "bed.kind: a flat bed has no pocket to leave; use a bed with bedforms"
     if not hasattr(flow, "gust"):
         return f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile'
     if flow.gust is not None and flow.gust.shape == "points":

@@ -22,9 +22,7 @@ LARGEST = 3.0  # largest intensity of the laws
 
 @dataclass(frozen=True, eq=False)
 class MeanFlow:
-    """The base flow of a scene at its grain; strengths are over the scene's flow. Raises SceneError without an
-    intensity.
-    """
+    """The base flow at the grain; strengths are over the scene's flow. Raises SceneError without an intensity."""
 
     setup: Setup
     gusts: Gusts

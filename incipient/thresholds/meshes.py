@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 
 from ..accuracy.goal import components, slopes
-from ..accuracy.search import Attempt, Estimate, Search
-from ..accuracy.strategies import DualWeighted
+from ..accuracy.search import Attempt, Estimate
+from ..accuracy.searches import DualWeighted
 from ..arrays import Floats
 from ..contact.safety import safety_factor
 from ..errors import ConvergenceError, SceneError
@@ -95,18 +94,16 @@ def to_accuracy(
     if scene.numerics.accuracy_includes == "all":
         why = '"all" is for runs; leave it out, and see the error bars of the threshold'
         raise SceneError(f"numerics.accuracy_includes: {why}")
-    strategy = partial(_DualWeightedThreshold, conclude=conclude)
-    result: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
+    search = _ThresholdSearch(scene, comm, Recorder(), voice)
+    search.outcome = conclude
+    result: Concluded = search.result()
     return result
 
 
-class _DualWeightedThreshold(DualWeighted):
+class _ThresholdSearch(DualWeighted):
+    outcome: Callable[..., Any]  # of the last mesh
     _critical: CriticalSearch
     _flow: CriticalFlow | None = None
-
-    def __init__(self, search: Search, conclude: Callable[..., Any]):
-        super().__init__(search)
-        self._conclude = conclude
 
     def solve(self, run: Run) -> Loads:
         self._critical = CriticalSearch(run)
@@ -115,19 +112,19 @@ class _DualWeightedThreshold(DualWeighted):
             why = "the grain rocks before it leaves its pocket, and this has no error bar"
             raise SceneError(f"numerics.accuracy: {why}; leave it out")
         if flow.is_critical:
-            search, halved = self.search, run.setup.symmetric
-            search.speed, search.goal = flow.factor, CriticalGoal(flow, run.scene.gdim, halved)
+            goal = CriticalGoal(flow, run.scene.gdim, run.setup.symmetric)
+            self.speed, self.goal = flow.factor, goal
         force, torque = self._critical.at_nearest(flow.factor)
         return Loads(force.flow, torque.flow)
 
     def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         if self._flow is not None and self._flow.is_critical:
             return super().following(attempt, run, estimate)
-        self.search.reason = "there is no critical flow whose error could be made smaller"
+        self.reason = "there is no critical flow whose error could be made smaller"
         return None
 
     def concluded(self, run: Run) -> Any:
-        return self._conclude(run, self._critical, self._flow, self.search.adaptation())
+        return self.outcome(run, self._critical, self._flow, self.adaptation())
 
 
 def on_its_own_mesh(

@@ -294,7 +294,7 @@ class CriticalSearch:
                 return following
         reason = "the grain is held, and beyond no steady flow converged"
         if loss:
-            reason += f"; the load extrapolated moves it at about {loss:.2g} times that flow"
+            reason += f"; the extrapolated load moves it at about {loss:.2g} times that flow"
         return self._ended(np.inf, top, reason)
 
     def _first(self, slow: float) -> float:

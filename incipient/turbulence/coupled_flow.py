@@ -85,13 +85,13 @@ class CoupledFlow(Holder):
     def _derivative(self, form: Any, own: Any, state: Any) -> Any:
         """The derivative of a residual in UFL, with the rate in pseudo-time in the state that is its `own`."""
         change = ufl.TrialFunction(state.function_space)
-        found = ufl.derivative(form, state, change)
+        jacobian = ufl.derivative(form, state, change)
         coarser = {"quadrature_degree": DEGREE_OF_DERIVATIVE[self._fluid.domain.gdim]}
-        found = ufl.Form(
-            [one.reconstruct(metadata=one.metadata() | coarser) for one in found.integrals()]
+        jacobian = ufl.Form(
+            [one.reconstruct(metadata=one.metadata() | coarser) for one in jacobian.integrals()]
         )
         if state is not own:
-            return found
+            return jacobian
         test, rate = (
             ufl.TestFunction(state.function_space),
             self._passing() / self._courant,
@@ -99,8 +99,8 @@ class CoupledFlow(Holder):
         degree = {"quadrature_degree": 2 * self._fluid.space.order}
         measure = ufl.dx(domain=self._fluid.domain.mesh, metadata=degree)
         if own is self._fluid.state:
-            return found + rate * ufl.inner(ufl.split(change)[0], ufl.split(test)[0]) * measure
-        return found + rate * ufl.inner(change, test) * measure
+            return jacobian + rate * ufl.inner(ufl.split(change)[0], ufl.split(test)[0]) * measure
+        return jacobian + rate * ufl.inner(change, test) * measure
 
     def _passing(self) -> Any:
         """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL.
@@ -143,8 +143,8 @@ class CoupledFlow(Holder):
         self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
         self._solver.approximate(self._right, self._correction)
         number = self._vectors[0].getLocalSize()
-        found = -self._correction.array_r
-        return found[:number], found[number:]
+        changes = -self._correction.array_r
+        return changes[:number], changes[number:]
 
     def changes_of_cells(
         self, of_flow: Floats, of_logarithms: Floats, units: tuple[float, float]
@@ -210,9 +210,9 @@ def half_where_reversed(changes: Floats, last: Floats | float) -> Floats:
 def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:
     """Changes (owned unknowns,) as large as they may be at a node. Collective."""
     most, own = MOST_CHANGE[1] * _fastest(fluid), _owned_nodes(fluid, of_flow)
-    sizes, found = np.linalg.norm(of_flow[own], axis=1), of_flow.copy()
-    found[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
-    return found, np.clip(of_logarithms, -MOST_CHANGE[0], MOST_CHANGE[0])
+    sizes, limited = np.linalg.norm(of_flow[own], axis=1), of_flow.copy()
+    limited[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
+    return limited, np.clip(of_logarithms, -MOST_CHANGE[0], MOST_CHANGE[0])
 
 
 def _owned_nodes(fluid: Fluid, of_flow: Floats) -> Integers:

@@ -136,7 +136,7 @@ class _Column:
         made = np.minimum(strain**2 * time, MOST_PRODUCED * BETA_STAR * omega)
         carried = 2.0 * (1.0 - inner) * SIGMA_CROSS * k / omega * middle[:, 0] * middle[:, 1]
         sources = (made - BETA_STAR * omega, gamma * strain**2 / omega - beta * omega + carried)
-        found = np.empty_like(logarithms)
+        changes = np.empty_like(logarithms)
         for i, sigma in enumerate((sigma_k, sigma_omega)):
             spread = nu + sigma * k * time
             at_faces = np.concatenate([spread[:1], 0.5 * (spread[1:] + spread[:-1]), spread[-1:]])
@@ -146,10 +146,10 @@ class _Column:
             upper = flux[1:] * np.concatenate([weight, [0.0]])
             start = (self.faces[0] / y[0]) ** POWERS[i]
             lower = flux[:-1] * np.concatenate([[start], 1.0 / weight])
-            found[:, i] = upper - lower + sources[i] * self.sizes
+            changes[:, i] = upper - lower + sources[i] * self.sizes
         if self._laminar:
-            found[:, 0] = 0.0
-        return found
+            changes[:, 0] = 0.0
+        return changes
 
     def jacobian(self, logarithms: Floats) -> Floats:
         """The derivatives of the rates as a banded matrix (7, 2 n), unknowns in the order K, W of each volume."""
@@ -203,7 +203,7 @@ class _Column:
 
 
 @lru_cache(maxsize=256)
-def developed(re_tau: float, sand: float = 0.0) -> DevelopedChannel:
+def developed(re_tau: float, roughness: float = 0.0) -> DevelopedChannel:
     """The developed flow at u* h/nu, over a wall of a given roughness over depth. Not collective.
 
     Raises:
@@ -211,13 +211,13 @@ def developed(re_tau: float, sand: float = 0.0) -> DevelopedChannel:
     """
     column = _Column(re_tau)
     smooth = column.profiles(column.solve(column.guess()))
-    return smooth.shifted(shift(sand * re_tau) / re_tau) if sand else smooth
+    return smooth.shifted(shift(roughness * re_tau) / re_tau) if roughness else smooth
 
 
-def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:
+def of_discharge(reynolds: float, roughness: float = 0.0) -> DevelopedChannel:
     """The developed flow at a Reynolds number of the mean velocity and the depth. Not collective.
 
-    sand: equivalent sand roughness over the depth
+    roughness: equivalent sand roughness over the depth
 
     Raises:
         ConvergenceError: it did not converge.
@@ -226,10 +226,10 @@ def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:
     re_tau = max(math.sqrt(3.0 * reynolds), 0.09 * reynolds**0.88)
     slope, before = 1.1, None
     for _ in range(MOST_TRIALS):
-        found = developed(re_tau, sand)
-        away = math.log(reynolds / (found.mean * re_tau))
+        channel = developed(re_tau, roughness)
+        away = math.log(reynolds / (channel.mean * re_tau))
         if abs(away) < SAME_DISCHARGE:
-            return found
+            return channel
         if before is not None and before[0] != re_tau:
             slope = float(np.clip((before[1] - away) / math.log(re_tau / before[0]), 0.5, 3.0))
         before = re_tau, away

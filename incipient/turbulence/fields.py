@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -19,14 +20,18 @@ from ..fluid import Fluid
 from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size, size_along
 from ..forms import turbulence as forms
-from ..forms.k_omega_sst import KOmegaSST
+from ..forms.k_omega_sst import INNER, KOmegaSST
+from ..mesh.cells import is_node_of
 from ..mesh.domain import Domain
-from ..mesh.wall_distance import distances
+from ..mesh.wall_distance import cells_at, distances
 from ..parallel import Holder
 
 Values = Callable[[np.ndarray], np.ndarray]
 ORDER = 2
 FAR = 1e9  # distance where there are no walls
+# Of the thickness of the cells at a wall: distance of the nodes on it, where omega would be infinite. Then the parabola
+# of ln omega = -2 ln d between those nodes, the middle of a cell and its outer edge has the slope of -2 ln d there.
+ON_SURFACE = math.e / 16.0
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
@@ -45,6 +50,7 @@ class TurbulenceFields(Holder):
         values: at the inflow, a function of places (3, n) that returns (2, n).
         inflow: names of boundaries at which the logarithms are given.
         walls: distances by names of boundaries that are walls, or have a wall a distance beyond them.
+        surfaces: smooth ones, in the viscous sublayer, that the mesh reaches: omega is given in the cells at them.
         viscosity: of the molecules.
         k_epsilon: the closure; None: the k-omega SST model.
         order_of_flow: of the velocity, whose strain limits the eddy viscosity of the k-omega SST model.
@@ -73,6 +79,7 @@ class TurbulenceFields(Holder):
         least: float = 0.0,
         in_layers: bool = False,
         order: int = ORDER,
+        surfaces: Sequence[str] = (),
     ):
         super().__init__(domain.comm)
         self.domain, self.order, self._molecules = domain, order, viscosity
@@ -88,6 +95,14 @@ class TurbulenceFields(Holder):
         self._distance.x.array[:] = FAR
         self._least = self.constant(least)
         self.closure: Any = k_epsilon or KOmegaSST(self._distance, self._least)
+        self._surfaces = () if k_epsilon else tuple(surfaces)
+        self._at_surfaces = dolfinx.fem.Function(self._distance.function_space)
+        if self._surfaces:
+            self._at = cells_at(domain, self._surfaces)
+            near = np.flatnonzero(is_node_of(self._at_surfaces.function_space, self._at))
+            pairs = [(2 * near + 1).astype(np.int32), near.astype(np.int32)]
+            of_omega = dolfinx.fem.dirichletbc(self._at_surfaces, pairs, self.space.sub(1))
+            self.conditions = [*self.conditions, of_omega]
         self._seen = dolfinx.fem.Function(
             compat.space(domain.mesh, ("Lagrange", order_of_flow), (domain.gdim,))
         )
@@ -128,18 +143,32 @@ class TurbulenceFields(Holder):
         if not self._walls or not isinstance(self.closure, KOmegaSST):
             return
         places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
-        away = [
-            distances(self.domain, [name], places) + float(beyond.value)
-            for name, beyond in self._walls.items()
-        ]
-        self._distance.x.array[:] = np.min(away, axis=0)
+        beyond = {name: float(one.value) for name, one in self._walls.items()}
+        beyond |= dict.fromkeys(self._surfaces, 0.0)
+        away = [distances(self.domain, [name], places) + more for name, more in beyond.items()]
+        least = np.min(away, axis=0)
+        if self._surfaces:
+            least = np.maximum(least, ON_SURFACE * self._thicknesses(least))
+            # In the viscous sublayer omega = 6 nu/(beta y^2) (Wilcox 1988, AIAA J. 26, 1299).
+            omega = 6.0 * self._molecules / (INNER[2] * least**2)
+            self._at_surfaces.x.array[:] = np.log(omega)
+        self._distance.x.array[:] = least
+
+    def _thicknesses(self, away: Floats) -> Floats:
+        """(nodes,) of the thinnest cell at a surface that has the node, zero away from surfaces. Collective."""
+        dofs = compat.cell_dofs(self._distance.function_space)[self._at]
+        thickness = dolfinx.fem.Function(self._distance.function_space)
+        thickness.x.array[:] = np.inf
+        np.minimum.at(thickness.x.array, dofs, away[dofs].max(axis=1, keepdims=True))
+        thickness.x.scatter_forward()
+        return np.where(np.isfinite(thickness.x.array), thickness.x.array, 0.0)
 
     # -- what the flow sees of it ------------------------------------------------------------------
 
     def viscosity(self, of_molecules: Any) -> Any:
         """The molecular and eddy viscosity, for `FlowModel.viscosity`, limited by the strain last looked at."""
-        stream = forms.Stream(self._seen, of_molecules, None)
-        return of_molecules + self.closure.eddy_viscosity(ufl.split(self.state), stream)
+        flow = forms.FlowFields(self._seen, of_molecules, None)
+        return of_molecules + self.closure.eddy_viscosity(ufl.split(self.state), flow)
 
     def shear_velocity(self) -> Any:
         """u* of a logarithmic layer of this k, for `FlowModel.shear_velocity`."""
@@ -194,7 +223,7 @@ class TurbulenceFields(Holder):
         """Compile the equations of the turbulence that a velocity carries and makes.
 
         Arguments are UFL; `added` (2,) is what else makes both quantities, `carrier` the velocity less the mesh's, see
-        `forms.turbulence.Stream`.
+        `forms.turbulence.FlowFields`.
         """
         mesh, unknowns, tests = (
             self.domain.mesh,
@@ -204,7 +233,7 @@ class TurbulenceFields(Holder):
         measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
         size = cell_size(mesh) / self.order
-        stream = forms.Stream(
+        flow = forms.FlowFields(
             velocity,
             of_molecules,
             measure,
@@ -219,7 +248,7 @@ class TurbulenceFields(Holder):
             balanced=self._in_layers and self.domain.gdim == 2,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
-        self.form = self._equations(rate, tests, stream)
+        self.form = self._equations(rate, tests, flow)
         self.of_molecules = of_molecules
         self.solver: Direct | None = None  # made at the first step in time
         self.renew_factors()
@@ -238,7 +267,7 @@ class TurbulenceFields(Holder):
 
     @property
     def _reach(self) -> Any:
-        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along streamlines.
+        """Size of a cell along a direction, for `forms.turbulence.FlowFields`; None: upwinding is along streamlines.
 
         Stretched cells grow away from walls faster than the logarithms allow if upwinded along streamlines alone.
         """
@@ -248,7 +277,7 @@ class TurbulenceFields(Holder):
 
     @property
     def _across(self) -> Any:
-        """Square of the change from node to node by a slope, for `forms.turbulence.Stream`, in 3-D wakes.
+        """Square of the change from node to node by a slope, for `forms.turbulence.FlowFields`, in 3-D wakes.
 
         Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
         """
@@ -262,13 +291,13 @@ class TurbulenceFields(Holder):
 
         return square
 
-    def _equations(self, rate: Any, tests: Any, stream: forms.Stream) -> Any:
+    def _equations(self, rate: Any, tests: Any, flow: forms.FlowFields) -> Any:
         """The residual of both equations in UFL, with the fluxes at walls."""
         logarithms = ufl.split(self.state)
-        form = forms.residual(logarithms, rate, tests, stream, self.closure)
+        form = forms.residual(logarithms, rate, tests, flow, self.closure)
         for name, away in self._walls.items():
-            flux = forms.at_walls(logarithms, tests, away, stream, self.closure)
-            form += flux * self.domain.measure(name)(metadata=stream.measure.metadata())
+            flux = forms.at_walls(logarithms, tests, away, flow, self.closure)
+            form += flux * self.domain.measure(name)(metadata=flow.measure.metadata())
         return form
 
     def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:

@@ -153,15 +153,15 @@ class BlockByBlock:
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
         """One application of the preconditioner; called by PETSc."""
-        values, (flow, found) = right.array_r, self._flow
+        values, (flow, change) = right.array_r, self._flow
         left_fields, of_fields = self._turbulence
         number = flow.getLocalSize()
         flow.setArray(values[:number])
-        self._of_flow.apply(flow, found)
-        self._blocks[1][0].mult(found, of_fields)
+        self._of_flow.apply(flow, change)
+        self._blocks[1][0].mult(change, of_fields)
         of_fields.setArray(values[number:] - of_fields.array_r)
         self._factors.approximate(of_fields, left_fields)
-        left.setArray(np.concatenate([found.array_r, left_fields.array_r]))
+        left.setArray(np.concatenate([change.array_r, left_fields.array_r]))
 
     def destroy(self, _: Any = None) -> None:
         """Free PETSc's memory."""

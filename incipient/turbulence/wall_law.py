@@ -45,18 +45,20 @@ class WallLaw:
     def _outer(self, shear_velocity: Any, viscosity: Any, distance: Any, functions: Any) -> Any:
         """u+ of the logarithmic layer, below it that where it begins."""
         away = functions.larger(distance * shear_velocity / viscosity, CROSSING)
-        by_sand, _ = self.by_sand(shear_velocity, viscosity, functions)
-        return functions.larger(functions.log(away) / self.kappa + self.offset + by_sand, LEAST)
+        by_roughness, _ = self.by_roughness(shear_velocity, viscosity, functions)
+        return functions.larger(
+            functions.log(away) / self.kappa + self.offset + by_roughness, LEAST
+        )
 
-    def by_sand(self, shear_velocity: Any, viscosity: Any, functions: Any) -> tuple[Any, Any]:
+    def by_roughness(self, shear_velocity: Any, viscosity: Any, functions: Any) -> tuple[Any, Any]:
         """What roughness adds to u+, and the derivative of that by ln u*; from smooth walls on it has a kink."""
         if not self.roughness:
             return 0.0, 0.0
-        sand = functions.larger(self.roughness * shear_velocity / viscosity, SMOOTH_TO)
-        between = -functions.larger(-functions.log(sand / SMOOTH_TO) / SCALE, -1.0)
+        k_plus = functions.larger(self.roughness * shear_velocity / viscosity, SMOOTH_TO)
+        between = -functions.larger(-functions.log(k_plus / SMOOTH_TO) / SCALE, -1.0)
         share = functions.sin(0.5 * math.pi * between)
         rise = 0.5 * math.pi / SCALE * functions.cos(0.5 * math.pi * between)
-        lost = ROUGH - self.offset - functions.log(sand) / self.kappa
+        lost = ROUGH - self.offset - functions.log(k_plus) / self.kappa
         return share * lost, rise * lost - share / self.kappa
 
     def shear_velocity(
@@ -68,12 +70,12 @@ class WallLaw:
 
     def _in_layer(self, speed: Any, viscosity: Any, distance: Any, functions: Any) -> Any:
         """u* of the logarithmic layer, by corrections of the law u+ = 8.3 (y+)^(1/7)."""
-        found = (speed / 8.3) ** (7 / 8) * (viscosity / distance) ** (1 / 8)
+        u = (speed / 8.3) ** (7 / 8) * (viscosity / distance) ** (1 / 8)
         for _ in range(CORRECTIONS):
-            law = self._outer(found, viscosity, distance, functions)
-            slope = 1 / self.kappa + self.by_sand(found, viscosity, functions)[1]  # du+/d ln u*
-            found = (speed + slope * found) / (law + slope)
-        return found
+            law = self._outer(u, viscosity, distance, functions)
+            slope = 1 / self.kappa + self.by_roughness(u, viscosity, functions)[1]  # du+/d ln u*
+            u = (speed + slope * u) / (law + slope)
+        return u
 
     def drag(
         self, speed: Any, fluctuations: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
@@ -84,23 +86,23 @@ class WallLaw:
         separates the speed vanishes and k does not (Kuzmin, Mierka & Turek 2007).
         """
         in_layer = self._in_layer(speed, viscosity, distance, functions)
-        found = functions.larger(in_layer, fluctuations)
-        outer = self._outer(found, viscosity, distance, functions)
-        return ((found / outer) ** SHARP + (viscosity / distance) ** SHARP) ** (1 / SHARP)
+        u = functions.larger(in_layer, fluctuations)
+        outer = self._outer(u, viscosity, distance, functions)
+        return ((u / outer) ** SHARP + (viscosity / distance) ** SHARP) ** (1 / SHARP)
 
 
-def shift(sand: float) -> float:
-    """Distance [nu/u*] of a smooth wall from a rough one with the same flow, `sand` being u* k_s/nu.
+def shift(roughness: float) -> float:
+    """Distance [nu/u*] of a smooth wall from a rough one with the same flow, `roughness` being u* k_s/nu.
 
     There the flow over the smooth wall has the velocity that roughness takes from it; its profile is that of Reichardt
     (1951, Z. Angew. Math. Mech. 31, 208).
     """
-    law = WallLaw(sand)
-    lost = -law.by_sand(1.0, 1.0, NUMPY)[0]
+    law = WallLaw(roughness)
+    lost = -law.by_roughness(1.0, 1.0, NUMPY)[0]
     constant = law.offset - math.log(law.kappa) / law.kappa
 
     def excess(y: float) -> float:
         bent = 1.0 - math.exp(-y / 11.0) - y / 11.0 * math.exp(-y / 3.0)
         return math.log1p(law.kappa * y) / law.kappa + constant * bent - lost
 
-    return float(brentq(excess, 0.0, 1.0 + sand)) if lost > 0.0 else 0.0
+    return float(brentq(excess, 0.0, 1.0 + roughness)) if lost > 0.0 else 0.0

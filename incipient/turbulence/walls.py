@@ -93,6 +93,12 @@ class Walls:
         y = self.distance(name)
         return y if self.is_beyond(name) else y * min(1.0, y / (CROSSING * self.unit))
 
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the smooth walls in the viscous sublayer that the mesh reaches."""
+        smooth = [name for name in self.names if name == "body" or not self.roughness]
+        return tuple(name for name in smooth if self.is_resolved and not self.is_beyond(name))
+
     def is_beyond(self, name: str) -> bool:
         """Whether the mesh really ends a distance from a wall: between planes, and below a wall on top."""
         return self.plane or name in self.names[1 : self.number]
@@ -160,8 +166,8 @@ def walls_of(
                 f"{100 * LARGEST:.0f}%; use a smaller one, or bedforms next to the grain and upstream_roughness"
             )
     mean = base_flow.reference
-    sand = asked.upstream_roughness or asked.roughness
-    channel = of_discharge(mean * depth / viscosity, sand / depth)
+    roughness = asked.upstream_roughness or asked.roughness
+    channel = of_discharge(mean * depth / viscosity, roughness / depth)
     shear_velocities = np.array([mean / channel.mean])
     profile: Developed | Measured = Developed(channel, depth, number, mean / channel.mean)
     if asked.inflow != "developed":

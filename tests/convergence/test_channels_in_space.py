@@ -11,8 +11,8 @@ from numpy.polynomial import Chebyshev
 from scipy.interpolate import RectBivariateSpline
 
 import incipient
-from incipient.pictures import elevation
 from incipient.pictures.record import read
+from incipient.pictures.surfaces import surface_of
 from incipient.scene.file import dumps, loads
 from incipient.setup.base_flow import duct_mean, duct_speed
 from incipient.setup.setup import Setup
@@ -235,7 +235,7 @@ def test_a_film_over_a_bump_has_the_surface_of_linear_theory(tmp_path):
     # Found 1.5% with mesh_size 2, 0.5% with 1.
     assert found == pytest.approx(exact, abs=0.015 * np.ptp(exact))
 
-    points, triangles = elevation.surface_of(read(tmp_path))
+    points, triangles = surface_of(read(tmp_path))
     (x, y), z = points[triangles].transpose(2, 1, 0)[:2], points[:, 2]
     doubled = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
     assert doubled.sum() == pytest.approx(LENGTH * WIDTH, rel=1e-12)  # of the half, twice

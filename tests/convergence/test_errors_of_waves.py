@@ -12,8 +12,8 @@ import incipient
 from incipient.accuracy.terms import by_coarser_runs
 from incipient.arrays import Floats
 from incipient.interrupt import Interruption
-from incipient.results.elevations import Elevations
 from incipient.results.errorbars import Loads
+from incipient.results.loads import Elevations
 from incipient.scene import Scene
 from incipient.scene.file import loads
 from incipient.simulation.build import prepared

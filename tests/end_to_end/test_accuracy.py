@@ -13,7 +13,7 @@ from scenes import IN_STREAM
 from scipy.special import kve
 
 import incipient
-from incipient.accuracy import strategies
+from incipient.accuracy import searches
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.first_mesh import first_mesh
 from incipient.errors import ConvergenceError
@@ -269,7 +269,7 @@ def couple_on_a_turned_disc(
 
 def test_a_comparison_that_fails_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a coarser run cannot be made steps and cells are halved, and it goes on."""
-    loads_of, failures = strategies.loads_of, [1]
+    loads_of, failures = searches.loads_of, [1]
 
     def fail_at_first(scene: Scene, comm: MPI.Comm) -> Loads:
         failures[0] -= 1
@@ -277,7 +277,7 @@ def test_a_comparison_that_fails_is_no_error(monkeypatch: pytest.MonkeyPatch) ->
             raise ConvergenceError("no step was accepted")
         return loads_of(scene, comm)
 
-    monkeypatch.setattr(strategies, "loads_of", fail_at_first)
+    monkeypatch.setattr(searches, "loads_of", fail_at_first)
     found = run(loads(STREAM + "accuracy=0.01\n")).adaptation
     assert found is not None and found.met
     first, second = found.trials[:2]
@@ -324,7 +324,7 @@ def test_without_an_accuracy_nothing_changes() -> None:
 
 def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where Newton's method fails on the first mesh the next is finer; three failures are an error."""
-    solve, failures = strategies.loads_at, [2]
+    solve, failures = searches.loads_at, [2]
 
     def fail_at_first(of: Run, factor: float) -> Any:
         failures[0] -= 1
@@ -332,7 +332,7 @@ def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatc
             raise ConvergenceError("no steady flow found")
         return solve(of, factor)
 
-    monkeypatch.setattr(strategies, "loads_at", fail_at_first)
+    monkeypatch.setattr(searches, "loads_at", fail_at_first)
     found = run(on_bed(accuracy=0.01)).adaptation
     assert found is not None and found.met
     assert [trial.note for trial in found.trials] == [
@@ -348,7 +348,7 @@ def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatc
 def test_the_best_is_kept_where_a_later_mesh_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    solve, calls = strategies.loads_at, [0]
+    solve, calls = searches.loads_at, [0]
 
     def fail_at_second(of: Run, factor: float) -> Any:
         calls[0] += 1
@@ -356,7 +356,7 @@ def test_the_best_is_kept_where_a_later_mesh_fails(
             raise ConvergenceError("no steady flow found")
         return solve(of, factor)
 
-    monkeypatch.setattr(strategies, "loads_at", fail_at_second)
+    monkeypatch.setattr(searches, "loads_at", fail_at_second)
     found = run(on_bed(accuracy=0.0005), tmp_path).adaptation
     assert found is not None and not found.met
     assert found.reason == "the next mesh failed: no steady flow found"

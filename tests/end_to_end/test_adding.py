@@ -1,29 +1,40 @@
-"""A grain and a bed added as docs/contribute/adding.md says: section and geometry, registered, and then run.
+"""A grain, a bed, base flows with a key, and a law of contact, added as docs/contribute/adding.md says, and then run.
 
-The grain is a stadium, a square with a half-disc on two sides; the bed is a sawtooth. Numbers are exact lengths and
-areas, and the equilibrium of a grain on two slopes.
+The grain is a stadium, a square with a half-disc on two sides; the bed is a sawtooth; the flows are one driven by wind
+and one that a pressure gradient sets off; the law is friction that differs with its direction. Numbers are exact
+lengths and areas, the equilibrium of a grain on two slopes, exact solutions of the Navier-Stokes equations, and
+Coulomb's law.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from pydantic import Field
+from scipy.special import erfc
 
 import incipient
 from incipient import geometry
-from incipient.arrays import planar_cross
+from incipient.arrays import Floats, planar_cross
+from incipient.contact.friction import FrictionCone
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Curve
-from incipient.scene import Scene, dumps, loads, register
-from incipient.scene.section import Positive
+from incipient.scene import Contact, Scene, dumps, loads, register
+from incipient.scene.file import schema
+from incipient.scene.flows import Profile
+from incipient.scene.section import NotNegative, Positive, Rule, key
 from incipient.scene.shapes import BedSection, GrainSection
+from incipient.setup import base_flow
+from incipient.setup.base_flow import BaseFlow
+from incipient.setup.setup import Setup
+from incipient.simulation.simulate import solved
 
 # -- the grain: its geometry, and its section -------------------------------------------------------
 
@@ -86,6 +97,119 @@ class Sawtooth(BedSection):
         return geometry.Polyline(np.column_stack([x, self.height * (np.arange(17) % 2)]), origin_y)
 
 
+# -- the flows: one of a profile, with a key and its rule, and one whose profile changes in time -----
+
+
+class Wind(Profile):
+    """Flow below a wind, against which the pressure rises downstream."""
+
+    stresses_bed = True
+    rules = (
+        Rule("adverse", lambda s: s.adverse >= 1.0,
+             "is {s.adverse:g}: the flow turns at the bed", "give less than 1"),
+    )  # fmt: skip
+    kind: Literal["wind"] = key("Kind of flow", "wind")
+    velocity: Positive = key("Velocity V of the surface [length/time]", 1.0)
+    adverse: NotNegative = key(
+        "Pressure gradient over that at which the bed has no stress [-]", 0.0
+    )
+
+    def speed(self, z: Any, depth: float) -> Any:
+        """A parabola through zero and V."""
+        return self.velocity * z / depth * (1.0 - self.adverse * (1.0 - z / depth))
+
+
+class Starting(Profile):
+    """A flow that a constant pressure gradient sets off at time zero."""
+
+    kind: Literal["starting"] = key("Kind of flow", "starting")
+    velocity: Positive = key("Velocity V above the layer after the unit of time [length/time]", 1.0)
+
+    @property
+    def changes(self) -> bool:
+        """Always."""
+        return True
+
+
+class StartingFlow(BaseFlow):
+    """Its profile is no speed times a factor of time."""
+
+    @property
+    def layer(self) -> float:
+        """After a tenth of the unit of time."""
+        return math.sqrt(0.1 * self.viscosity)
+
+    def profile(self, z: Floats, y: Floats, t: float) -> Floats:
+        """V t (1 - 4 i2erfc(eta)), eta = z/(2 (nu t)^(1/2)) (Carslaw & Jaeger 1959, section 2.9)."""
+        if t == 0.0:
+            return np.zeros_like(z)
+        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.viscosity * t))
+        lag = (1.0 + 2.0 * eta**2) * erfc(eta) - 2.0 / math.sqrt(math.pi) * eta * np.exp(-(eta**2))
+        return np.asarray(self.flow.velocity * t * (1.0 - lag))
+
+
+FLOWING = """\
+[domain]
+length = 4.0
+height = 3.0
+[fluid]
+reynolds = 6.0
+scale = "flow"
+[flow]
+kind = "{kind}"
+[bed]
+kind = "flat"
+[numerics]
+order = {order}
+error_bars = false
+[output]
+fields = false
+"""
+
+
+# -- the law: friction along scales or bedding planes, smaller against the first tangent ------------
+
+
+@dataclass(frozen=True, eq=False)
+class Scales(FrictionCone):
+    """A law of the plane with two coefficients, of which `against` is that of forces against the first tangent."""
+
+    against: Floats = field(default_factory=lambda: np.zeros(()))
+
+    def generators(self, planar: bool) -> Floats:
+        """The two edges."""
+        assert planar
+        edges = [
+            np.stack([np.ones_like(one), sign * one, 0.0 * one], axis=-1)
+            for one, sign in ((self.coefficient, 1.0), (self.against, -1.0))
+        ]
+        return np.stack([edge / np.linalg.norm(edge) for edge in edges], axis=-2)
+
+    def margin(self, local: Floats) -> Floats:
+        """The distance from the nearer edge."""
+        angle = self._angle(local[..., 1])
+        return np.asarray(np.sin(angle) * local[..., 0] - np.cos(angle) * np.abs(local[..., 1]))
+
+    def edge(self, shear: Floats) -> Floats:
+        """The edge of the direction."""
+        angle, sign = self._angle(shear[..., 0]), np.sign(shear[..., 0])
+        return np.stack([np.cos(angle), sign * np.sin(angle), 0.0 * angle], axis=-1)
+
+    def _angle(self, shear: Floats) -> Floats:
+        return np.arctan(np.where(shear >= 0.0, self.coefficient, self.against))
+
+
+class ScaledContact(Contact):
+    """The section with the law's key."""
+
+    friction_against: NotNegative = key("Coefficient against the first tangent [-]", 0.0)
+
+    @property
+    def law(self) -> Scales:
+        """The law of both coefficients."""
+        return Scales(np.asarray(self.friction), np.asarray(0.0), np.asarray(self.friction_against))
+
+
 ADDED = """\
 [domain]
 length = 3.5
@@ -121,14 +245,14 @@ fields = false
 
 @pytest.fixture
 def added() -> Iterator[None]:
-    """The two kinds, for one test."""
-    fields = [Scene.model_fields[key] for key in ("body", "bed")]
-    before = [field.annotation for field in fields]
-    register(Stadium)
-    register(Sawtooth)
+    """The four kinds, for one test."""
+    fields = [Scene.model_fields[name] for name in ("body", "bed", "flow", "contact")]
+    before = [one.annotation for one in fields]
+    for section in (Stadium, Sawtooth, Wind, Starting):
+        register(section)
     yield
-    for field, annotation in zip(fields, before, strict=True):
-        field.annotation = annotation
+    for one, annotation in zip(fields, before, strict=True):
+        one.annotation = annotation
     Scene.model_rebuild(force=True)
 
 
@@ -189,3 +313,79 @@ def test_no_two_kinds_have_one_name() -> None:
 def test_without_registration_there_is_no_such_grain() -> None:
     with pytest.raises(SceneError, match=r'"stadium" is not known'):
         loads(ADDED)
+
+
+@pytest.mark.usefixtures("added")
+def test_a_base_flow_of_a_profile_passes_through_unchanged() -> None:
+    """It is an exact solution, quadratic in the height, and so are the elements; its stress is nu V (1 - adverse)/h."""
+    scene = loads(FLOWING.format(kind="wind", order=2), overrides=["flow.adverse=0.4"])
+    assert loads(dumps(scene)) == scene
+    setup = Setup(scene)
+    assert setup.bed_stress() == pytest.approx(scene.viscosity * 0.6 / 3.0, rel=1e-6)
+    assert "wind flow" in incipient.make_plan(scene).text()
+    with solved(scene, MPI.COMM_SELF) as run:
+        computed, exact = run.fluid.velocity, run.fluid.velocity
+        exact.interpolate(lambda x: setup.base_flow.velocity(x, 0.0))
+        assert np.abs(computed.x.array - exact.x.array).max() < 1e-7
+
+
+@pytest.mark.usefixtures("added")
+def test_a_base_flow_that_changes_its_profile_is_followed_in_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It comes in and goes out as it changes, to second order in the step: 1.6e-3 and 4e-4 of V when written."""
+    monkeypatch.setitem(base_flow.KINDS, "starting", StartingFlow)
+    errors = []
+    for step in (0.1, 0.05):
+        scene = loads(
+            FLOWING.format(kind="starting", order=3) + f"[time]\nend = 1.0\nstep = {step}\n"
+        )
+        with solved(scene, MPI.COMM_SELF) as run:
+            computed, exact = run.fluid.velocity, run.fluid.velocity
+            exact.interpolate(lambda x, at=run.setup.base_flow: at.velocity(x, 1.0))
+            errors.append(np.abs(computed.x.array - exact.x.array).max())
+    print(errors)
+    assert errors[1] < 5e-4 and errors[0] / errors[1] == pytest.approx(4.0, abs=0.4)
+
+
+@pytest.mark.usefixtures("added")
+def test_a_key_is_documented_checked_stored_and_set_from_outside() -> None:
+    described = schema()["definitions"]["Wind"]["properties"]["adverse"]
+    assert described["description"].startswith("Pressure gradient") and described["default"] == 0.0
+    text = FLOWING.format(kind="wind", order=2)
+    assert loads(text).flow.adverse == 0.0
+    assert loads(text, overrides=["flow.adverse=0.25"]).flow.adverse == 0.25
+    for value, says in (
+        ("-1.0", r": flow\.adverse: is -1\.0; give a number of at least 0$"),
+        ("1.5", r": flow\.adverse: is 1\.5: the flow turns at the bed; give less than 1$"),
+        ('"much"', r": flow\.adverse: .*; "),
+    ):
+        with pytest.raises(SceneError, match=says):
+            loads(text, overrides=[f"flow.adverse={value}"])
+    with pytest.raises(SceneError, match='did you mean "adverse"'):
+        loads(text.replace('"wind"', '"wind"\nadvers = 0.1'))
+
+
+BLOCK = ADDED.replace(
+    'shape = "stadium"\nstraight = 0.5\ndiameter = 0.6',
+    'shape = "rectangle"\nwidth = 2.0\nheight = 0.3',
+).replace('kind = "sawtooth"\ntooth = 1.0\nheight = 0.2', 'kind = "flat"')
+
+
+@pytest.mark.usefixtures("added")
+@pytest.mark.parametrize(("along", "against"), [(0.5, 0.2), (0.2, 0.5)])
+def test_a_law_of_contact_is_what_the_criterion_applies(along: float, against: float) -> None:
+    """A block on a plane slides once the drag exceeds friction against it times the weight less the lift."""
+    Scene.model_fields["contact"].annotation = ScaledContact | None  # type: ignore[assignment]
+    Scene.model_rebuild(force=True)
+    scene = loads(
+        BLOCK, overrides=[f"contact.friction={along}", f"contact.friction_against={against}"]
+    )
+    result = incipient.run(scene)
+    assert result.force is not None and result.verdict is not None
+    drag, lift = result.force.flow[:2]
+    weight = -(result.force.weight + result.force.buoyancy)[1]
+    # The contacts push upstream, along their first tangents, which are to the left seen from the grain.
+    slides = along * weight / (drag + along * lift)
+    assert result.verdict["safety_factor"] == pytest.approx(slides, rel=1e-9)
+    assert result.verdict["mode"] == "rest" and slides > 1.0

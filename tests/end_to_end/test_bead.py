@@ -11,6 +11,7 @@ from images import assert_is_a_picture
 
 import incipient
 from incipient.pictures import verdict as pictures
+from incipient.pictures.directory_pictures import draw
 from incipient.scene import Shear
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/bead_on_substrate.toml"
@@ -49,7 +50,7 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     assert stored["shields"] == found.shields and "begins pivoting" in pictures.critical_sentence(
         stored
     )
-    assert_is_a_picture(*pictures.draw_threshold(tmp_path))
+    assert_is_a_picture(*draw(tmp_path))
 
 
 @pytest.mark.slow

@@ -46,8 +46,13 @@ def test_run_writes_to_the_named_directory(command, tmp_path):
     series = {f"{name}{ending}" for name in ("fields", "surface") for ending in ("", ".xdmf")}
     assert found == {MARK, "scene.toml", "result.json", *series}
     assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
-    assert "verdict" in done.stdout and "deep/down/fields.xdmf" in done.stdout
-    assert "on 1 rank\n" in done.stderr
+    assert "deep/down/fields.xdmf" in done.stdout and "on 1 rank\n" in done.stderr
+    # One page: the verdict, the forces, what was simulated and left out, files and cost; effects in a line each.
+    heads = [line.split("  ")[0] for line in done.stdout.splitlines() if line[0] != " "]
+    order = ["verdict", "force of the flow", "coefficients", "simulated", "cost", "pictures"]
+    assert [head for head in heads if head in order] == order
+    assert len(done.stdout.splitlines()) + len(done.stderr.splitlines()) <= 40
+    assert "third dimension" not in done.stdout + done.stderr
     assert not has_control_characters(done.stderr + done.stdout)
 
 
@@ -109,7 +114,7 @@ def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys
     ):
         assert f"\n{line}" in f"\n{said.out}"
     assert said.err.splitlines()[-1] == (
-        "incipient: not drawn: the drawing ended with code 1; the rest is there, "
+        "incipient: not drawn: the drawing ended with code 1; the other results are complete, "
         f"draw again with: incipient show {tmp_path}"
     )
     assert result_of(tmp_path)["status"] == "complete"
@@ -163,7 +168,7 @@ def test_a_new_scene_keeps_dots_in_its_name_and_spares_what_exists(tmp_path, mon
     load(tmp_path / "re_0.5.toml")
     (tmp_path / "mine.toml").write_text("precious")
     assert main(["new", "mine.toml"]) == 2
-    assert "mine.toml: exists already" in capsys.readouterr().err
+    assert "mine.toml: already exists" in capsys.readouterr().err
     assert (tmp_path / "mine.toml").read_text() == "precious"
 
 
@@ -403,10 +408,10 @@ BAD_COMMANDS = [
     (
         ["show", CAVITY],
         2,
-        "is a scene and no results; run it, then give the directory that the run was written to",
+        "is a scene, not results; run it, then give the directory of the results",
     ),
-    (["new", ""], 2, '"" is no name of a scene; give one'),
-    (["new", "made/.toml"], 2, '"made/.toml" is no name of a scene; give one'),
+    (["new", ""], 2, '"" is not the name of a scene; give one'),
+    (["new", "made/.toml"], 2, '"made/.toml" is not the name of a scene; give one'),
     (
         ["resume", "."],
         2,

@@ -15,7 +15,8 @@ import incipient
 from incipient.errors import SceneError
 from incipient.output.searches import GustCurve
 from incipient.parallel import world
-from incipient.pictures.charts import gusts
+from incipient.pictures.charts import searches
+from incipient.pictures.directory_pictures import draw
 from incipient.scene import Scene, loads
 from incipient.sweep.table import rows
 from incipient.thresholds.gusts import WITHIN, CriticalGust, GustSearch
@@ -102,12 +103,12 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     )
     curve = GustCurve(scene(), 1.6, points)
     (tmp_path / "gusts.json").write_text(json.dumps(curve.to_dict()))
-    (axes,) = gusts._figure(curve.to_dict()).axes
+    (axes,) = searches.gusts(curve.to_dict(), tmp_path).axes
     durations, strengths = axes.lines[0].get_data()
     assert durations.tolist() == [1.0, 4.0]
     assert strengths == pytest.approx([(4.8 * 4.9) ** 0.5, (2.5 * 2.55) ** 0.5])
     assert any(list(line.get_ydata()) == [1.6, 1.6] for line in axes.lines)
-    with Image.open(gusts.draw(tmp_path)[0]) as image:
+    with Image.open(draw(tmp_path)[0]) as image:
         assert image.format == "PNG"
     page = incipient.report(tmp_path).read_text()
     assert "1.6 times its strength" in page and "leaves at" in page

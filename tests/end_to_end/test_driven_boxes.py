@@ -75,7 +75,7 @@ def test_a_cube_on_its_default_cells_against_a_spectral_solution():
 def test_without_coarser_cells_there_is_no_error_bar_and_the_run_says_why():
     result = incipient.run(cube(10, mesh_size=5.0, order=2))
     assert result.error_bars.total.centreline is None
-    assert "few rows or columns of cells: use numerics.mesh_size = 4 or less" in result.text()
+    assert "fewer rows or columns of cells: use numerics.mesh_size = 4 or less" in result.text()
 
 
 def test_a_cavity_in_time_makes_no_coarse_runs():

@@ -14,7 +14,7 @@ from test_released import POCKET
 
 import incipient
 import incipient.sweep
-from incipient.pictures.charts import entrainment
+from incipient.pictures.charts import searches
 from incipient.scene import loads
 from incipient.sweep.table import rows
 
@@ -71,7 +71,7 @@ def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) 
     assert float(last["lasting_low"]) <= float(last["lasting"]) <= float(last["lasting_high"])
     with Image.open(out / "entrainment.png") as image:
         assert image.format == "PNG"
-    (axes,) = entrainment._figure(stored).axes
+    (axes,) = searches.entrainment(stored, out).axes
     drawn = axes.lines[0].get_xydata()
     assert drawn == pytest.approx(
         np.array([[p["shields"], p["probability"]] for p in stored["curve"]])

@@ -80,7 +80,7 @@ def test_a_picture_that_cannot_be_drawn_is_one_line(
     order = ["judge", str(CASES / "block_on_incline.toml"), "--out", str(tmp_path)]
     assert main(order) == OutputError.exit_code
     error = capsys.readouterr().err
-    why = "not drawn: the drawing ended with code 1; the rest is there, draw again"
+    why = "not drawn: the drawing ended with code 1; the other results are complete, draw again"
     assert error.startswith(f"incipient: {why}") and error.count("\n") == 1
     assert (tmp_path / "judgement.json").exists()
 

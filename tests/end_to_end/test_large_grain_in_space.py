@@ -262,3 +262,45 @@ def test_a_bead_leaves_its_pocket_at_the_measured_speed():
     assert at_centre * result.verdict["safety_factor"] ** 0.5 == pytest.approx(0.238, abs=0.043)
     drag, across, lift = result.force.flow
     assert across == 0.0 and 0.0 < lift < drag
+
+
+@pytest.mark.slow
+def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
+    """The first step of pseudo-time past a sphere by k-omega SST: sizes of both corrections, and u* along the bed.
+
+    Where all cells are asked to take steps shorter by four they are those of steps shorter by four.
+    """
+    script = """
+        import numpy as np
+        from mpi4py import MPI
+        from incipient import compat
+        from incipient.turbulence.coupled_flow import MOST_AT_NODES, CoupledFlow
+        from incipient.scene.file import loads
+        from incipient.simulation.build import prepared
+
+        with prepared(loads(open({path!r}).read()), MPI.COMM_WORLD) as run:
+            part, fluid = run.part("turbulence"), run.fluid
+            part.enter(fluid)
+            fluid.constraints.update(0.0)
+            compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+            part.fields.impose()
+            with CoupledFlow(fluid, part.fields) as system:
+                made = [one.copy() for courant in (2.0, 0.5) for one in system.correction(courant)]
+                system.slow_down(0.0 * made[0], np.full_like(made[1], 4.0 * MOST_AT_NODES[0]))
+                made += system.correction(2.0)
+                sizes = [MPI.COMM_WORLD.allreduce(float(one @ one)) for one in made]
+            found = [*sizes, part.wall_report().shear_velocity]
+            if MPI.COMM_WORLD.rank == 0:
+                print(*map(repr, found))
+    """
+    scene = to_the_wall(4.0, Domain(length=5.0, width=3.0, height=5.0), 2.0)
+    (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
+    found = []
+    for ranks in (1, 2):
+        done = mpirun(ranks, textwrap.dedent(script).format(path=str(tmp_path / "scene.toml")))
+        assert done.returncode == 0, done.stderr
+        found.append([float(word) for word in done.stdout.split()])
+    assert found[1] == pytest.approx(found[0], rel=0.02)  # linear systems are solved to 1e-2
+    long, short, slowed = found[0][:2], found[0][2:4], found[0][4:6]
+    assert slowed == pytest.approx(short, rel=0.02)
+    assert slowed != pytest.approx(long, rel=0.02)

@@ -53,7 +53,7 @@ def without(modules: str, *arguments: object, ranks: int = 1, **variables: str) 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--help"], "judge forces of another program"),
+        (["--help"], "judge forces from another program"),
         (["plan", GRAIN_ON_BED], "memory are not known: gmsh is not installed"),
         (["judge", CASE], "The grain stays at rest"),
         (["schema"], '"properties"'),
@@ -83,7 +83,7 @@ def test_a_module_that_one_rank_misses_ends_both(tmp_path: Path) -> None:
 def test_a_missing_compiler_is_named(ranks: int, tmp_path: Path) -> None:
     elsewhere = {"CC": "no-such-compiler", "XDG_CACHE_HOME": str(tmp_path)}
     done = without("", "run", CAVITY, *COARSE, "--out", tmp_path / "x", ranks=ranks, **elsewhere)
-    assert_one_line(done, "takes a C compiler and Python's headers", "gcc libc6-dev python3-dev")
+    assert_one_line(done, "needs a C compiler and Python's headers", "gcc libc6-dev python3-dev")
 
 
 def assert_one_line(done: Finished[str], what: str, remedy: str) -> None:

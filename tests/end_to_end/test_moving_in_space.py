@@ -16,8 +16,7 @@ from PIL import Image
 import incipient
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.geometry.space.grains import Box as BoxSolid
-from incipient.pictures import trajectory
-from incipient.pictures.apart import animate_apart
+from incipient.pictures.apart import animate_apart, draw_apart
 from incipient.scene import (
     Box,
     Contact,
@@ -132,7 +131,7 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     shutil.copytree(tmp_path / "whole", tmp_path / "resumed")
     incipient.resume(tmp_path / "resumed")
     assert_same_path(tmp_path / "whole", tmp_path / "resumed", 1e-7)
-    assert trajectory.draw(tmp_path / "whole")[0].stat().st_size > 10_000
+    assert draw_apart(tmp_path / "whole").paths[0].stat().st_size > 10_000
     assert_shows(animate_apart(tmp_path / "whole", None, "vorticity"), frames=4)
 
 

@@ -201,8 +201,8 @@ def test_headings_may_have_units_and_the_last_row_may_be_incomplete(texts):
         (None, r"cannot be read \(No such file"),
         ("", "holds no time"),
         ("time,drag\n1,2\n", "holds no x"),
-        ("time,x,y,angle\n", "holds no complete steps"),
-        ("time,x,y,angle\n1,2\n1,2,3,4\n1\n", "holds no complete steps"),
+        ("time,x,y,angle\n", "holds no place"),
+        ("time,x,y,angle\n1,2\n1,2,3,4\n1\n", "cannot be read"),
         ("time,x,y,angle\n1,2,3,left\n", "cannot be read"),
         ("time,x,y,angle\n1,2,3,\n", "holds no place"),
     ],
@@ -211,7 +211,7 @@ def test_a_damaged_history_is_named(text, complaint, texts):
     path = texts / "history.csv"
     path.unlink() if text is None else path.write_text(text)
     with pytest.raises(OutputError, match=rf"history\.csv: {complaint}.*; "):
-        trajectory.draw(texts)
+        read_history(path)
 
 
 # -- animations ----------------------------------------------------------------------------------------------
@@ -354,8 +354,8 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
             5,
             "no animation: nothing/fields: holds no fields; run the scene with output.fields = true",
         ),
-        (["--field", "pressure"], 2, "--field says what to animate; add --animate"),
-        (["--out", "flow.gif"], 2, "--out names the animation; add --animate"),
+        (["--field", "pressure"], 2, "--field: needs --animate; add it"),
+        (["--out", "flow.gif"], 2, "--out: needs --animate; add it"),
         (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )

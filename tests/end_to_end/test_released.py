@@ -340,7 +340,7 @@ def test_a_run_that_its_grain_has_ended_goes_on_only_when_asked_for_more(tmp_pat
     result = incipient.run(scene, tmp_path)
     assert result.trajectory is not None and result.trajectory["ended"]["by"] == "at-rest"
     stored = result_of(tmp_path)["trajectory"]["on_bed"]
-    with pytest.raises(SceneError, match=r'its grain has come as far as time\.until = "at-rest"'):
+    with pytest.raises(SceneError, match=r'its grain has reached time\.until = "at-rest"'):
         incipient.resume(tmp_path)
     later = incipient.resume(tmp_path, ["time.until=end"])
     assert later.trajectory is not None and later.trajectory["ended"]["by"] == "time"

@@ -2,12 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import incipient
 from incipient.accuracy.coarse_runs import KeptRuns
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
+from incipient.results.wall_report import MOST_COARSE
 from incipient.scene import (
     Domain,
     Effects,
@@ -47,9 +49,16 @@ def over_bump(mesh_size: float) -> Result:
 def test_cells_along_a_bump_follow_its_friction():
     """With cells 0.1 long the friction behind the crest was 40% too small."""
     walls = over_bump(1.0).turbulence
-    along = dict(zip(walls.along["bed"]["x"], walls.along["bed"]["friction"], strict=True))
-    nearest = min(along, key=lambda x: abs(x - 0.2))
-    assert along[nearest] == pytest.approx(BEHIND_CREST, rel=0.15)
+    along = walls.along["bed"]  # at nodes 0.05 apart, between which friction halves
+    assert np.interp(0.2, along["x"], along["friction"]) == pytest.approx(BEHIND_CREST, rel=0.15)
+    assert walls.judged_along and walls.coarse_along < MOST_COARSE and not walls.doubt
+
+
+@pytest.mark.slow
+def test_cells_too_long_for_the_friction_along_a_bump_are_not_called_resolved():
+    walls = over_bump(2.0).turbulence
+    assert walls.coarse_along > MOST_COARSE
+    assert "NOT RESOLVED" in walls.lines()[0] and "set numerics.mesh_size = 1;" in walls.doubt
 
 
 def test_a_coarse_run_that_fails_does_not_advise_the_user_for_its_own_scene():

@@ -229,7 +229,7 @@ def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
         scene = vortices(**steps | {"time_end": end})
         fixed = scene.model_copy(update={"time": scene.time.model_copy(update={"tolerance": None})})
         incipient.run(fixed, tmp_path / name)
-    with pytest.raises(SceneError, match=r"has come to t = 0\.03 already and time\.end is 0\.03"):
+    with pytest.raises(SceneError, match=r"has already reached t = 0\.03, and time\.end is 0\.03"):
         incipient.resume(tmp_path / "short")
     incipient.resume(tmp_path / "short", ["time.end=0.06"])
     assert_same_run(tmp_path / "short", tmp_path / "long")
@@ -286,7 +286,7 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
         patch.setattr(Fluid, "solve", failing)
         incipient.run(pothole(), tmp_path)
     # Halved steps come up to t = 0.45, of which the last must be short.
-    assert str(told.value).endswith(f" is kept: incipient resume {tmp_path}") and "\n" not in str(
+    assert str(told.value).endswith(f" is saved: incipient resume {tmp_path}") and "\n" not in str(
         told.value
     )
     failed = result_of(tmp_path)
@@ -313,7 +313,7 @@ def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
 
     with (
         monkeypatch.context() as patch,
-        pytest.raises(MeshError, match=r"t = 0\.8 is kept: incipient resume"),
+        pytest.raises(MeshError, match=r"t = 0\.8 is saved: incipient resume"),
     ):
         patch.setattr("incipient.coupled.remeshing.carry_over", failing)
         incipient.run(pothole(), tmp_path)
@@ -323,7 +323,7 @@ def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
 
 def test_the_first_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = vortices(time_end=0.01)
-    with monkeypatch.context() as patch, pytest.raises(ConvergenceError, match="t = 0 is kept"):
+    with monkeypatch.context() as patch, pytest.raises(ConvergenceError, match="t = 0 is saved"):
         patch.setattr(
             Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf)
         )
@@ -446,10 +446,10 @@ def test_refusals_are_one_line_on_all_ranks(
             "damaged/checkpoint.h5: cannot be read: it is damaged or incomplete; start a new run",
         ),
         (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start a new run"),
-        (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start a new"),
+        (5, "history/history.csv: has lost some of its 10 rows; restore the file, or start a new"),
         (
             2,
-            "good/scene.toml: body.mass is 1.0, but the run to resume has 251.3; leave it so (only time.end, ",
+            "good/scene.toml: body.mass is 1.0, but the run to resume has 251.3; keep that value (only time.end, ",
         ),
     ]
     for outcome, (code, start) in zip(outcomes, told, strict=True):

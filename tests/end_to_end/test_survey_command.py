@@ -73,8 +73,7 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
     )
     with Image.open(out / "survey.png") as image:
         assert image.format == "PNG"
-    columns = [chart._table(out / name) for name in ("grains.csv", "spheres.csv")]
-    drawn = chart._figure(stored, *columns).axes[1].lines[0].get_xdata()
+    drawn = chart.figure(stored, out).axes[1].lines[0].get_xdata()
     # All grains are of the median size, to which pivot angles are reduced.
     assert drawn == pytest.approx(sorted(float(one["pivot"]) for one in free))
     balls = pyvista.read(out / "survey.vtp")
@@ -138,7 +137,7 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
     assert len(after) >= 8 and before.items() <= after.items()
     for said in (
         "Shields number",
-        "first to go",
+        "first to move",
         "more runs would halve",
         "error of the flow not estimated",
     ):

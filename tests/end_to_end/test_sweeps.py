@@ -138,7 +138,7 @@ class Counted(Silent):
         self.begun = threading.Event()
 
     def say(self, message: str) -> None:
-        self.lines += "tried again" not in message
+        self.lines += "is repeated" not in message
         self.begun.set()
 
 
@@ -163,7 +163,7 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
     before = rows(file)
     assert cli.main(call) == 0
     assert rows(file) == before
-    assert "0 computed, 2 known before" in capfd.readouterr().out
+    assert "0 computed, 2 computed before" in capfd.readouterr().out
     assert cli.main(["table", str(file), "--csv"]) == 0
     listed = list(csv.DictReader(capfd.readouterr().out.splitlines()))
     assert [float(row["shields"]) for row in listed] == [row["shields"] for row in found]
@@ -227,9 +227,9 @@ def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
     assert "was killed, or a library has crashed" in reason and tries == 1
     again = [str(word) for word in call]
     assert cli.main(again) == 0
-    assert "0 computed, 1 known before" in capfd.readouterr().out  # it is not tried again
+    assert "0 computed, 1 computed before" in capfd.readouterr().out  # it is not tried again
     assert cli.main([*again, "--retry", "--limit", "1s"]) == 4
-    assert rows(file, "reason") == [("was ended: it took longer than 1 s",)]
+    assert rows(file, "reason") == [("was stopped: it took longer than 1 s",)]
 
 
 @pytest.mark.slow
@@ -243,7 +243,7 @@ def test_others_go_on_beside_a_case_that_never_ends(tmp_path: Path) -> None:
     progress = incipient.sweep.run(scene, file, cases=table, **how)
     assert (progress.done, progress.failed) == (3, 1)
     assert [status for (status,) in rows(file, "status")] == ["done", "failed", "done", "done"]
-    assert rows(file, "reason")[1] == ("was ended: it took longer than 15 s",)
+    assert rows(file, "reason")[1] == ("was stopped: it took longer than 15 s",)
 
 
 @pytest.mark.slow
@@ -417,7 +417,10 @@ def test_a_scheduler_that_goes_away_and_comes_back_loses_no_case(
         with scheduler(port):
             said, complaint = process.communicate(timeout=120)
     assert process.returncode == 0, complaint
-    assert "40 computed" in said and "the scheduler has gone; waiting for it" in complaint
+    assert (
+        "40 computed" in said
+        and "the connection to the scheduler is lost; waiting for it" in complaint
+    )
     assert rows(file, "status, tries") == [("done", 1)] * 40
 
 

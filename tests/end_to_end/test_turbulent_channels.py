@@ -242,6 +242,7 @@ def test_a_channel_set_going_at_once_is_a_uniform_stream():
     assert fine < 5e-4 and fine < coarse / 4.0
 
 
+@pytest.mark.slow
 def test_a_stone_on_gravel_has_a_verdict():
     """Sand of a fiftieth of the depth: by y+, in the thousands, the law of a smooth wall would not hold."""
     stone = {

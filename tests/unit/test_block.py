@@ -11,6 +11,7 @@ import pytest
 from domains import SIDES, ball_in_box, unit_box
 from petsc4py import PETSc
 
+from incipient import compat
 from incipient.errors import ConvergenceError
 from incipient.fluid import (
     Condition,
@@ -237,6 +238,18 @@ def test_options_of_the_user_hold() -> None:
         pytest.raises(ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"),
     ):
         fluid.solve(RTOL)
+
+
+@pytest.mark.usefixtures("one_iteration")
+def test_a_transposed_system_names_its_own_iterations() -> None:
+    """Of the solver of the transpose, while that of the flow has done none."""
+    model = FlowModel(upwind=True, solver="block")
+    with Fluid(unit_box(2, 4), model, box(2), reynolds=10.0) as fluid:
+        compat.matrix_of(fluid._jacobian, fluid.constraints.dirichlet, fluid._matrix)
+        with pytest.raises(
+            ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"
+        ):
+            fluid.dual(wall_motion(fluid))
 
 
 @pytest.mark.usefixtures("one_iteration")

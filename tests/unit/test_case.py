@@ -140,7 +140,12 @@ centre = [1.0, 0.5, 0.0]
 SPREAD = "\n[errors]\nflow_force = [0.1, 0.1]\n"
 
 WRONG = [
-    (PLANE, "weight = [0.0, -1.0]\n", "", "load.weight: is missing; add it: all that acts"),
+    (
+        PLANE,
+        "weight = [0.0, -1.0]\n",
+        "",
+        "load.weight: is missing; add it: force at the centre of mass",
+    ),
     (
         PLANE,
         "[0.0, -1.0]\nflow_force",

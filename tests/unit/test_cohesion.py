@@ -180,7 +180,7 @@ def test_a_grain_that_never_touches_the_bed_has_none():
 
 @pytest.mark.parametrize("pull", [-0.1, math.nan, math.inf])
 def test_a_pull_that_is_none_is_refused(pull):
-    with pytest.raises(SceneError, match=r"cohesion .* is no pull"):
+    with pytest.raises(SceneError, match=r"cohesion .* is not allowed"):
         safety_factor(
             pushed([1.0, 0.0, 0.0]), block(1.0, 1.0), FrictionCone(np.array(0.5), np.array(pull))
         )

@@ -25,7 +25,7 @@ from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.parallel import environment_alone
-from incipient.pictures.charts.cost import draw
+from incipient.pictures.directory_pictures import draw
 from incipient.planning.plan import make_plan
 from incipient.scene import Scene, load, loads
 
@@ -335,7 +335,7 @@ def test_the_directory_of_another_study_is_refused(tmp_path: Path) -> None:
         made = scene()
         run_ladder(made, ladder(made), tmp_path, Runner(), quiet, task="threshold")
     (tmp_path / "cost.json").write_text('{"runs": [{"rung": 1}]}')
-    with pytest.raises(OutputError, match="delete it to begin anew"):
+    with pytest.raises(OutputError, match="delete it to start again"):
         studied(tmp_path, Runner(), quick=True)
 
 

@@ -91,6 +91,6 @@ def test_a_mesh_that_folds_stops_the_run_by_name() -> None:
         part, coupling = released(fluid, 1.0)
         part.state = BodyState.at(Placement(CENTRE), [1e6, 0, 0, 0, 0, 0])
         part.past = [part.state]
-        with pytest.raises(ConvergenceError, match="folds over: use a larger"):
+        with pytest.raises(ConvergenceError, match="fold over: use a larger"):
             Transient(fluid, 2, 1e-9, interface=coupling).advance(1.0)
         assert np.allclose(fluid.domain.mesh.geometry.x, coupling.places[0])

@@ -205,7 +205,7 @@ def test_a_steady_flow_that_may_shed_vortices():
         "flow": Uniform(),
     }
     fast = Fluid(reynolds=60, scale="grain")
-    assert "sheds vortices from 46 on" in effect("unsteadiness", **held, fluid=fast).reason
+    assert "sheds vortices above 46" in effect("unsteadiness", **held, fluid=fast).reason
     assert effect("unsteadiness", **held).reason == "no [time] section"
     assert effect("unsteadiness", fluid=fast).reason == "no [time] section"  # on a bed
 
@@ -231,9 +231,9 @@ def test_a_released_grain_that_does_not_fill_its_pocket_is_told_of(settle):
     """Lowered at x it stands on the sphere behind it alone, and begins 0.026, not 0.05, from the two in front of it."""
     settings = (f"body.settle={str(settle).lower()}", "body.x=2.2886254", "contact.gap=0.05")
     scene = load(SCENES / "sphere_leaving_pocket.toml", settings)
-    told = [one for one in make_plan(scene).warnings if "nearer than its gap of 0.05" in one]
+    told = [one for one in make_plan(scene).warnings if "closer than its gap of 0.05" in one]
     assert len(told) == (0 if settle else 1)
-    assert all("begins 0.0259 from its bed" in one and "body.settle = true" in one for one in told)
+    assert all("starts 0.0259 from its bed" in one and "body.settle = true" in one for one in told)
 
 
 def test_a_free_grain_and_its_mesh():
@@ -247,7 +247,7 @@ def test_a_free_grain_and_its_mesh():
 
 
 def test_a_rigid_lid_in_place_of_a_surface():
-    """Fr^2 = V^2 / (g H) = 1/60: by Bernoulli a surface would rise by half of that."""
+    """Fr^2 = V^2 / (g H) = 1/60: by Bernoulli a free surface would rise by half of that."""
     found = effect("free surface", flow=OpenChannel())
     assert found.expected == pytest.approx(1 / 120) and "Froude number 0.13" in found.reason
 

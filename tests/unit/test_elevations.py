@@ -19,8 +19,8 @@ from incipient.accuracy.terms import (
 )
 from incipient.planning.discretisation import order_of
 from incipient.planning.plan import make_plan
-from incipient.results.elevations import ElevationReading, Elevations
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
+from incipient.results.loads import ElevationReading, Elevations
 from incipient.scene import Scene
 from incipient.scene.file import loads
 from incipient.scene.surface import stations_of

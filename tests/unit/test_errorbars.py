@@ -383,7 +383,7 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
         raise ConvergenceError("no steady flow found")
 
-    monkeypatch.setattr("incipient.accuracy.run.loads_of", fail)
+    monkeypatch.setattr("incipient.accuracy.finish.loads_of", fail)
     scene = example("numerics.mesh_size=2", "output.fields=false")
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
@@ -418,7 +418,7 @@ def test_what_does_not_apply_is_said() -> None:
         "domain": "does not apply: the domain is closed by walls",
     }
     assert bars.total.place is not None and np.all(bars.total.place > 0.0)
-    total, *terms = bars.lines()
+    total, *terms = bars.lines(details=True)
     assert (
         f"   end of the path ({bars.total.place[0]:.1e}, {bars.total.place[1]:.1e}), turn {bars.total.place[2]:.1e} rad"
         in total
@@ -751,7 +751,8 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
         and bar.value == found.verdict["safety_factor"]
         and bar.high - bar.low < 0.4 * (high - low)
     )
-    assert "corrected by" in found.text() and "corrected by" not in plain.text()
+    text = found.text(details=True)
+    assert "corrected by" in text and "corrected by" not in plain.text(details=True)
     stored = json.loads((tmp_path / "result.json").read_text())
     assert stored["force"]["computed"] == found.force.plain.tolist()
     by_name = {one["name"]: one for one in stored["error_bars"]["terms"]}

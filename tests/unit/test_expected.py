@@ -106,7 +106,7 @@ SPHERE = '[body]\nshape = "sphere"\ndiameter = 1.0\nx = 5.0\ndensity = 2.65\n'
 def test_too_many_bed_forms_in_space_are_refused_at_once(grain: str, bed: str) -> None:
     """All spheres below the grain, 10^8 of them, would not fit into the memory."""
     found = message(lambda: loads(f"{IN_SPACE}{grain}[bed]\n{bed}\n"))
-    assert "bed: has about " in found and "give a flat bed in their place" in found
+    assert "bed: has about " in found and "use a flat bed instead" in found
 
 
 @pytest.mark.parametrize("bed", ['kind = "flat"', 'kind = "spheres"\nradius = 0.5\nspacing = 1.05'])

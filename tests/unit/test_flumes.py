@@ -64,7 +64,7 @@ def test_zanke_is_his_formula():
     tan = math.tan(math.radians(35.0 / 1.5))
     for row in range(0, 14, 2):
         size, reynolds, ratio, stored = (
-            thresholds._zanke()[name][row]
+            thresholds._read("zanke_2003.csv")[name][row]
             for name in ("D_m", "Re_star", "turbulence_ratio", "D_star")
         )
         damped = math.exp(-0.1 * reynolds)
@@ -155,7 +155,7 @@ def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, capsys):
     assert tomllib.loads(scene.read_text())["units"]["diameter"] == pytest.approx(2e-4)
     assert curve.read_bytes().startswith(b"\x89PNG")
     assert main([*line, "--scene", str(scene)]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -180,4 +180,6 @@ def test_wrong_numbers_are_refused_by_name(options, key):
 
 def test_a_length_without_a_known_unit_is_refused(capsys):
     assert main(["flume", "--diameter", "2inch", "--shear-velocity", "0.1"]) == 2
-    assert '"2inch" is no length; give a number and one of um, mm, cm, m' in capsys.readouterr().err
+    assert (
+        '"2inch" is not a length; give a number and one of um, mm, cm, m' in capsys.readouterr().err
+    )

@@ -1,14 +1,21 @@
 """Walls of any shape that resist the flow along them: what crosses, and the force that is read off their part alone."""
 
+from functools import partial
+
 import dolfinx
 import numpy as np
 import pytest
-from domains import ring
+import ufl
+from domains import rectangle, ring
+from mpi4py import MPI
 
 from incipient import compat
+from incipient.compat import petsc
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import along_wall
 from incipient.fluid.conditions import Friction
+from incipient.mesh.domain import build
+from incipient.meshes.model import meshed
 from incipient.turbulence.wall_law import WallLaw
 
 INNER, VISCOSITY, DRAG = 0.5, 0.25, 1.5
@@ -71,6 +78,27 @@ def test_slip_with_friction_on_a_circle(rate):
     coarse, fine = (np.array(solved(around, rate)) for around in (12, 24))
     assert (fine < [2e-3, 2e-4, 2e-3]).all()
     assert (coarse / fine > 2**1.7)[: 2 if rate else 3].all()
+
+
+@pytest.mark.parametrize("thickness", [0.25, 1e-3])
+def test_a_wall_dissipates_also_next_to_thin_cells(thickness):
+    """The power of any velocity without pressure is not negative: Nitsche's method needs nu over the cells' thickness.
+
+    With nu over the root of their area the least eigenvalue next to cells 250 times as long as thick was -0.5 of the
+    largest.
+    """
+    wall = Friction("bottom", 0.1, lambda speed, turbulent, viscosity, distance: DRAG + 0 * speed)
+    grid = rectangle((0.0, 0.0), 1.0, thickness, 4, 1)
+    domain = build(MPI.COMM_SELF, partial(meshed, grid))
+    with Fluid(domain, FlowModel(), [wall], 1 / VISCOSITY) as fluid:
+        fluid.state.x.array[:] = 0.0
+        form = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
+        matrix = petsc.assemble_matrix(compat.form(ufl.derivative(form, fluid.state)))
+        matrix.assemble()
+        rows = fluid.space.velocity_map
+        whole = matrix.convert("dense").getDenseArray()[np.ix_(rows, rows)]
+        powers = np.linalg.eigvalsh(0.5 * (whole + whole.T))
+    assert powers.min() > -1e-9 * powers.max()
 
 
 def test_where_the_flow_rests_the_turbulence_gives_the_friction():

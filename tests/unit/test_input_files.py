@@ -191,7 +191,7 @@ def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
         ),
         (
             OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/a.png"),
-            "out/a.png: No space left on device; give",
+            "out/a.png: No space left on device; choose",
         ),
     ):
 

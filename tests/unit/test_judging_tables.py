@@ -35,7 +35,7 @@ def rows_of(count: int) -> list[list[str]]:
     cases = random_cases(count, 2, 2)
     contacts = [part[:, i] for i in range(2) for part in (cases.points, cases.normals)]
     vectors = [one[:, :2] for one in (cases.force, cases.weight, cases.centre, *contacts)]
-    numbers = cases.couple[:, 2], cases.law.coefficient, cases.mass, cases.inertia[:, 2, 2]
+    numbers = cases.torque[:, 2], cases.law.coefficient, cases.mass, cases.inertia[:, 2, 2]
     table: Floats = np.column_stack([*vectors, *numbers])
     return [list(map(repr, row)) for row in table.tolist()]
 

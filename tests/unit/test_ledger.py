@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from incipient.results import timing as ledgers
-from incipient.results.cost_of_effects import Corrections, cost_lines
-from incipient.results.timing import Ledger, Share
+from incipient.results.timing import Corrections, Ledger, Share, cost_lines
 
 
 @pytest.fixture

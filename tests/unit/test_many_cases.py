@@ -187,7 +187,7 @@ class TestBatch:
         good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
         law, laws = FrictionCone.of(0.5), FrictionCone(np.array([0.5, 0.4, 0.3]))
         wrong = message(lambda: Cases(*surface, good, np.zeros((3, 3)), none, none, law))
-        assert wrong == "cases: couple does not fit 2 cases; give a row for each, or one for all"
+        assert wrong == "cases: torque does not fit 2 cases; give a row for each, or one for all"
         assert "law does not fit" in message(lambda: Cases(*surface, good, good, none, none, laws))
         batch = judge_many(Cases(*surface, good + np.nan, good, none, none, law))
         assert "give finite numbers" in message(batch.complete)
@@ -274,7 +274,7 @@ class TestErrorBox:
 
     def test_words_of_what_the_flow_holds(self) -> None:
         assert held_words(None, None) == "no multiple of the flow's load holds it"
-        assert held_words((0.0, 0.0), (0.0, 0.0)) == "any part of the flow's load moves it"
+        assert held_words((0.0, 0.0), (0.0, 0.0)) == "any fraction of the flow's load moves it"
         may = "0.1 to 1 times the flow's load may hold it, none for certain"
         assert held_words((0.1, 1.0), None) == may
         assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")

@@ -114,7 +114,8 @@ def test_the_plan_tells_what_the_stream_is():
     assert numbers.shear_reynolds == pytest.approx(20.0)
     assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
     assert (
-        "mean profile of a turbulent flow, kept by a force instead of its turbulent stress" in text
+        "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
+        in text
     )
     assert (
         "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically"
@@ -155,7 +156,7 @@ def test_cells_at_the_bed_follow_the_profile():
         ),
         (
             {"flow": LogLaw(), "domain": Domain(length=12, height=6, kind="box")},
-            'flow.kind: "log-law" flows through but a box is closed',
+            'flow.kind: "log-law" needs open ends but a box is closed',
         ),
         ({"flow": LogLaw(datum=0.7), "bed": HalfDiscs(radius=0.5, spacing=1.2)}, "flow.datum: "),
     ],

@@ -15,7 +15,7 @@ from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, far
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.modelling import SMALLEST_GAP, Suited, _is_noise, remedies, suited
 from incipient.accuracy.search import Search
-from incipient.accuracy.strategies import DualWeighted
+from incipient.accuracy.searches import DualWeighted
 from incipient.accuracy.terms import of_domain, of_gap
 from incipient.errors import ConvergenceError, SceneError
 from incipient.progress import Silent
@@ -37,7 +37,7 @@ def narrow(**numerics: Any) -> Scene:
 
 
 def seeking(scene: Scene) -> Search:
-    return Search(scene, MPI.COMM_SELF, Recorder(), Silent(), DualWeighted)
+    return DualWeighted(scene, MPI.COMM_SELF, Recorder(), Silent())
 
 
 def solved(scene: Scene) -> Loads:

@@ -19,8 +19,7 @@ import incipient
 from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.files import MARK, append_row, own, owned, write_text_atomically
-from incipient.output.lock import locked
-from incipient.output.ownership import make_room, place_scene, refuse_foreign
+from incipient.output.ownership import locked, make_room, place_scene, refuse_foreign
 from incipient.pictures import style
 from incipient.results.kinds import GUSTS
 from incipient.scene import example, loads
@@ -168,7 +167,7 @@ KEEPER = """
 import sys
 from pathlib import Path
 from mpi4py import MPI
-from incipient.output.lock import locked
+from incipient.output.ownership import locked
 with locked(Path(sys.argv[1]), MPI.COMM_SELF):
     print("taken", flush=True)
     sys.stdin.read()
@@ -178,7 +177,7 @@ import sys
 from pathlib import Path
 from mpi4py import MPI
 from incipient.errors import OutputError
-from incipient.output.lock import locked
+from incipient.output.ownership import locked
 try:
     with locked(Path(sys.argv[1]), MPI.COMM_WORLD):
         pass

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from incipient.contact import Contacts, Load, touching
-from incipient.coupled.enclosed import load_of
+from incipient.coupled.tractions import load_of
 from incipient.errors import SceneError
 from incipient.geometry import (
     Disc,
@@ -379,13 +379,3 @@ def test_a_part_of_a_curve_lies_on_it():
 def test_a_space_that_is_nowhere_wider_is_refused():
     with pytest.raises(SceneError, match=r"contact\.gap"):
         closed(CLOSED_GRAINS["disc"], CLOSED_BEDS["flat"], width=2.0)
-
-
-def test_edges_of_an_open_outline_are_put_in_order_from_one_end_to_the_other():
-    """An outline whose contacts are closed has two ends; its edges come in any order and sense."""
-    from incipient.pictures.mesh import directed
-
-    shuffled = np.array([[2, 3, 12], [1, 0, 10], [4, 3, 13], [1, 2, 11]])
-    found = directed(shuffled)
-    assert found[:, 2].tolist() in ([10, 11, 12, 13], [13, 12, 11, 10])
-    assert (found[1:, 0] == found[:-1, 1]).all()

@@ -57,7 +57,8 @@ def test_curves_have_ends_and_tangents_and_move_with_their_points(curve):
     there = second.to_scene(first.to_scene(curve.point(S)))
     assert moved.point(S) == pytest.approx(there, abs=1e-14)
     turned = Placement((0.0, 0.0), 1.1).to_scene(curve.tangent(S))
-    assert moved.tangent(S) == pytest.approx(turned, abs=1e-13)
+    # Splines have slopes by differences of points 1/4096 apart: round-off times 4096, at their ends a few times.
+    assert moved.tangent(S) == pytest.approx(turned, abs=1e-11)
 
 
 def test_arcs_go_the_short_way_round_and_keep_their_ellipse():

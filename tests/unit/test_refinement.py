@@ -169,7 +169,7 @@ def test_between_values_are_equal_ratios_or_differences() -> None:
         (["a.b=1,2", "a.c=x,y"], True, {"refine": True}, "a.c is varied with other keys"),
         (["a.b=1,2"], False, {"refine": 2.0}, "--refine 2: is not a fraction of the range"),
         (["a.b=1,2"], False, {"refine": True, "most": 0}, "--most 0: is not a number of cases"),
-        (["a.b=1,2"], False, {"most": 5}, "--most: is for a refinement"),
+        (["a.b=1,2"], False, {"most": 5}, "--most: applies to a refinement"),
     ],
 )
 def test_wrong_refinements_are_refused(

@@ -14,6 +14,7 @@ from jinja2 import Environment
 from PIL import Image
 
 import incipient
+from incipient.effects.moving_grain import PATH, FreeBodyEffect
 from incipient.effects.turbulence import findings
 from incipient.errors import OutputError
 from incipient.pictures.apart import draw_apart
@@ -29,8 +30,9 @@ from incipient.reporting.page import (
     environment,
     look,
 )
-from incipient.reporting.results import _budget, _in_si
+from incipient.reporting.results import _budget, _in_si, _rows
 from incipient.results.kinds import KINDS
+from incipient.results.quantity import put, screen_lines
 from incipient.results.si import in_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
@@ -86,6 +88,13 @@ def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
     assert heads[1:4] == ["of the force", "of the torque", "of elevations at the end"]
     assert rows[0][1] == (0.3, 0.4) and math.isnan(rows[0][2]) and rows[0][3:5] == [0.2, "50 %"]
     assert rows[1][2] == "" and [row[0] for row in rows] == ["gap", "domain", "all"]
+    # The page has a column for whatever a term has errors of: the end of a path, the x of separation.
+    moving = {"name": "time step", "how": "x", "force": None, "torque": None, "parts": []}
+    moving |= {"place": [0.25, 0.5, 0.125], "separated": [2.0, 1.0]}
+    bars = {"terms": [moving], "place": moving["place"], "separated": moving["separated"]}
+    heads, (row,) = _budget(True, bars)
+    assert heads[1:3] == ["of the end of the path, at most", "of x of separation, at most"]
+    assert row[1:4] == [0.5, 2.0, "100 %"]
 
 
 def test_short_lists_of_settings_stand_on_a_line() -> None:
@@ -204,3 +213,46 @@ def test_results_of_an_earlier_version_are_read_or_refused_with_what_to_do(tmp_p
     (tmp_path / "threshold.json").write_text("{}")
     complaint = draw_apart(tmp_path).complaint
     assert complaint.endswith("show them with that version, or run the scene again, changed so")
+
+
+def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> None:
+    """A disc that left its pocket: each number by its one description; coordinates with two decimals at least."""
+    course = {"mode": "rolling", "first_motion": 0.5, "left_pocket": None, "force": [1.0, 2.0]}
+    works = {"flow": 3.0, "gravity": -2.0, "friction": -0.25, "impact": 0.0}
+    path: dict[str, Any] = {
+        "ended": {"by": "out-of-pocket", "time": 2.35, "without_verdict": ""},
+        "place": [350004.767, 0.5],
+        "angle": -1.5,
+        "velocity": [0.25, -0.125],
+        "spin": -0.75,
+        "interface_iterations": {"mean": 2.5, "most": 4},
+        "remeshings": [{}, {}],
+        "on_bed": course | {"works": works},
+    }
+    stored = {"scene": {"domain": {}}, "trajectory": path}
+    for quantity in FreeBodyEffect.quantities:
+        if quantity.derive is not None:
+            put(stored, quantity.key, quantity.derive(stored))
+    text = "\n".join(screen_lines(FreeBodyEffect.quantities, stored, details=True))
+    for line in (
+        "path                ended by out-of-pocket   at t = 2.35",
+        "position            (350004.77, 0.5)   turned by [rad] -1.5",
+        "velocity            (0.25, -0.125)   spin -0.75",
+        "on its bed          mode at the end rolling   force of contact (1, 2)",
+        "works               flow 3   gravity -2   friction -0.25   impact 0",
+        "interface           iterations a step 2.5   at most 4   new meshes 2",
+    ):
+        assert line in text
+    assert "interface" not in "\n".join(screen_lines(FreeBodyEffect.quantities, stored))
+    columns = {k: v for q in FreeBodyEffect.quantities for k, v in q.columns(stored).items()}
+    assert columns == {
+        "ended": "out-of-pocket",
+        "velocity_x": 0.25,
+        "velocity_y": -0.125,
+        "spin": -0.75,
+        "does": "rolling",
+        "first_motion": 0.5,
+    }
+    rows = dict(_rows(stored, FreeBodyEffect.quantities, PATH))
+    assert rows["position [length]"] == path["place"] and rows["work of gravity [energy]"] == -2.0
+    assert "left its pocket [time]" not in rows and rows["new meshes"] == 2

@@ -41,7 +41,7 @@ from incipient.geometry import (
     settle,
 )
 from incipient.planning.effects import Decision, EffectName
-from incipient.results.safetybar import SafetyBar
+from incipient.results.errorbars import SafetyBar
 from incipient.scene import Scene, loads
 from incipient.scene.example import grain_on_bed
 from incipient.scene.mass import mass_and_inertia

@@ -13,9 +13,8 @@ from incipient.accuracy.errorbars import with_safety
 from incipient.accuracy.goal import bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.evaluation.contact_verdict import find_contacts
-from incipient.results.errorbars import ErrorBars, Term
+from incipient.results.errorbars import ErrorBars, SafetyBar, Term
 from incipient.results.loads import Forces, Torques
-from incipient.results.safetybar import SafetyBar
 
 ZERO = np.zeros(3)
 # A disc of weight one between two contacts at 45 degrees without friction is tipped over one of them by a horizontal

@@ -262,7 +262,7 @@ def test_every_key_is_described():
             assert field.description, f"{section.__name__}.{name}"
             pending += [option for option in variants(field.annotation) if option not in seen]
     # Scene, sections, the wave and the gust in one each, flows, shapes, beds; plane + space.
-    assert len(seen) == 1 + 13 + 1 + 8 + (7 + 9) + (5 + 5)
+    assert len(seen) == 1 + 13 + 1 + 9 + (7 + 9) + (5 + 5)
 
 
 def test_import_loads_no_finite_elements():

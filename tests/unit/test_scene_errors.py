@@ -1,10 +1,11 @@
-"""Scenes built from Python that are wrong: one clear line for each mistake and each contradiction."""
+"""Scenes built from Python that are wrong: one clear line for each mistake, contradiction and retired key."""
 
 import math
 
 import pytest
 from scenes import CHANNEL, DISC, FLOW_SCALE, message, scene
 
+from incipient.errors import SceneError
 from incipient.scene import (
     Contact,
     Disc,
@@ -32,7 +33,9 @@ from incipient.scene import (
     Surface,
     Time,
     Uniform,
+    retired,
 )
+from incipient.scene.file import example, loads
 from incipient.scene.gust import Gust
 
 ONE_KEY = [
@@ -96,7 +99,7 @@ ONE_KEY = [
     ),
     (
         lambda: Surface(points=[(1, 0), (0, 0.1)]),
-        "Surface: points: do not ascend in x; give two or more points sorted by x, each x once",
+        "Surface: points: do not increase in x; give two or more points sorted by x, each x once",
     ),
     (
         lambda: Surface(file="elevation.csv", points=[(0, 0), (1, 0.1)]),
@@ -344,12 +347,12 @@ MOVE = "move the grain, make it smaller or enlarge the domain"
 BETWEEN = [
     (
         {"flow": Lid()},
-        'flow.kind: a lid closes a box but the domain is a channel; set domain.kind = "box"',
+        'flow.kind: "lid" needs a box but the domain is a channel; set domain.kind = "box"',
     ),
     *[
         (
             {"domain": Domain(kind="box", length=12, height=6), "flow": flow},
-            f'flow.kind: "{flow.kind}" flows through but a box is closed; '
+            f'flow.kind: "{flow.kind}" needs open ends but a box is closed; '
             'set domain.kind = "channel", or use "lid" or "still"',
         )
         for flow in (Shear(), Poiseuille(), Uniform(), OpenChannel())
@@ -561,3 +564,30 @@ def test_wrong_sections():
         message(lambda: scene(fluid=CHANNEL))
         == "Scene: fluid: is a Domain; write a section [fluid]"
     )
+
+
+# -- retired keys and values -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("fluid.glow=1", "fluid.glow: is retired; use fluid.reynolds"),
+        ('flow.kind="vortex"', 'flow.kind: "vortex" is retired; use flow.kind = "shear"'),
+        ('numerics.order="spectral"', 'numerics.order: "spectral" is retired; give 2'),
+    ],
+)
+def test_a_retired_key_names_what_to_write(override, message, monkeypatch):
+    monkeypatch.setitem(retired.KEYS, "fluid.glow", "use fluid.reynolds")
+    monkeypatch.setitem(retired.VALUES, ("flow.kind", "vortex"), 'use flow.kind = "shear"')
+    monkeypatch.setitem(retired.VALUES, ("numerics.order", "spectral"), "give 2")
+    with pytest.raises(SceneError) as error:
+        loads(example(), overrides=[override])
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize("key", sorted(retired.KEYS))
+def test_no_scene_has_a_retired_key(key):
+    with pytest.raises(SceneError) as error:
+        loads(example(), overrides=[f"{key}=1"])
+    assert f"{key}: is retired; {retired.KEYS[key]}" in str(error.value)

@@ -87,7 +87,7 @@ def test_the_example_explains_every_key():
             assert re.search(r"\S +# \w.*", line), line
     assert "(channel | box)" in example()
     assert (
-        "(shear | poiseuille | open-channel | uniform | log-law | lid | expression | still)"
+        "(shear | poiseuille | open-channel | uniform | log-law | oscillatory | lid | expression | still)"
         in example()
     )
 
@@ -204,7 +204,7 @@ def test_a_wrong_number_in_the_file_is_not_blamed_on_what_was_set(number):
 def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
     found = message(lambda: loads(MINIMAL, overrides=["domain.kind=box"], name="a.toml"))
     assert found.startswith(
-        'a.toml --set domain.kind=box: flow.kind: "shear" flows through but a box is closed; '
+        'a.toml --set domain.kind=box: flow.kind: "shear" needs open ends but a box is closed; '
     )
 
 
@@ -248,7 +248,7 @@ def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
         ),
         (
             MINIMAL.replace('kind = "shear"', 'kind = "lid"'),
-            "flow.kind: a lid closes a box but the domain is a channel",
+            'flow.kind: "lid" needs a box but the domain is a channel',
         ),
         (
             MINIMAL + "[contact]\nfriction = 0.5\n",

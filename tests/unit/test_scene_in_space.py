@@ -399,11 +399,11 @@ WRONG = [
 WRONG_KEYS = [
     (
         lambda: Domain(length=1, height=1, sides="slip"),
-        "Domain: sides: goes with width, which is not given; add",
+        "Domain: sides: needs width, which is not given; add",
     ),
     (
         lambda: Domain(length=1, height=1, symmetric=True),
-        "Domain: symmetric: goes with width, which is not",
+        "Domain: symmetric: needs width, which is not",
     ),
     (
         lambda: Domain(length=1, height=1, width=1, symmetric="no"),

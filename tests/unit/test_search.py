@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -36,8 +35,8 @@ from incipient.accuracy.next_mesh import (
     refined,
 )
 from incipient.accuracy.search import LEAST_WORK, Attempt, Estimate, Search
+from incipient.accuracy.searches import COMPARED, DualWeighted, InTime
 from incipient.accuracy.sizing import LARGEST, SMALLEST, Shares, resized
-from incipient.accuracy.strategies import COMPARED, DualWeighted, InTime, Strategy
 from incipient.accuracy.terms import order_in_space
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry.plane.curves import Line
@@ -203,23 +202,23 @@ def test_slope_of_the_safety_factor() -> None:
 def searching(seconds: float = 1.0, **numerics: object) -> tuple[Search, Estimate]:
     """A search on its first mesh, which took a time [s] and has an error of 0.1, all of it shared alike."""
     scene = wanting(**{"accuracy": 1e-3, **numerics})
-    search = Search(scene, MPI.COMM_SELF, Recorder(), Silent(), DualWeighted)
+    search = DualWeighted(scene, MPI.COMM_SELF, Recorder(), Silent())
     search.report(Trial(2, 200, 1000, 0.1, seconds))
     points, triangles = grid(10)
     shares = Shares(points, triangles, np.full(len(points), 0.1 / len(points)))
-    search.strategy._plain = 0.1
+    search._plain = 0.1
     return search, Estimate(0.1, shares=shares)
 
 
 def following(search: Search, estimate: Estimate) -> Attempt | None:
-    first = search.strategy.first()
-    return search.refined(first, estimate, search.strategy.target(estimate))
+    first = search.first()
+    return search.within_budget(first, estimate, search.target(estimate))
 
 
 def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
     """Its error is infinite, which tells nothing of the cells needed; the finest allowed would be 25 times as many."""
     search, estimate = searching(accuracy_of="safety factor")
-    search.strategy._plain = np.inf
+    search._plain = np.inf
     wanted = following(search, replace(estimate, error=np.inf))
     assert wanted is not None and 1000.0 < wanted.unknowns < 6000.0
 
@@ -251,7 +250,7 @@ def test_corrected_loads_that_agree_need_no_mesh_for_the_load_as_computed(
 ) -> None:
     """Their error is that on the mesh before: one such mesh shows it, and a finer one has less of it."""
     sphere = load(SCENES / "sphere_on_plane.toml", ["numerics.accuracy=0.001", *INERTIA])
-    strategy = Search(sphere, MPI.COMM_SELF, Recorder(), Silent(), DualWeighted).strategy
+    strategy = DualWeighted(sphere, MPI.COMM_SELF, Recorder(), Silent())
     strategy._plain, strategy._compared = plain, corrected is not None
     assert strategy.target(Estimate(corrected or plain)) == pytest.approx(left)
 
@@ -269,15 +268,15 @@ def test_a_range_with_an_infinite_end() -> None:
 # -- the loop -----------------------------------------------------------------------------------------
 
 
-class Listed(Strategy):
+class Listed(Search):
     """Meshes with listed errors, one after the other; text is why one has no flow."""
 
-    def __init__(self, search: Search, errors: list[float | str]):
-        super().__init__(search)
+    def __init__(self, errors: list[float | str]):
+        super().__init__(wanting(), MPI.COMM_SELF, Recorder(), Silent())
         self._errors = errors
 
     def first(self, failures: int = 0) -> Attempt:
-        return Attempt(self.search.scene, note=str(len(self.search.trials)))
+        return Attempt(self.scene, note=str(len(self.trials)))
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[Any]:
@@ -312,21 +311,19 @@ class Listed(Strategy):
 def test_a_search_ends_with_the_least_error_that_it_found(
     errors: list[float | str], reason: str, last: float
 ) -> None:
-    strategy = partial(Listed, errors=errors)
-    search = Search(wanting(), MPI.COMM_SELF, Recorder(), Silent(), strategy)
+    search = Listed(errors)
     assert search.result() == search.adaptation().reached == last
     assert (search.reason, search.met) == (reason, reason == "reached")
     assert len(search.trials) == len(errors)
 
 
 def test_three_failures_end_a_search() -> None:
-    strategy = partial(Listed, errors=["no flow"] * 3)
     with pytest.raises(ConvergenceError, match="no flow"):
-        Search(wanting(), MPI.COMM_SELF, Recorder(), Silent(), strategy).result()
+        Listed(["no flow"] * 3).result()
 
 
 def test_an_accuracy_in_doubt_is_not_known_to_be_reached() -> None:
-    search = Search(wanting(), MPI.COMM_SELF, Recorder(), Silent(), DualWeighted)
+    search = DualWeighted(wanting(), MPI.COMM_SELF, Recorder(), Silent())
     search.conclude(0.005, "for a reason")
     assert (search.reason, search.met) == ("not known to be reached: for a reason", False)
 
@@ -520,20 +517,20 @@ def test_what_is_not_known_is_halved() -> None:
 def test_a_budget_is_spent_on_what_it_allows() -> None:
     """An error of 100 times the accuracy takes ten times the steps; a budget of seven runs allows a part of that."""
     scene = in_time("numerics.budget_seconds=700")
-    search = Search(scene, MPI.COMM_SELF, Recorder(), Silent(), InTime)
+    search = InTime(scene, MPI.COMM_SELF, Recorder(), Silent())
     search.report(tried(0.6, 0.0, seconds=100.0))
-    allowed = search.refined(Attempt(scene), Estimate(0.6), 0.01)
+    allowed = search.within_budget(Attempt(scene), Estimate(0.6), 0.01)
     assert allowed is not None and LEAST_WORK < allowed.work < 7.0
     assert allowed.scene.time.step == pytest.approx(0.1 / allowed.work, rel=0.02)
     search.report(tried(0.6, 0.0, seconds=400.0))
-    assert search.refined(Attempt(scene), Estimate(0.6), 0.01) is None
+    assert search.within_budget(Attempt(scene), Estimate(0.6), 0.01) is None
     why = "stopped at numerics.budget_seconds = 700: the next mesh would take about "
     assert search.reason.startswith(why)
 
 
 def test_runs_are_few() -> None:
-    search = Search(in_time(), MPI.COMM_SELF, Recorder(), Silent(), InTime)
+    search = InTime(in_time(), MPI.COMM_SELF, Recorder(), Silent())
     for _ in range(6):
         search.report(tried(0.02, 0.0))
-    assert search.refined(Attempt(in_time()), Estimate(0.02), 0.3) is None
+    assert search.within_budget(Attempt(in_time()), Estimate(0.02), 0.3) is None
     assert search.reason == "not reached with 6 meshes"

@@ -13,7 +13,19 @@ from scenes import message
 
 from incipient.planning.plan import make_plan
 from incipient.results.si import in_si, si_lines, with_loads
-from incipient.scene import Disc, Domain, Flat, Rectangle, Scene, Shear, Sphere, Units, dumps, loads
+from incipient.scene import (
+    Disc,
+    Domain,
+    Flat,
+    Rectangle,
+    Scene,
+    Shear,
+    Sphere,
+    Units,
+    dumps,
+    loads,
+    settling,
+)
 from incipient.scene.units import nominal_diameter
 
 # A grain of quartz of 1 mm in water, in the units of the scene of diameter 2 and shear rate 0.5.
@@ -190,6 +202,18 @@ def test_a_unit_of_length_makes_files_in_millimetres_what_they_are(
     assert loads(dumps(scene)) == scene
     said = f"grain: largest diameter 2.44949, nominal {nominal:.6g}; one unit of length is {metres:g} m"
     assert said in make_plan(scene).text()
+
+
+def test_a_scanned_grain_in_units_settles_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Settling takes most of the time of a scan's plan; the scene without its units needs no place."""
+    trimesh.creation.box((2.0, 1.0, 1.0)).export(tmp_path / "stone.stl")
+    calls, once = [], settling.settle
+    monkeypatch.setattr(settling, "settle", lambda *a: calls.append(a) or once(*a))
+    text = QUARTZ.replace('"sphere"\ndiameter = 2.0', '"mesh"\nfile = "stone.stl"')
+    scene = loads(text, tmp_path, ["body.settle=true"])
+    assert scene.placement is not None and len(calls) == 1
 
 
 def test_the_plan_says_what_size_the_file_of_a_grain_has(tmp_path: Path) -> None:

@@ -95,7 +95,7 @@ def test_halves_its_step_when_a_linear_system_is_not_solved() -> None:
 def test_failed_linear_system_far_from_the_start_is_told_as_divergence() -> None:
     with pytest.raises(
         ConvergenceError,
-        match=r"beyond 40% of the Reynolds number, at 40.1% the linear system of correction 3 is not "
+        match=r"beyond 40% of the Reynolds number, at 40.1% the linear system of Newton update 3 is not "
         r"solved: it may be unsteady \(add a \[time\] section\) or need a finer mesh",
     ):
         solve_steady(Pretended(reach=np.inf, limit=40.0, failed=SINGULAR), 1e-9, first_share=0.1)

@@ -136,7 +136,7 @@ def test_what_is_refused(old, new, why):
 
 def test_a_wave_that_is_too_high_for_second_order():
     assert wave_of(Setup(loads(CHANNEL))).current == pytest.approx(0.2)
-    assert "a wave 3.12 long comes in" in make_plan(loads(CHANNEL)).text()
+    assert "incoming waves are 3.12 long" in make_plan(loads(CHANNEL)).text()
     with pytest.raises(
         SceneError,
         match=r"surface.wave: its second harmonic is 0\.\d+ of the first, more than 0.25",

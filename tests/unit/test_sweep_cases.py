@@ -96,7 +96,7 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     ragged.write_text("a.x,a.y\n1\n")
     assert "row 2 has a different number of cells" in message(lambda: table_of_cases(ragged))
     ragged.write_text("a.x,a.x\n1,2\n")
-    assert "has two columns a.x; leave one of them out" in message(lambda: table_of_cases(ragged))
+    assert "has two columns a.x; remove one of them" in message(lambda: table_of_cases(ragged))
     ragged.write_text("a.x,,\n1,,\n")  # empty columns, as spreadsheets write them
     assert table_of_cases(ragged) == [("a.x=1",)]
     ragged.write_text("a.x,a.y\n1,2\n")

@@ -22,11 +22,11 @@ class TestTerrains:
         expected = np.column_stack([-slope, np.ones(len(x))])
         expected /= np.linalg.norm(expected, axis=1, keepdims=True)
         assert bed.normal(x)[gentle] == pytest.approx(expected[gentle], abs=1e-5)
-        if hasattr(bed, "hessian"):
+        if hasattr(bed, "shape"):
             rows = [
                 (bed.gradient(x + h * e) - bed.gradient(x - h * e)) / (2 * h) for e in np.eye(2)
             ]
-            error = np.abs(np.stack(rows, axis=2) - bed.hessian(x)).max(axis=(1, 2))
+            error = np.abs(np.stack(rows, axis=2) - bed.shape(x)[2]).max(axis=(1, 2))
             assert np.median(error) < 1e-6  # that of the map jumps between cells
 
     @terrains

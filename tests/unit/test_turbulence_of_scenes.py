@@ -151,7 +151,7 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
             for rows, words in (
                 ([], "does not have two or more rows of one length"),
                 ([[0.1, 0.7], [0.5, 0.9, 0.01]], "does not have two or more rows of one length"),
-                ([[0.0, 0.7], [0.5, 0.9]], "has heights that do not ascend from above zero"),
+                ([[0.0, 0.7], [0.5, 0.9]], "has heights that do not increase from above zero"),
                 (
                     [[0.1, 0.0], [0.5, 0.9]],
                     "has a speed or a k that is not positive; omit walls",

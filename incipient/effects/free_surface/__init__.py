@@ -49,5 +49,5 @@ class FreeSurfaceEffect(Effect):
             how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
             yield Omission(self.name, None, how, True, remedy)
             return
-        how = "of the depth, by the pressure under the lid over gravity"
+        how = "of the depth, from the pressure under the lid over gravity"
         yield Omission(self.name, rise, how, False, remedy)

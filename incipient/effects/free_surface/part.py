@@ -22,7 +22,7 @@ from ...mesh.elevation import RisingDisplacement
 from ...mesh.motion import MeshMotion
 from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
-from ...results.elevations import ElevationReading, Elevations
+from ...results.loads import ElevationReading, Elevations
 from ...scene import Scene
 from ...scene.surface import stations_of
 from ...setup.setup import Setup
@@ -104,7 +104,7 @@ class MovingSurface(RunPart):
         """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's placement."""
         why = self.part.ends()
         if not why and placement is not None and self._room_above(placement) <= 0.0:
-            why = "the grain touches the free surface: end before it does, or use a heavier grain or deeper water"
+            why = "the grain touches the free surface: use an earlier time.end, a heavier grain or deeper water"
         if why:
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
@@ -128,8 +128,8 @@ class MovingSurface(RunPart):
             raised = unit * round(self._mean_above(placement, grain.size) / unit)
         if top > domain.ceiling + raised - unit:
             raise MeshError(
-                "the grain has risen to the free surface, where the domain cannot be remeshed: end before it does, or "
-                "use a heavier grain or deeper water"
+                "the grain has risen to the free surface, where the domain cannot be remeshed: use an "
+                "earlier time.end, a heavier grain or deeper water"
             )
         return height + raised
 

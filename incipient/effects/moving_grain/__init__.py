@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from ...body.state import BodyState
 from ...planning.effects import Decision, EffectName
 from ...results.left_out import Omission
-from ...results.quantity import OutputQuantity
+from ...results.quantity import OutputQuantity, at
 from ...setup.setup import Setup
 from ..effect import Effect, Solved
 from ..run_part import Stage
@@ -18,15 +18,43 @@ if TYPE_CHECKING:
     from .part import MovingGrain
 
 
+PATH = "path of the grain"  # heading of a page
+WORKS = ("flow", "gravity", "friction", "impact")  # what does work on a grain on its bed
+
+
+def _path(key: str, words: str, unit: str = "", **more: Any) -> OutputQuantity:
+    return OutputQuantity(f"trajectory.{key}", words, unit, heading=PATH, **more)
+
+
+def _new_meshes(stored: Mapping[str, Any]) -> int:
+    return len(at(stored, "trajectory.remeshings") or ())
+
+
 class FreeBodyEffect(Effect):
-    """Free or prescribed motion of a rigid grain."""
+    """The motion of a rigid grain by flow and weight, or by prescription."""
 
     name = EffectName.FREE_BODY
     quantities = (
-        OutputQuantity("trajectory.on_bed.first_motion", "first motion", "time", "first_motion"),
-        OutputQuantity("trajectory.on_bed.left_pocket", "left its pocket", "time", "left_pocket"),
-        OutputQuantity("trajectory.on_bed.mode", "what it does at the end", column="does"),
-        OutputQuantity("trajectory.ended.by", "what ended its run", column="ended"),
+        _path("ended.by", "ended by", column="ended", line="path"),
+        _path("ended.time", "time at the end", "time", line="path", short="at t ="),
+        _path("place", "position", "length", line="position", short=""),
+        _path("angle", "turned by", "rad", line="position", short="turned by [rad]"),
+        _path("quaternion", "orientation, a quaternion", line="position", detail=True),
+        _path("velocity", "velocity", "velocity", column="velocity", line="velocity", short=""),
+        _path("spin", "spin", "rad/time", column="spin", line="velocity", short="spin"),
+        _path("on_bed.mode", "mode at the end", column="does", line="on its bed"),
+        _path("on_bed.first_motion", "first motion", "time", column="first_motion"),
+        _path("on_bed.left_pocket", "left its pocket", "time", column="left_pocket"),
+        _path(
+            "on_bed.force", "force of contact", "force", line="on its bed", short="force of contact"
+        ),
+        *(
+            _path(f"on_bed.works.{name}", f"work of {name}", "energy", line="works", short=name)
+            for name in WORKS
+        ),
+        _path("interface_iterations.mean", "iterations a step", line="interface", detail=True),
+        _path("interface_iterations.most", "at most", line="interface", detail=True),
+        _path("new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
     )
 
     def part_in_time(

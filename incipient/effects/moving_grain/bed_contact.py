@@ -21,9 +21,9 @@ from ...geometry.placement import Placement
 from ...geometry.proximity import Proximity
 from ...geometry.settle import SettlingOutcome, settle
 from ...scene.model import Contact
+from . import WORKS
 
 REST, FLIGHT = "rest", "flight"
-WORKS = ("flow", "gravity", "friction", "impact")
 STILL = 1e-6  # velocity, relative to the flow's, that counts as zero
 RESTED = 3  # steps without motion after which a grain rests
 RISEN = 1e-3  # smallest rise, in grain sizes
@@ -178,7 +178,6 @@ class BedContact:
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, contacts: ActiveContacts) -> dict[str, float | int | str]:
-        """History columns: number of contacts, fastest slip, mode, work."""
         slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
         course = self.course
         return {
@@ -189,7 +188,6 @@ class BedContact:
         }
 
     def reported(self) -> dict[str, Any]:
-        """History of the grain as plain data."""
         course = self.course
         times = {name: getattr(course, name) for name in ("mode", "first_motion", "first_step")}
         works = {name: getattr(course, name) for name in WORKS}
@@ -207,7 +205,7 @@ class BedContact:
         course = kept["course"]
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)
-        sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "couples": 2}
+        sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "rolling": 2}
         points, normals, impulses, velocities, torques = (
             np.array(kept["contacts"][name]).reshape(-1, size) for name, size in sizes.items()
         )

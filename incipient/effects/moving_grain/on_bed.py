@@ -65,13 +65,11 @@ class GrainOnBed(MovingGrain):
     # -- the run ----------------------------------------------------------------------------------
 
     def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
-        """Enter a fluid and continue the history of `before`."""
         super().joined(fluid, before)
         if isinstance(before, GrainOnBed):
             self.bed_contact = before.bed_contact
 
     def accept_step(self, step: TimeStep) -> None:
-        """Record the motion of the grain on its bed."""
         super().accept_step(step)
         mean, (after, before, *_) = self.part.mean_load.previous, self.part.past
         assert mean is not None
@@ -127,7 +125,6 @@ class GrainOnBed(MovingGrain):
         ]
 
     def reported(self) -> dict[str, Any]:
-        """End of the motion, position, trajectory, and history on the bed."""
         trajectory, length = super().reported()["trajectory"], self.last_step()
         load = (
             np.zeros(self.body.size)
@@ -139,7 +136,6 @@ class GrainOnBed(MovingGrain):
         return {"trajectory": {**trajectory, "on_bed": {**self.bed_contact.reported(), **on_bed}}}
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """Checkpoint data with contacts and history."""
         body = super().stored(coupling, transient)["body"]
         return {"body": replace(body, on_bed=self.bed_contact.stored(self.part.contacts))}
 

@@ -72,7 +72,6 @@ class Block(LinearSolver):
         return solver, triangle
 
     def prepare(self) -> None:
-        """Rebuild the preconditioner from the present matrix. Collective."""
         if self._direct is not None:
             self._direct.prepare()
             return
@@ -107,7 +106,7 @@ class Block(LinearSolver):
             self.prepare()
             iterations = self._iterate(b, x, rtol, transposed)
         if iterations is None:
-            why = self._why_not_solved(b)
+            why = self._why_not_solved(b, transposed)
             if not (why != NOT_FINITE and self._may_factorise and fits(self.matrix)):
                 raise UnsolvedError(why)
             self._direct = Direct(self.matrix)
@@ -151,10 +150,10 @@ class Block(LinearSolver):
         right.destroy()
         return solver.getIterationNumber() if solver.getConvergedReason() > 0 else None
 
-    def _why_not_solved(self, b: Any) -> str:
+    def _why_not_solved(self, b: Any, transposed: bool) -> str:
         if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
             return NOT_FINITE
-        solver = self._solvers[False][0]
+        solver = self._solvers[transposed][0]
         reason, count = solver.getConvergedReason(), solver.getIterationNumber()
         return (
             f"the linear system of the flow was not solved in {count} iterations (PETSc's reason {reason}): use a "
@@ -162,7 +161,6 @@ class Block(LinearSolver):
         )
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         if self._direct is not None:
             self._direct.destroy()
         super().destroy()

@@ -115,7 +115,6 @@ class Direct(LinearSolver):
         self._aged = False
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve for x with the present factorisation, even if the matrix has changed. Collective."""
         self._solver.getPC().apply(b, x)
         self.statistics.solves += 1
 

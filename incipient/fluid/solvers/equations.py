@@ -58,7 +58,6 @@ class Equations:
         return ufl.dx(domain=self.space.mixed.mesh, metadata=degree)
 
     def owned_pressures(self) -> np.ndarray:
-        """Numbers of the owned pressures in the mixed system."""
         return self.space.pressure_map[: self.space.pressure.dofmap.index_map.size_local]
 
     def constant_pressures(self) -> np.ndarray:
@@ -82,7 +81,6 @@ class LinearStatistics:
     krylov_iterations: int = 0
 
     def add(self, other: LinearStatistics) -> None:
-        """Add the statistics of another solver."""
         self.factorisations += other.factorisations
         self.solves += other.solves
         self.krylov_iterations += other.krylov_iterations
@@ -110,7 +108,6 @@ class LinearSolver(Owner, ABC):
         self._solve(b, x, rtol, transposed=False)
 
     def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
-        """Solve A^T x = b as `solve` does."""
         self._solve(b, x, rtol, transposed=True)
 
     @abstractmethod

@@ -52,17 +52,14 @@ class PressureMass(Owner):
             self._solver.setFromOptions()
 
     def assemble(self, blocks: Blocks | None = None) -> None:
-        """Reassemble with the present viscosity."""
         compat.matrix_of(self._form, matrix=self._mass)
         self._solver.setOperators(self._mass)
 
     def diagonal(self) -> np.ndarray:
-        """Diagonal of M, to be copied."""
         self._mass.getDiagonal(self._left)
         return np.asarray(self._left.array_r)
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximate S^-1 `right`, to be copied."""
         self._right.setArray(right)
         self._solver.solve(self._right, self._left)
         return np.asarray(self._left.array_r)
@@ -89,7 +86,6 @@ class CahouetChabard(Owner):
         self._poisson = self.holding(_Poisson(equations.closed))
 
     def assemble(self, blocks: Blocks) -> None:
-        """Update rate coefficient, viscosity and mesh. Collective."""
         self._coefficient = float(self._rate.value)
         if self._mass is not None:
             self._mass.assemble()
@@ -103,7 +99,6 @@ class CahouetChabard(Owner):
         self._poisson.prepare(matrix)
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximate S^-1 `right`. Collective."""
         pressure = self._coefficient * self._poisson.solve(right)
         return np.asarray(pressure if self._mass is None else pressure + self._mass.solve(right))
 
@@ -122,7 +117,6 @@ class LeastSquaresCommutator(Owner):
         self._poisson = self.holding(_Poisson(equations.closed))
 
     def assemble(self, blocks: Blocks) -> None:
-        """Use the present blocks of the Jacobian. Collective."""
         self._blocks, self._scale = blocks, 1.0 / np.abs(blocks.diagonal())
         diagonal, scaled = blocks.gradient.createVecLeft(), blocks.gradient.copy()
         diagonal.setArray(self._scale)
@@ -132,7 +126,6 @@ class LeastSquaresCommutator(Owner):
         scaled.destroy()
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Approximate S^-1 `right`. Collective."""
         blocks, pressure = self._blocks, np.empty_like(right)
         forces = blocks.push(self._poisson.solve(right[self._order]))
         carried = blocks.carry(self._scale * forces)

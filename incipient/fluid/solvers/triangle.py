@@ -40,7 +40,6 @@ class Triangle(Owner):
         self._present, self._cycles = self.holding(Owner()), list[Any]()
 
     def assemble(self) -> None:
-        """Update for the present matrix and state."""
         self._present.destroy()
         self.blocks.extract()
         self._schur.assemble(self.blocks)
@@ -56,7 +55,6 @@ class Triangle(Owner):
         self._cycles = [self._present.holding(cycle) for cycle in cycles]
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
-        """Apply the preconditioner; called by PETSc."""
         r, z, blocks = right.array_r, np.zeros(right.getLocalSize()), self.blocks
         z[self._pressures] = -self._schur.solve(r[self._pressures])
         forces = blocks.push(z[self._pressures[self._order]])
@@ -97,7 +95,6 @@ class Blocks(Owner):
         self._present, self.components = self.holding(Owner()), list[Any]()
 
     def extract(self) -> None:
-        """Extract the present blocks."""
         self._present.destroy()
         *each, velocities, pressures = self._sets
         pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
@@ -124,7 +121,6 @@ class Blocks(Owner):
         return self.each(values, [block.mult for block in self.components])
 
     def diagonal(self) -> np.ndarray:
-        """Diagonal (n,) of F."""
         entries = np.empty(len(self.velocities))
         for at, block, (_, left) in zip(self._places, self.components, self._vectors, strict=False):
             block.getDiagonal(left)

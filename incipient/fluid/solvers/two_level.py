@@ -81,7 +81,6 @@ class TwoLevel(LinearSolver):
         self._scale: np.ndarray | None = None  # of residuals, set when first prepared
 
     def prepare(self) -> None:
-        """Reassemble the smoother at the present state. Collective."""
         self._velocity.assemble()
         self._pressure.assemble()
         self._mass.assemble()
@@ -198,7 +197,6 @@ class Relaxation(Owner):
         self._sweeps: dict[bool, dict[int, Any]] = {}  # by transposition
 
     def assemble(self) -> None:
-        """Update the operators to the present state."""
         self._present.destroy()
         for k, matrix in self._matrices.items():
             compat.matrix_of(self._form, self._conditions[k], matrix)
@@ -258,7 +256,6 @@ class OrderTransfer(Owner):
         }
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
-        """Interpolate to the higher order."""
         fine_values = np.zeros(len(self._held[1]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
@@ -268,7 +265,6 @@ class OrderTransfer(Owner):
         return np.where(self._held[1], 0.0, fine_values)
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
-        """Restrict a residual to the lower order."""
         values, coarse_values = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]
@@ -303,7 +299,6 @@ class Action(Owner):
         self._vector: Any = None
 
     def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """Product with a vector (owned unknowns,)."""
         form = self._form(transposed)
         owned = len(values)
         self._direction.x.array[:owned] = np.where(self._held, 0.0, values)
@@ -344,7 +339,6 @@ class PressureForce(Owner):
         self._fresh: set[bool] = set()
 
     def renew(self) -> None:
-        """Reassemble before the next application. Not collective."""
         self._fresh = set()
 
     def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""Rigid beds y = b(x): the height, the normal into the fluid, the nearest point, and exact curves to mesh.
+"""Rigid beds y = b(x) in 2-D.
 
-Every bed takes `origin_y`, the height of its base line in the scene. Lengths are scene units, angles radians.
+`origin_y` is the height of the base line in the scene. Lengths are scene units, angles radians.
 """
 
 from abc import ABC, abstractmethod
@@ -46,7 +46,7 @@ SINUSOIDAL = (
 
 
 class Bed(ABC):
-    """A rigid surface y = b(x) below the fluid, for all x."""
+    """A rigid surface y = b(x) below the fluid."""
 
     gdim = 2  # dimension of the space it lies in
     origin_y: float
@@ -54,7 +54,7 @@ class Bed(ABC):
     @property
     @abstractmethod
     def feature(self) -> float:
-        """The smallest horizontal length of the bed's shape, for choosing numbers of samples (inf: none)."""
+        """The smallest horizontal length of the bed's shape (inf: none)."""
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -71,36 +71,36 @@ class Bed(ABC):
         """A height that the bed nowhere exceeds."""
 
     def crest_level(self, x0: float, x1: float) -> float:
-        """The height that the crests reach from x0 to x1; independent of the phase of a periodic bed at x0 and x1."""
+        """The height of the crests from x0 to x1, whatever the phase of a periodic bed there."""
         return self.crest
 
     def mean(self, x0: float, x1: float) -> float:
-        """The mean height over a period; that from x0 to x1 of a bed that does not repeat."""
+        """The mean height over a period; of a bed without one from x0 to x1."""
         return self.origin_y
 
     @abstractmethod
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """db/dx just left and just right of the abscissae (n,); they differ at corners; may be infinite."""
+        """db/dx left and right of the abscissae (n,); they differ at corners and may be infinite."""
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """Abscissae in [x0, x1] at which the bed has a corner, ascending; by default none."""
+        """Abscissae in [x0, x1] of the bed's corners, ascending."""
         return np.empty(0)
 
     @abstractmethod
     def nearest(self, points: Floats) -> Floats:
-        """The point of the bed nearest to each of the points (n, 2) in the fluid, (n, 2)."""
+        """The nearest points (n, 2) of the bed to points (n, 2) in the fluid."""
 
     @abstractmethod
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """The bed from x0 to x1 > x0 as curves, left to right, each beginning where the one before ends."""
+        """The bed from x0 to x1 > x0 as connected curves, left to right."""
 
     @property
     def period(self) -> float | None:
-        """The length after which the bed repeats; None where it does not, or is flat."""
+        """The length after which the bed repeats; None: it does not, or is flat."""
         return None
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Unit normals into the fluid at abscissae (n,), (n, 2); at a corner the bisector."""
+        """Unit normals (n, 2) into the fluid at abscissae (n,), at a corner the bisector."""
         left, right = self.side_normals(x)
         total = left + right
         length = np.linalg.norm(total, axis=1, keepdims=True)
@@ -108,13 +108,13 @@ class Bed(ABC):
         return np.where(length > 1e-12, total / np.maximum(length, 1e-300), [0.0, 1.0])
 
     def side_normals(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """Unit normals into the fluid just left and just right of abscissae (n,), (n, 2) each."""
+        """Unit normals (n, 2) into the fluid left and right of abscissae (n,)."""
         angles = np.arctan(self.slopes(x))
         left, right = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)
         return left, right
 
     def distance(self, points: Floats) -> Floats:
-        """The Euclidean distance of points (n, 2) from the bed, (n,), negative below it."""
+        """The signed distance (n,) of points (n, 2) from the bed, negative below it."""
         points = rows(points)
         length = np.linalg.norm(points - self.nearest(points), axis=1)
         return np.where(points[:, 1] < self.height(points[:, 0]), -length, length)
@@ -122,32 +122,27 @@ class Bed(ABC):
 
 @dataclass(frozen=True)
 class Flat(Bed):
-    """The plane y = origin_y; an inclined bed is this one with gravity turned."""
+    """The plane y = origin_y; on an inclined bed gravity is turned."""
 
     feature = np.inf
     origin_y: float = 0.0
 
     @property
     def crest(self) -> float:
-        """`origin_y`."""
         return self.origin_y
 
     def height(self, x: ArrayLike) -> Floats:
-        """`origin_y` everywhere, (n,)."""
         return np.full(abscissae(x).shape, float(self.origin_y))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """Zero slopes on both sides."""
         zero = np.zeros(abscissae(x).shape)
         return zero, zero
 
     def nearest(self, points: Floats) -> Floats:
-        """The point straight below."""
         x = rows(points)[:, 0]
         return np.column_stack([x, self.height(x)])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """A single line."""
         return (Line((float(x0), float(self.origin_y)), (float(x1), float(self.origin_y))),)
 
 
@@ -162,13 +157,12 @@ class Sinusoidal(Bed):
 
     @property
     def feature(self) -> float:
-        """Half a wavelength, or the radius of curvature at a crest where that is smaller."""
+        """Half a wavelength, or the radius of curvature at a crest if smaller."""
         curvature = self.amplitude * self._wavenumber**2
         return min(0.5 * self.wavelength, 1.0 / curvature if curvature > 0.0 else np.inf)
 
     @property
     def crest(self) -> float:
-        """The height of the crests."""
         return self.origin_y + self.amplitude
 
     @property
@@ -177,22 +171,18 @@ class Sinusoidal(Bed):
 
     @property
     def period(self) -> float | None:
-        """The wavelength; None without amplitude."""
         return self.wavelength if self.amplitude else None
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at abscissae (n,), (n,)."""
         angle = self._wavenumber * abscissae(x) + self.phase
         return np.asarray(self.origin_y + self.amplitude * np.sin(angle))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """The derivative, the same on both sides."""
         k = self._wavenumber
         slope = k * self.amplitude * np.cos(k * abscissae(x) + self.phase)
         return slope, slope
 
     def nearest(self, points: Floats) -> Floats:
-        """The nearest point, within half a wavelength of each abscissa because the bed is periodic."""
         points, window = rows(points), np.linspace(-0.55, 0.55, ACROSS) * self.wavelength
         x = points[:, :1] + window
         squared = window**2 + (self.height(x) - points[:, 1:]) ** 2
@@ -204,7 +194,7 @@ class Sinusoidal(Bed):
         return np.asarray(feet[order[np.unique(owner[order], return_index=True)[1]]])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One spline, within 1e-6 of the wavelength of the bed, also in kernels with crude end slopes."""
+        """One spline, within 1e-6 of the wavelength, also in kernels with crude end slopes."""
         # With central differences for slopes a cubic is wrong by 0.016 h^3 b''', at the ends, where mesh
         # generators take the slope of the first chord, by 0.074 h^2 b'': both are held at 2.5e-7 wavelengths.
         steepness = max(self.amplitude / self.wavelength, 1e-3)
@@ -216,7 +206,7 @@ class Sinusoidal(Bed):
 
 @dataclass(frozen=True)
 class HalfDiscs(Bed):
-    """A row of half-discs on y = origin_y, one centred at x = offset, the others `spacing` apart."""
+    """Half-discs on y = origin_y, one centred at x = offset, the others `spacing` apart."""
 
     radius: float
     spacing: float
@@ -225,21 +215,17 @@ class HalfDiscs(Bed):
 
     @property
     def feature(self) -> float:
-        """The radius."""
         return self.radius
 
     @property
     def crest(self) -> float:
-        """The top of the half-discs."""
         return self.origin_y + self.radius
 
     def mean(self, x0: float, x1: float) -> float:
-        """The mean height over a period."""
         return self.origin_y + 0.5 * np.pi * self.radius**2 / self.spacing
 
     @property
     def period(self) -> float:
-        """The spacing."""
         return self.spacing
 
     @property
@@ -247,17 +233,15 @@ class HalfDiscs(Bed):
         return self.spacing - 2.0 * self.radius <= 1e-9 * self.radius
 
     def _centre(self, x: Floats) -> Floats:
-        """Abscissae of the nearest half-discs' centres."""
         return np.asarray(self.offset + self.spacing * np.round((x - self.offset) / self.spacing))
 
     def _centres(self, x0: float, x1: float) -> Floats:
-        """Abscissae of all half-discs between x0 and x1, and of some beyond."""
+        """Abscissae of the centres between x0 and x1, and of some beyond."""
         first = np.floor((x0 - self.offset) / self.spacing) - 1
         last = np.ceil((x1 - self.offset) / self.spacing) + 1
         return np.asarray(self.offset + self.spacing * np.arange(first, last + 1))
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at abscissae (n,), (n,)."""
         x = abscissae(x)
         off_centre = np.minimum(np.abs(x - self._centre(x)), self.radius)
         return np.asarray(
@@ -265,7 +249,6 @@ class HalfDiscs(Bed):
         )
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """db/dx left and right; infinite where a half-disc stands on the base line."""
         away = abscissae(x) - self._centre(abscissae(x))
         # A foot of a half-disc within round-off is that foot.
         foot = np.isclose(np.abs(away), self.radius, rtol=1e-12)
@@ -276,14 +259,12 @@ class HalfDiscs(Bed):
         return np.where(foot, left, slope), np.where(foot, right, slope)
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """The feet of the half-discs."""
         centres = self._centres(x0, x1)
         sides = (-self.radius,) if self._touching else (-self.radius, self.radius)
         feet = np.sort(np.concatenate([centres + side for side in sides]))
         return np.asarray(feet[(feet >= x0) & (feet <= x1)])
 
     def nearest(self, points: Floats) -> Floats:
-        """The foot on the nearest half-disc, or the foot on the adjacent base line if that is nearer."""
         points, r = rows(points), self.radius
         # Half-way between two it is the left one.
         place = np.ceil((points[:, 0] - self.offset) / self.spacing - 0.5)
@@ -302,7 +283,7 @@ class HalfDiscs(Bed):
         return np.asarray(centre + feet)
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """Quarter arcs, joined by lines where the half-discs leave room; cut at x0 and x1."""
+        """Quarter arcs, and lines where the half-discs leave room, cut at x0 and x1."""
         sliver, curves = 1e-9 * self.radius, list[Curve]()
         x = np.union1d(self.corners(x0, x1), self._centres(x0, x1))
         x = np.array([x0, *x[(x > x0 + sliver) & (x < x1 - sliver)], x1])
@@ -318,10 +299,9 @@ class HalfDiscs(Bed):
 
 
 def _foot(bed: Bed, points: Floats, low: Floats, high: Floats) -> Floats:
-    """The points (n, 2) of a smooth bed locally nearest to points (n, 2), at abscissae between bounds (n,)."""
+    """The nearest points (n, 2) of a smooth bed to points (n, 2), at abscissae between bounds (n,)."""
 
     def slope(x: Floats) -> Floats:
-        """Half the derivative of the squared distance by the abscissa."""
         return np.asarray(x - points[:, 0] + (bed.height(x) - points[:, 1]) * bed.slopes(x)[0])
 
     x = increasing_roots(slope, low, high)
@@ -345,8 +325,8 @@ def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
 class Polyline(Bed):
     """Straight lines through `points` (n, 2) with ascending x; y counts from origin_y.
 
-    Two points with the same x are a vertical step, whose x belongs to its right side; no grain lies at one. Beyond the
-    first and last point the height continues unchanged, but curves are given only between them.
+    Two points with the same x are a vertical step, whose x belongs to its right side. Beyond the ends the height
+    continues unchanged, but `curves` are given only between them.
     """
 
     points: tuple[Point, ...]
@@ -364,7 +344,6 @@ class Polyline(Bed):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """The abscissae of the first and the last point."""
         return self.points[0][0], self.points[-1][0]
 
     @cached_property
@@ -375,33 +354,29 @@ class Polyline(Bed):
 
     @cached_property
     def crest(self) -> float:
-        """The height of the highest point."""
         return float(self._vertices[:, 1].max())
 
     def crest_level(self, x0: float, x1: float) -> float:
-        """The height reached in every third from x0 to x1 and at x0: a single obstacle does not count."""
+        """The height reached in every third from x0 to x1 and at x0: one obstacle does not count."""
         cuts = np.linspace(x0, x1, 4)
         thirds = [self._cut(*cut)[:, 1].max() for cut in pairwise(cuts)]
         return float(max(min(thirds), self.height([x0])[0]))
 
     def mean(self, x0: float, x1: float) -> float:
-        """The mean height from x0 to x1."""
         x, y = self._cut(x0, x1).T
         return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
 
     def _cut(self, x0: float, x1: float, sliver: float = 0.0) -> Floats:
-        """Points (n, 2) at x0 and x1, and the corners between them at least `sliver` away from both."""
+        """Points (n, 2) at x0, x1 and the corners between at least `sliver` away from both."""
         x = self._vertices[:, 0]
         inner = self._vertices[(x > x0 + sliver) & (x < x1 - sliver)]
         first, last = np.column_stack([[x0, x1], self.height([x0, x1])])
         return np.vstack([first, inner, last])
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at abscissae (n,), (n,)."""
         return np.asarray(np.interp(abscissae(x), *self._vertices.T))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """The slopes of the lines left and right; zero beyond the ends."""
         at, (dx, dy) = self._vertices[:, 0], np.diff(self._vertices, axis=0).T
         # No abscissa lies within an upright line.
         slope = np.pad(np.divide(dy, dx, out=np.zeros_like(dx), where=dx > 0.0), 1)
@@ -419,7 +394,6 @@ class Polyline(Bed):
         return np.unique(x[(x >= x0) & (x <= x1)])
 
     def nearest(self, points: Floats) -> Floats:
-        """The nearest point of all lines, and of the level continuations beyond the ends."""
         points = rows(points)
         order = np.argsort(points[:, 0])
         feet = np.empty_like(points)
@@ -429,7 +403,7 @@ class Polyline(Bed):
         return feet
 
     def _nearest(self, points: Floats) -> Floats:
-        """The nearest points (n, 2) of the bed for a few points (n, 2), by all lines no farther than the bed below."""
+        """The nearest points (n, 2) for a few points (n, 2), among the lines no farther than the bed below."""
         if len(points) == 0:
             return points
         v = self._vertices
@@ -445,7 +419,6 @@ class Polyline(Bed):
         return (1.0 - s)[:, None] * vertices[k] + s[:, None] * vertices[k + 1]
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One line from point to point, cut at x0 and x1."""
         ends = map(plain, self._cut(x0, x1, 1e-9 * (x1 - x0)))
         return tuple(Line(start, end) for start, end in pairwise(ends))
 
@@ -454,8 +427,8 @@ class Polyline(Bed):
 class Curved(Polyline):
     """A smooth curve through `knots` (n, 2) with ascending x, y counting from origin_y.
 
-    The height is piecewise cubic with crests and troughs at knots only (Fritsch & Carlson 1980, SIAM J.
-    Numer. Anal. 17, 238). `points` on the curve are so close together that lines between them represent it.
+    Piecewise cubic with crests and troughs at knots only (Fritsch & Carlson 1980, SIAM J. Numer. Anal. 17, 238).
+    Lines between the dense `points` represent it.
     """
 
     knots: tuple[Point, ...] = ()
@@ -485,22 +458,20 @@ class Curved(Polyline):
         return [(float(x[a]), float(x[b]), bends[a]) for a, b in pairwise(ends)]
 
     def _on_curve(self, a: float, b: float, bends: bool) -> Floats:
-        """Points (n, 2) above y = 0 of a stretch from a to b, evenly spaced."""
+        """Evenly spaced points (n, 2), counted from origin_y, of a stretch from a to b."""
         x = np.linspace(a, b, self._lines(b - a) + 1 if bends else 2)
         return np.column_stack([x, self._curve(x)])
 
     def _lines(self, length: float) -> int:
-        """The number of lines that make up a bent stretch of a length along x."""
         return int(np.clip(LINES_PER_RADIUS * length / self.feature, FEWEST_LINES, MOST_LINES))
 
     @cached_property
     def _longest(self) -> float:
-        """The longest of the lines where the bed bends, along x."""
         return max((b - a) / self._lines(b - a) for a, b, bends in self._stretches() if bends)
 
     @cached_property
     def feature(self) -> float:
-        """The smallest radius of curvature, by the lines between the knots; infinite where these are on one line."""
+        """The smallest radius of curvature, from the lines between the knots."""
         sides = np.diff(np.array(self.knots), axis=0)
         turns = np.abs(np.diff(np.arctan2(sides[:, 1], sides[:, 0])))
         lengths = np.linalg.norm(sides, axis=1)
@@ -509,33 +480,28 @@ class Curved(Polyline):
 
     @property
     def crest(self) -> float:
-        """The height of the highest knot."""
         return float(max(y for _, y in self.knots) + self.origin_y)
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at abscissae (n,), (n,)."""
         left, right = self.extent
         return np.asarray(self._curve(np.clip(abscissae(x), left, right)) + self.origin_y)
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """The derivative, the same on both sides; zero beyond the ends."""
         x, (left, right) = abscissae(x), self.extent
         slope = np.where((x < left) | (x > right), 0.0, self._curve(np.clip(x, left, right), 1))
         return slope, slope
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """None."""
         return np.empty(0)
 
     def _nearest(self, points: Floats) -> Floats:
-        """The nearest points (n, 2), those of the lines projected onto the curve; of two equally near ones either."""
         if not len(points) or not np.isfinite(self.feature):
             return super()._nearest(points)
         x = super()._nearest(points)[:, 0]
         return _foot(self, points, x - self._longest, x + self._longest)
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """Lines where the bed is straight and smooth curves between, cut at x0 and x1."""
+        """Lines where the bed is straight and splines between, cut at x0 and x1."""
         curves, sliver = list[Curve](), 1e-9 * (x1 - x0)
         for a, b, bends in self._stretches():
             start, end = max(a, x0), min(b, x1)
@@ -546,10 +512,10 @@ class Curved(Polyline):
 
 
 def effective_level(bed: Bed) -> float:
-    """Height above its base line of the plane that is equivalent to a periodic bed for creeping shear far above.
+    """Height above the base line of the plane equivalent to a periodic bed for creeping shear far above.
 
-    Far above such a bed flow of unit shear is u = y - d, and d is this level (the crests less the protrusion height of
-    Luchini, Manzo & Pozzi 1991). Raises SceneError for beds that are not in the tables.
+    Far above, u = y - d for unit shear, d being this level (Luchini, Manzo & Pozzi 1991). Raises SceneError for beds
+    without a table.
     """
     if isinstance(bed, HalfDiscs):
         ratio = min(2.0 * bed.radius / bed.spacing, 1.0)
@@ -565,7 +531,6 @@ def effective_level(bed: Bed) -> float:
 
 @cache
 def _depth(table: tuple[float, ...], place: float) -> float:
-    """The table interpolated at a place between 0 and 1."""
     from scipy.interpolate import CubicSpline  # which takes time to import
 
     return float(CubicSpline(np.linspace(0.0, 1.0, len(table)), table)(place))

@@ -1,7 +1,7 @@
-"""Closest points of a grain and a bed in 2-D: all local minima of the distance along the outline, and lowering.
+"""Closest points of a grain and a bed in 2-D.
 
-The outline is sampled once. The distance changes along it by at most the way, so that few samples have to be
-examined; between neighbours of a sampled minimum the derivative of the distance has a root.
+The outline is sampled once. Along it the distance changes by at most the arc length, which bounds most samples;
+between the neighbours of a sampled minimum the derivative of the distance has a root.
 """
 
 from collections.abc import Iterator
@@ -37,14 +37,13 @@ Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
 
 @dataclass(frozen=True, eq=False)
 class PlanarProximity(Proximity):
-    """A grain and a bed in 2-D, prepared for questions about many placements."""
+    """A grain and a bed in 2-D."""
 
     grain: Grain
     bed: Bed
 
     @cached_property
     def _steps(self) -> np.ndarray:
-        """Samples (n,) on each curve of the outline."""
         chain = self.grain.chain
         wanted = np.ceil(PER_FEATURE * chain.lengths / min(self.bed.feature, 0.5 * self.size))
         return np.asarray(np.clip(wanted, np.where(chain.straight, 1, FEWEST), MOST).astype(int))
@@ -57,11 +56,11 @@ class PlanarProximity(Proximity):
 
     @cached_property
     def sampling(self) -> float:
-        """The longest way from a sample to the next one; an estimate of a curve's length may be a little too small."""
+        """The longest way between samples; lengths of curves are estimates."""
         return 1.1 * float((self.grain.chain.lengths / self._steps).max())
 
     def _distances(self, points: Floats, within: float) -> Floats:
-        """Distances (m,) of the placed samples from the bed; infinite where they exceed `within`."""
+        """Distances (m,) of placed samples; infinite where they exceed `within`."""
         known, distances = self.bed.distance(points[::STRIDE]), np.full(len(points), np.inf)
         near = np.repeat(known <= within + (STRIDE + 1) * self.sampling, STRIDE)[: len(points)]
         distances[near] = self.bed.distance(points[near])
@@ -70,7 +69,7 @@ class PlanarProximity(Proximity):
     def minima(
         self, placement: Placement, within: float, touching: float | None = None
     ) -> ClosestPoints:
-        """Local minima along the outline, and corners of it, with gaps of at most `within` (a length).
+        """Local minima along the outline, and its corners, with gaps of at most `within` (a length).
 
         touching: minima alone, whose gaps up to this length count as closed; by default round-off
         """
@@ -96,7 +95,7 @@ class PlanarProximity(Proximity):
     def _lowest(
         self, placement: Placement, k: np.ndarray, low: Floats, high: Floats, group: np.ndarray
     ) -> tuple[np.ndarray, Floats]:
-        """Curves and parameters of the least distance of each group of brackets (m,) of parameters on curves (m,)."""
+        """Curves and parameters of the least distance in each group of brackets (m,) on curves (m,)."""
         s = increasing_roots(lambda s: self._slopes(placement, k, s), low, high)
         gaps = self.bed.distance(placement.to_scene(self.grain.chain.point(k, s)))
         gaps -= LEVEL * self.size * ((s == 0.0) | (s == 1.0))  # of a flat contact the end
@@ -106,7 +105,7 @@ class PlanarProximity(Proximity):
         return (k[best] + ends) % len(self._steps), np.where(ends, 0.0, s[best])
 
     def _slopes(self, placement: Placement, k: np.ndarray, s: Floats) -> Floats:
-        """The derivatives (m,) of the distance along the curves, up to positive factors; also at distance zero."""
+        """Derivatives (m,) of the distance along the curves, up to positive factors."""
         points = placement.to_scene(self.grain.chain.point(k, s))
         feet = self.bed.nearest(points)
         left, right = self.bed.side_normals(feet[:, 0])
@@ -119,7 +118,7 @@ class PlanarProximity(Proximity):
     def _closest(
         self, placement: Placement, k: np.ndarray, s: Floats, touching: float | None = None
     ) -> ClosestPoints:
-        """Minima on curves (m,) at parameters (m,); where a corner of the grain stands in a valley there are two."""
+        """Minima on curves (m,) at parameters (m,); two where a corner stands in a valley."""
         chain, slack = self.grain.chain, ON_CORNER * self.size if touching is None else touching
         body = chain.point(k, s)
         points = placement.to_scene(body)
@@ -142,14 +141,13 @@ class PlanarProximity(Proximity):
 
     @cached_property
     def _ends(self) -> np.ndarray:
-        """Numbers of the curves that begin there."""
         chain = self.grain.chain
         return np.flatnonzero(chain.sharp | chain.straight | np.roll(chain.straight, 1))
 
     def _joints(
         self, placement: Placement, within: float, curves: np.ndarray | None = None
     ) -> ClosestPoints:
-        """The starts of curves (m,), by default all that are close, from every piece of bed within a distance."""
+        """The starts of curves (m,) seen from every piece of bed within a distance; by default all close ones."""
         starts = self.grain.chain.starts
         if curves is None:
             points = placement.to_scene(starts[self._ends])
@@ -176,7 +174,7 @@ class PlanarProximity(Proximity):
         )
 
     def _seen(self, point: Floats, within: float) -> Iterator[tuple[float, Floats]]:
-        """Distances of a point from the pieces of bed beside it, and their normals (2,)."""
+        """Distances and normals (2,) of a point from the pieces of bed beside it."""
         above = abs(point[1] - float(self.bed.height(point[:1])[0]))
         reach = max(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
         left, right = (
@@ -193,7 +191,6 @@ class PlanarProximity(Proximity):
     # Questions.
 
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
-        """The minima and corners `old` followed to another placement close by, in their order."""
         k, s, joint = old.origin[:, 0].copy(), old.parameters.copy(), old.origin[:, 1] == 1
         k[~joint], s[~joint] = self._followed(placement, k[~joint], s[~joint])
         kept = []
@@ -212,7 +209,7 @@ class PlanarProximity(Proximity):
     def _followed(
         self, placement: Placement, k: np.ndarray, s: Floats
     ) -> tuple[np.ndarray, Floats]:
-        """The minima downhill from places, which may be some samples away: a grain that rolls moves them."""
+        """The minima downhill from places, perhaps some samples away: rolling moves them."""
         count = len(self._steps)
         for _ in range(MOST_WALKED if len(k) else 0):
             step = 1.0 / self._steps[k]
@@ -240,7 +237,7 @@ class PlanarProximity(Proximity):
     def locally_least(
         self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
     ) -> ClosestPoints:
-        """Local minima among `minima`, and ends of straight sides of which both are given; on request all corners."""
+        """Local minima, and ends of straight sides of which both are given; on request all corners."""
         if corners:
             return minima
         joint, k = minima.origin[:, 1] == 1, minima.origin[:, 0]
@@ -252,7 +249,7 @@ class PlanarProximity(Proximity):
         return minima.only(~joint | chain.sharp[k] | sides)
 
     def drop(self, placement: Placement) -> float:
-        """The least vertical distance from the bed of samples, and of chords between them above its corners."""
+        """The least height of samples above the bed, and of chords between them above its corners."""
         points = placement.to_scene(self._samples[2])
         x, ahead = points[:, 0], np.roll(points, -1, axis=0)
         drops = points[:, 1] - self.bed.height(x)
@@ -268,7 +265,6 @@ class PlanarProximity(Proximity):
         return float(min(drops.min(), above.min(initial=np.inf)))
 
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
-        """All contacts whose distance from the bed is at most `tolerance`; see `closest.touching`."""
         patches = self._patches(placement, tolerance)
         result: list[
             tuple[Floats, Floats, float]
@@ -295,7 +291,7 @@ class PlanarProximity(Proximity):
         return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
     def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:
-        """All straight sides, or parts of them, that lie on the bed: at their ends and at Gauss's points between."""
+        """Straight sides, or parts of them, on the bed: at their ends and at Gauss's points between."""
         chain, patches = self.grain.chain, list[Patch]()
         starts = placement.to_scene(chain.starts)
         sides = np.roll(starts, -1, axis=0) - starts
@@ -314,7 +310,7 @@ class PlanarProximity(Proximity):
 
 
 def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, Floats]]:
-    """The distance of a point from a line or an arc of a bed that goes from left to right, if it is beside it."""
+    """The distance and normal of a point beside a line or an arc of the bed."""
     if isinstance(piece, Line):
         along, away = piece.tangent([0.0])[0], point - np.asarray(piece.start)
         place = float(away @ along) / piece.length
@@ -339,7 +335,7 @@ def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bo
 
 
 def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]:
-    """The patches with one more, if it is long enough, grown together with the last if it continues that one."""
+    """The patches with a long enough one added, joined to the last if it continues that."""
     (start, end), outward = patch
     if np.linalg.norm(end - start) <= tolerance:
         return patches

@@ -1,7 +1,7 @@
-"""Closing of the interstice between a resting grain and its bed, and the remaining outlines.
+"""Closing of the interstice between a resting grain and its bed in 2-D.
 
-In 2-D a grain that touches closes the way below it. The space next to a contact is a wedge; where it is narrower
-than some width it is left out, up to a straight line across it on either side of all contacts.
+The wedge next to a contact is left out where it is narrower than some width, up to a straight line across it on
+either side of all contacts.
 """
 
 from collections.abc import Sequence
@@ -73,7 +73,7 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
 
 
 def _without_crumbs(outline: Sequence[Curve], place: float, sense: int, width: float) -> float:
-    """The place, or the joint of curves next to it if only a crumb of a curve lies between."""
+    """The place, or the joint of curves next to it if only a crumb lies between."""
     joint = float(sense * np.ceil(sense * place))
     left = abs(joint - place) * outline[int(place) % len(outline)].length
     return joint if left < CRUMB * width else place

@@ -1,11 +1,8 @@
-"""Plane curves of outlines and beds: straight lines, arcs of circles and ellipses, splines, exact smooth curves.
-
-A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units.
-"""
+"""Plane curves of outlines and beds, from start (s = 0) to end (s = 1)."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, unit
 from incipient.geometry.placement import Placement
-
-ORIGIN = Placement((0.0, 0.0))
 
 
 class Curve(ABC):
@@ -26,24 +21,24 @@ class Curve(ABC):
 
     @property
     def length(self) -> float:
-        """The length of a polygon through points of the curve, a little below that of the curve."""
+        """Estimate of the arc length, a little too small."""
         points = self.point(np.linspace(0.0, 1.0, 65))
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
     @abstractmethod
     def point(self, s: ArrayLike) -> Floats:
-        """Points at the parameters s (n,), (n, 2)."""
+        """Points (n, 2) at the parameters (n,)."""
 
     @abstractmethod
     def derivative(self, s: ArrayLike) -> Floats:
-        """Derivatives of the points by the parameter, (n, 2)."""
+        """Derivatives (n, 2) with respect to the parameter."""
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (n, 2)."""
         return unit(self.derivative(s))
 
     def moved(self, placement: Placement) -> "Curve":
-        """The curve turned and carried from the body frame to its place in the scene."""
+        """The curve carried from the body frame to its place in the scene."""
         points = {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
         moved = {k: plain(placement.to_scene([x])[0]) for k, x in points.items() if x is not None}
         return replace(self, **moved)  # type: ignore[type-var]
@@ -58,24 +53,21 @@ class Line(Curve):
 
     @property
     def length(self) -> float:
-        """The length of the line."""
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     def point(self, s: ArrayLike) -> Floats:
-        """Points at the parameters s (n,), (n, 2); the end points come out exactly."""
         s = _column(s)
         return np.asarray((1.0 - s) * np.asarray(self.start) + s * np.asarray(self.end))
 
     def derivative(self, s: ArrayLike) -> Floats:
-        """The vector from start to end, (n, 2)."""
         return np.tile(np.asarray(self.end) - np.asarray(self.start), (len(_column(s)), 1))
 
 
 @dataclass(frozen=True)
 class Arc(Curve):
-    """An arc of a circle or an ellipse of less than half a turn, the short way round from `start` to `end`.
+    """An arc of a circle or an ellipse, less than half a turn the short way round.
 
-    `major` is None for a circle; for an ellipse it is one end of the major axis (a vertex of the ellipse).
+    `major`: None for a circle, otherwise an end of the major axis.
     """
 
     start: Point
@@ -99,13 +91,11 @@ class Arc(Curve):
         return axes, float(angles[0]), float(sweep)
 
     def point(self, s: ArrayLike) -> Floats:
-        """Points at the parameters s (n,), (n, 2); equal steps of s are equal steps of eccentric angle."""
         axes, first, sweep = self._axes
         angle = first + sweep * _column(s)
         return np.asarray(self.centre) + np.hstack([np.cos(angle), np.sin(angle)]) @ axes
 
     def derivative(self, s: ArrayLike) -> Floats:
-        """Derivatives (n, 2)."""
         axes, first, sweep = self._axes
         angle = first + sweep * _column(s)
         return np.asarray(sweep * np.hstack([-np.sin(angle), np.cos(angle)]) @ axes)
@@ -113,85 +103,36 @@ class Arc(Curve):
 
 @dataclass(frozen=True, eq=False)
 class Spline(Curve):
-    """A smooth curve through `points` (n, 2), n >= 4, at equal steps of the parameter.
-
-    Between points it is a cubic whose end slopes are differences over the neighbours: the error falls with
-    the fourth power of the spacing of evenly spaced points.
-    """
+    """The cubic spline through `points` (n, 2), n >= 4, at equal steps of the parameter."""
 
     points: Floats
 
     @property
     def start(self) -> Point:  # type: ignore[override]
-        """The point at s = 0."""
         return plain(self.points[0])
 
     @property
     def end(self) -> Point:  # type: ignore[override]
-        """The point at s = 1."""
         return plain(self.points[-1])
 
     @cached_property
     def _cubics(self) -> Any:
-        """Cubics with central differences as slopes inside, and cubic one-sided ones at the ends."""
-        from scipy.interpolate import CubicHermiteSpline  # which takes time to import
+        from scipy.interpolate import CubicSpline  # which takes time to import
 
-        p = self.points
-        slopes = np.gradient(p, axis=0)
-        slopes[0] = (-11.0 * p[0] + 18.0 * p[1] - 9.0 * p[2] + 2.0 * p[3]) / 6.0
-        slopes[-1] = (11.0 * p[-1] - 18.0 * p[-2] + 9.0 * p[-3] - 2.0 * p[-4]) / 6.0
-        return CubicHermiteSpline(np.linspace(0.0, 1.0, len(p)), p, slopes * (len(p) - 1))
+        return CubicSpline(np.linspace(0.0, 1.0, len(self.points)), self.points)
 
     def point(self, s: ArrayLike) -> Floats:
-        """Points (n, 2)."""
         return np.asarray(self._cubics(_column(s)[:, 0]))
 
     def derivative(self, s: ArrayLike) -> Floats:
-        """Derivatives (n, 2)."""
         return np.asarray(self._cubics(_column(s)[:, 0], 1))
 
     def moved(self, placement: Placement) -> "Spline":
-        """The curve at its place in the scene."""
         return Spline(placement.to_scene(self.points))
 
 
-@dataclass(frozen=True, eq=False)
-class Traced(Curve):
-    """A piece of a smooth outline, known exactly: `shape.trace` gives points and derivatives by an angle."""
-
-    shape: Any  # with a method `trace`
-    first: float  # angle at s = 0
-    sweep: float  # angle from start to end
-    placement: Placement = field(default=ORIGIN)
-
-    @property
-    def start(self) -> Point:  # type: ignore[override]
-        """The point at s = 0."""
-        return plain(self.point([0.0])[0])
-
-    @property
-    def end(self) -> Point:  # type: ignore[override]
-        """The point at s = 1."""
-        return plain(self.point([1.0])[0])
-
-    def point(self, s: ArrayLike) -> Floats:
-        """Points (n, 2)."""
-        angle = self.first + self.sweep * _column(s)[:, 0]
-        return self.placement.to_scene(self.shape.trace(angle)[0])
-
-    def derivative(self, s: ArrayLike) -> Floats:
-        """Derivatives (n, 2)."""
-        angle = self.first + self.sweep * _column(s)[:, 0]
-        return np.asarray(self.sweep * self.shape.trace(angle)[1] @ self.placement.rotation.T)
-
-    def moved(self, placement: Placement) -> "Traced":
-        """The curve at its place in the scene."""
-        centre = plain(placement.to_scene([self.placement.centre])[0])
-        return replace(self, placement=Placement(centre, self.placement.angle + placement.angle))
-
-
 def part(curve: Curve, first: float, last: float) -> Curve:
-    """The part of a curve between two parameters; of a spline one through as many points as the whole has."""
+    """The part of a curve between two parameters."""
     if isinstance(curve, Spline):
         return Spline(curve.point(np.linspace(first, last, len(curve.points))))
     start, end = (plain(row) for row in curve.point([first, last]))
@@ -206,10 +147,9 @@ def plain(x: Floats) -> Point:
 def increasing_roots(
     values: Callable[[Floats], Floats], low: Floats, high: Floats, rounds: int = 60
 ) -> Floats:
-    """Parameters at which functions (n,) change from negative to positive between `low` and `high`.
+    """Parameters (n,) between bounds at which functions become positive, otherwise the nearer end.
 
-    An end where they do not. Chandrupatla's method (1997): inverse quadratic interpolation, bisection where that is
-    not safe.
+    Chandrupatla's method (1997): inverse quadratic interpolation, bisection where that is not safe.
     """
     a, b = np.array(high, dtype=float), np.array(low, dtype=float)
     fa, fb = values(a), values(b)
@@ -242,7 +182,7 @@ def increasing_roots(
 
 
 def nearest_on_sides(x: Floats, starts: Floats, sides: Floats) -> tuple[np.ndarray, Floats]:
-    """Numbers (n,) of the sides (m, 2) from starts (m, 2) nearest to points (n, 2), and the parameters (n,) there."""
+    """Numbers and parameters (n,) of the nearest of sides (m, 2) from starts (m, 2) to points (n, 2)."""
     away = x[:, None] - starts
     s = np.clip((away * sides).sum(axis=2) / (sides * sides).sum(axis=1), 0.0, 1.0)
     k = ((away - s[..., None] * sides) ** 2).sum(axis=2).argmin(axis=1)

@@ -1,8 +1,4 @@
-"""Rigid grains in 2-D: a level function f(x), negative inside, and an exact outline.
-
-All grains live in their body frame: the origin is the centroid, the centre of mass of a uniform grain.
-A `Placement` turns and carries the frame into the scene. Lengths are scene units, angles radians.
-"""
+"""Rigid grains in 2-D, in their body frame with the centroid at the origin."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -21,7 +17,6 @@ from incipient.geometry.plane.curves import (
     Curve,
     Line,
     Spline,
-    Traced,
     increasing_roots,
     nearest_on_sides,
     plain,
@@ -44,32 +39,32 @@ QUARTER, EVEN = 768, 192
 BLUNT, TURN = 0.12, np.radians(20.0)
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
+CLOSE = 4097  # points of the splines that are a smooth outline's quarters
+AMONG = 401  # angles at a time among which the two farthest points of an outline are sought
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
 SHORT, WINDOW, CORNER = 0.01, 0.02, np.radians(30.0)
+SHARP = 1e-5  # radians between tangents of neighbouring curves from which on they meet in a corner
 TABLE = 4_000_000  # numbers in a table of points or pairs that is dealt with at a time
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Curves that follow each other and close, in the body frame, with what is known of all of them at once."""
+    """Closed chain of curves in the body frame, evaluated together."""
 
     curves: tuple[Curve, ...]
 
     @cached_property
     def starts(self) -> Floats:
-        """Start points (n, 2) of the curves."""
         return np.array([curve.start for curve in self.curves])
 
     @cached_property
     def straight(self) -> np.ndarray:
-        """Which curves are lines, (n,)."""
         return np.array([isinstance(curve, Line) for curve in self.curves])
 
     @cached_property
     def lengths(self) -> Floats:
-        """Estimates of the arc lengths, exact for lines, (n,)."""
         return np.array([curve.length for curve in self.curves])
 
     @cached_property
@@ -77,42 +72,39 @@ class Chain:
         """Whether a curve begins at a corner, (n,)."""
         each = np.arange(len(self.curves))
         first, last = (self.tangent(each, np.full(len(each), s)) for s in (0.0, 1.0))
-        return np.asarray(np.abs(first - np.roll(last, 1, axis=0)).max(axis=1) > 1e-9)
+        return np.asarray(np.abs(first - np.roll(last, 1, axis=0)).max(axis=1) > SHARP)
 
     @cached_property
     def _sides(self) -> Floats:
-        """Vectors from start to end, (n, 2)."""
         return np.roll(self.starts, -1, axis=0) - self.starts
 
     def point(self, curve: np.ndarray, s: Floats) -> Floats:
-        """Points (m, 2) on curves of the numbers (m,) at the parameters (m,)."""
+        """Points (m, 2) on curves of numbers (m,) at parameters (m,)."""
         return self._curved("point", curve, s, self.starts[curve] + s[:, None] * self._sides[curve])
 
     def derivative(self, curve: np.ndarray, s: Floats) -> Floats:
-        """Derivatives (m, 2) of the points by the parameter."""
         return self._curved("derivative", curve, s, self._sides[curve])
 
     def tangent(self, curve: np.ndarray, s: Floats) -> Floats:
-        """Unit tangents (m, 2)."""
         return unit(self.derivative(curve, s))
 
     def _curved(self, name: str, curve: np.ndarray, s: Floats, table: Floats) -> Floats:
-        """A table (m, 2) for lines, completed on the curves that are none."""
+        """A table (m, 2) of lines, completed on the other curves."""
         for k in np.unique(curve[~self.straight[curve]]):
             table[curve == k] = getattr(self.curves[k], name)(s[curve == k])
         return table
 
     def samples(self, steps: np.ndarray) -> tuple[np.ndarray, Floats]:
-        """Curves (m,) and parameters (m,) of places in order, as many on each curve as its steps (n,)."""
+        """Curves and parameters (m,) of places in order, of each curve as many as its steps (n,)."""
         s = np.concatenate([np.arange(count) / count for count in steps])
         return np.repeat(np.arange(len(steps)), steps), s
 
     def points(self, count: int) -> Floats:
-        """Points (m, 2) in order: `count`, with both ends, on each curve that is not straight, of lines the start."""
+        """Points (m, 2) in order: `count` on each curved piece, of lines the start."""
         return self.point(*self.samples(np.where(self.straight, 1, count - 1)))
 
     def nearest(self, x: Floats) -> tuple[np.ndarray, Floats]:
-        """Curve (m,) and parameter (m,) of the place of the outline nearest to each of the points (m, 2)."""
+        """Curves and parameters (m,) of the outline's nearest places to points (m, 2)."""
         steps = np.where(self.straight, 1, SEARCHED)
         curve, s = self.samples(steps)
         vertices = self.point(curve, s)
@@ -139,11 +131,10 @@ class Grain(Shape):
 
     @cached_property
     def chain(self) -> Chain:
-        """The outline with what is known of all its curves at once."""
         return Chain(self.outline())
 
     def drawn(self) -> tuple[Curve, ...]:
-        """The outline as a mesh is made of it."""
+        """The outline as it is meshed."""
         return self._drawn
 
     @cached_property
@@ -152,22 +143,18 @@ class Grain(Shape):
 
     @cached_property
     def moments(self) -> Moments:
-        """Area, first and second moments, by Gauss's rule along the outline."""
         return moments_within(self.chain)
 
     @property
     def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid for unit density: in 2-D only the 33 component."""
         return np.diag([0.0, 0.0, np.trace(self.moments.about_centroid())])
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 2)."""
         x = rows(x)
         away = x - self.chain.point(*(place := self.chain.nearest(x)))
         return np.linalg.norm(away, axis=1) * np.sign((away * self._normal(*place)).sum(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 2) at the places of the outline nearest to points (n, 2)."""
         return self._normal(*self.chain.nearest(rows(x)))
 
     def _normal(self, curve: np.ndarray, s: Floats) -> Floats:
@@ -178,7 +165,7 @@ class Grain(Shape):
 
 
 def moments_within(chain: Chain) -> Moments:
-    """The integrals over what curves enclose counter-clockwise, by Gauss's rule along them."""
+    """Moments within counter-clockwise curves, by Gauss's rule along them."""
     panels = np.where(chain.straight, 1, PANELS)
     curve, s = (np.repeat(table, len(NODES)) for table in chain.samples(panels))
     nodes, weights = (
@@ -197,11 +184,9 @@ class Ellipse(Grain):
 
     @property
     def size(self) -> float:
-        """Twice the larger semi-axis."""
         return 2.0 * max(self.semi_axes)
 
     def outline(self) -> tuple[Curve, ...]:
-        """Four quarter arcs."""
         a, b = self.semi_axes
         corners: list[Point] = [(a, 0.0), (0.0, b), (-a, 0.0), (0.0, -b)]
         major = None if a == b else corners[int(b > a)]
@@ -221,7 +206,7 @@ class Disc(Ellipse):
 
 @dataclass(frozen=True)
 class Rectangle(Grain):
-    """A rectangle whose corners are rounded by quarter circles of `corner_radius` (0: sharp)."""
+    """A rectangle whose corners are rounded by quarter circles (0: sharp)."""
 
     width: float
     height: float
@@ -229,21 +214,19 @@ class Rectangle(Grain):
 
     @property
     def rounding(self) -> float:
-        """The corner radius, zero where it is lost in round-off beside the sides."""
+        """The corner radius, zero where it is lost in round-off."""
         return self.corner_radius * (self.corner_radius > 1e-9 * min(self.width, self.height))
 
     @property
     def core(self) -> Floats:
-        """Half the sides of the rectangle that the corner circle is rolled around."""
+        """Half the sides of the rectangle that the corner circle rolls around."""
         return 0.5 * np.array([self.width, self.height]) - self.rounding
 
     @property
     def size(self) -> float:
-        """The diagonal, less what the rounding takes off."""
         return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.rounding)
 
     def outline(self) -> tuple[Curve, ...]:
-        """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
         r, curves = self.rounding, list[Curve]()
         centres = self.core * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
         outward = r * np.array([(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)])
@@ -256,33 +239,35 @@ class Rectangle(Grain):
 
 
 class Smooth(Grain):
-    """A grain whose outline is a smooth closed curve over an angle."""
+    """A grain whose outline is a smooth curve over an angle."""
 
     @abstractmethod
-    def trace(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Points (n, 2) of the outline at parameter angles (n,), and the derivatives by the angle (n, 2)."""
+    def trace(self, angle: Floats) -> Floats:
+        """Points (n, 2) of the outline at parameter angles (n,)."""
 
     def outline(self) -> tuple[Curve, ...]:
-        """Four quarters, exact."""
-        return tuple(Traced(self, 0.5 * pi * k, 0.5 * pi) for k in range(4))
+        """Four quarters, within 1e-11 of the grain's size."""
+        return tuple(
+            Spline(self.trace(np.linspace(k, k + 1.0, CLOSE) * 0.5 * pi)) for k in range(4)
+        )
 
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
-        """Splines through points of the quarters, cut in blunt corners so that no cell turns by more than TURN."""
+        """Splines of the quarters, cut in blunt corners so that no piece turns by more than TURN."""
         cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
         if all(len(quarter) == 2 for quarter in cuts):
             # Ten times as dense at the ends, where splines have to guess their slope
             s = np.linspace(0.0, 1.0, QUARTER + 1)
             s = s - 0.9 * np.sin(2.0 * pi * s) / (2.0 * pi)
-            return tuple(Spline(curve.point(s)) for curve in self.chain.curves)
+            return tuple(Spline(self.trace(0.5 * pi * (k + s))) for k in range(4))
         return tuple(self._even(a, b) for quarter in cuts for a, b in pairwise(quarter))
 
     def _cuts(self, first: float) -> Floats:
-        """Angles (n,) from the start of a quarter: its ends, and equal turns where the curvature is large."""
+        """Angles (n,) from the start of a quarter: its ends, and equal turns where it is curved most."""
         angle = np.linspace(0.0, 0.5 * pi, 2049)
-        rate = self.trace(first + angle)[1]
-        turn = np.diff(np.unwrap(np.arctan2(rate[:, 1], rate[:, 0])))
-        length = np.linalg.norm(rate[1:], axis=1) * angle[1]
+        sides = np.diff(self.trace(first + angle), axis=0)
+        turn = np.diff(np.unwrap(np.arctan2(sides[:, 1], sides[:, 0])))
+        length = np.linalg.norm(sides[1:], axis=1)
         turned = np.cumsum(np.where(turn * BLUNT * self.size > length, turn, 0.0))
         count = int(np.ceil(turned[-1] / TURN))
         inner = angle[
@@ -291,16 +276,16 @@ class Smooth(Grain):
         return np.unique([0.0, *(inner if count else ()), 0.5 * pi])
 
     def _even(self, first: float, last: float) -> Spline:
-        """A spline through points of the outline between two angles, evenly spaced: so are the nodes of its cells."""
+        """A spline between two angles through evenly spaced points, as the nodes of its cells are."""
         angle = np.linspace(first, last, 4097)
-        way = np.cumsum(np.linalg.norm(self.trace(0.5 * (angle[1:] + angle[:-1]))[1], axis=1))
+        way = np.cumsum(np.linalg.norm(np.diff(self.trace(angle), axis=0), axis=1))
         at = np.interp(np.linspace(0.0, way[-1], EVEN + 1), np.append(0.0, way), angle)
-        return Spline(self.trace(at)[0])
+        return Spline(self.trace(at))
 
 
 @dataclass(frozen=True)
 class Superellipse(Smooth):
-    """|x/a|^n + |y/b|^n = 1 with the exponent n from 2 (an ellipse) to 20 (almost a box)."""
+    """|x/a|^n + |y/b|^n = 1 with n from 2 (an ellipse) to 20 (almost a box)."""
 
     semi_axes: tuple[float, float]
     exponent: float
@@ -314,23 +299,16 @@ class Superellipse(Smooth):
 
     @property
     def size(self) -> float:
-        """Twice the largest |x| on the outline, by Hoelder's inequality."""
         return 2.0 * farthest(self.semi_axes, self.exponent)
 
-    def trace(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Points and derivatives; the direction (a cos, b sin) is stretched to the outline."""
-        n = self.exponent
+    def trace(self, angle: Floats) -> Floats:
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        along = quarter_turned(circle)
-        length = power_norm(np.abs(circle), n)[:, None]
-        rate = (np.sign(circle) * np.abs(circle) ** (n - 1.0) * along).sum(axis=1, keepdims=True)
-        rate = rate * length ** (1.0 - n)
-        axes = np.asarray(self.semi_axes)
-        return axes * circle / length, axes * (along / length - circle * rate / length**2)
+        length = power_norm(np.abs(circle), self.exponent)[:, None]
+        return np.asarray(self.semi_axes * circle / length)
 
 
 def power_norm(x: Floats, exponent: float) -> Floats:
-    """(sum of x_i^n)^(1/n) along the last axis of numbers that are not negative, without overflow."""
+    """(sum of x_i^n)^(1/n) of nonnegative numbers along the last axis, without overflow."""
     largest = np.maximum(x.max(axis=-1, keepdims=True), 1e-300)
     return np.asarray(
         largest[..., 0] * ((x / largest) ** exponent).sum(axis=-1) ** (1.0 / exponent)
@@ -347,10 +325,10 @@ def farthest(semi_axes: Sequence[float], exponent: float) -> float:
 
 @dataclass(frozen=True)
 class Star(Smooth):
-    """A star-shaped grain: harmonics give the distance from a pole towards an angle, which is positive.
+    """A star-shaped grain: harmonics give the distance from a pole towards an angle.
 
-    r(angle) = mean (1 + sum of cosines[k-1] cos(k angle) + sines[k-1] sin(k angle)), k = 1, 2, ... The body frame is
-    shifted to the centroid. Raises SceneError if r is not positive everywhere.
+    r(angle) = mean (1 + sum of cosines[k-1] cos(k angle) + sines[k-1] sin(k angle)), k = 1, 2, ... Raises SceneError
+    if r is not positive everywhere.
     """
 
     mean: float
@@ -359,55 +337,48 @@ class Star(Smooth):
 
     def __post_init__(self) -> None:
         angle = np.linspace(0.0, 2.0 * pi, 721)
-        r = self._radius(angle)[0]
+        r = self._radius(angle)
         if not r.min() > 0.0:
             worst = np.degrees(angle[np.argmin(r)])
             raise SceneError(
                 f"the radius of the star is {r.min():.3g} at {worst:.0f} degrees; keep it positive"
             )
 
-    def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
-        """The distances (n,) from the pole towards the angles (n,), and their derivatives."""
+    def _radius(self, angle: Floats) -> Floats:
         k = np.arange(1, max(len(self.cosines), len(self.sines)) + 1)
         c = np.zeros(len(k), dtype=complex)
         c[: len(self.cosines)] += self.cosines
         c[: len(self.sines)] -= 1j * np.array(self.sines)
-        waves = c * np.exp(1j * np.multiply.outer(angle, k))
-        return self.mean * (1.0 + waves.sum(axis=1).real), -self.mean * (waves @ k).imag
+        return np.asarray(self.mean * (1.0 + (np.exp(1j * np.multiply.outer(angle, k)) @ c).real))
 
     @cached_property
     def pole(self) -> Floats:
         """The point from which the radius is measured, in the body frame (2,)."""
         angle = 2.0 * pi * np.arange(RADII) / RADII
-        r = self._radius(angle)[0]
+        r = self._radius(angle)
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
         return np.asarray(-2.0 / 3.0 * (r**3) @ outward / (r**2).sum())
 
     @cached_property
     def size(self) -> float:
-        """The largest distance of two points of the outline."""
-        from scipy.optimize import minimize  # which takes time to import
+        """The largest distance of two points, found by closer and closer ones, to 1e-9."""
+        ends, step = np.full(2, pi), pi
+        for _ in range(3):
+            angles = ends[:, None] + np.linspace(-step, step, AMONG)
+            first, second = self.trace(angles.ravel()).reshape(2, AMONG, 2)
+            apart = np.linalg.norm(first[:, None] - second, axis=2)
+            i, j = np.unravel_index(np.argmax(apart), apart.shape)
+            ends, step = np.array([angles[0, i], angles[1, j]]), 4.0 * step / AMONG
+        return float(apart.max())
 
-        def apart(angles: Floats) -> float:
-            return -float(np.linalg.norm(np.diff(self.trace(angles)[0], axis=0)))
-
-        angle = 2.0 * pi * np.arange(512) / 512
-        points = self.trace(angle)[0]
-        pairs = np.linalg.norm(points[:, None] - points, axis=2)
-        start = angle[list(np.unravel_index(np.argmax(pairs), pairs.shape))]
-        return float(-minimize(apart, start, method="Nelder-Mead", options={"xatol": 1e-8}).fun)
-
-    def trace(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Points and derivatives at polar angles about the pole."""
-        r, slope = self._radius(angle)
+    def trace(self, angle: Floats) -> Floats:
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
-        rate = slope[:, None] * outward + r[:, None] * quarter_turned(outward)
-        return self.pole + r[:, None] * outward, rate
+        return self.pole + self._radius(angle)[:, None] * outward
 
 
 @dataclass(frozen=True)
 class Polygon(Grain):
-    """A simple polygon, convex or not; vertices in either sense; they are shifted to the centroid."""
+    """A simple polygon, shifted to its centroid; vertices in either sense."""
 
     vertices: tuple[Point, ...]
 
@@ -429,11 +400,9 @@ class Polygon(Grain):
 
     @cached_property
     def size(self) -> float:
-        """The largest distance of two vertices."""
         return largest_distance(self.chain.starts)
 
     def outline(self) -> tuple[Curve, ...]:
-        """One line a side."""
         corners = self.vertices
         return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
 
@@ -452,20 +421,16 @@ class Polygon(Grain):
 
     @property
     def smoothed(self) -> "Polygon | None":
-        """This grain with the smooth outline that its mesh has; None where that is its own outline."""
+        """The grain with the outline that is meshed; None where that is its own."""
         return None if self._drawn == self.chain.curves else _Smoothed(self.vertices)
 
 
 class _Smoothed(Polygon):
-    """A polygon with curves instead of its short sides."""
-
     def outline(self) -> tuple[Curve, ...]:
-        """Lines, and smooth curves through the vertices between short sides."""
         return Polygon(self.vertices).drawn()
 
 
 def _through(points: Floats) -> Curve:
-    """The line between two points, or a smooth curve through more."""
     if len(points) == 2:
         return Line(plain(points[0]), plain(points[1]))
     while len(points) < 4:
@@ -481,7 +446,6 @@ def _turns(corners: Floats, lengths: Floats, size: float) -> list[int]:
     closed = np.vstack([corners, corners[:1]])
 
     def along(s: Floats) -> Floats:
-        """Points of the outline after ways (m,) along it."""
         return np.column_stack([np.interp(s % whole, way, closed[:, k]) for k in (0, 1)])
 
     before, after = corners - along(at - window), along(at + window) - corners
@@ -493,7 +457,7 @@ def _turns(corners: Floats, lengths: Floats, size: float) -> list[int]:
 
 
 def meeting_sides(corners: Floats) -> tuple[int, int] | None:
-    """The first two sides, by numbers, of a polygon (n, 2) that cross or touch without being neighbours."""
+    """The first two sides of a polygon (n, 2) that meet without being neighbours."""
     start, end = corners, np.roll(corners, -1, axis=0)
     low, high, n = np.minimum(start, end), np.maximum(start, end), len(corners)
     # Sides overlap along the axis along which fewer of them do; one side and the next, the next but one, ...
@@ -518,7 +482,7 @@ def meeting_sides(corners: Floats) -> tuple[int, int] | None:
 
 
 def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
-    """Whether the lines through a-b pass between, or through, c and d; (m,) for points (m, 2) each."""
+    """Whether the lines through a and b separate, or meet, c and d; (m,) for points (m, 2)."""
     return np.asarray(
         np.sign(planar_cross(b - a, c - a)) * np.sign(planar_cross(b - a, d - a)) <= 0.0
     )
@@ -529,7 +493,7 @@ Arcs = tuple[np.ndarray, Floats, Floats]
 
 
 def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
-    """The parts of the circles (n,) that lie in no other disc; of equal discs the last counts."""
+    """The parts of circles (n,) that lie in no other disc; of equal discs the last counts."""
     result, number = list[tuple[int, float, float]](), np.arange(len(radii))
     for i, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
         away = centres - centre
@@ -550,7 +514,7 @@ def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
 
 
 def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
-    """The integrals over the union of discs from its exposed arcs, by Gauss's rule on sixteenths of each."""
+    """Moments of a union of discs, by Gauss's rule on sixteenths of its exposed arcs."""
     s, weights = ((np.arange(16)[:, None] + 0.5 + 0.5 * NODES) / 16.0).ravel(), np.tile(WEIGHTS, 16)
     owner, start, end = arcs
     sweep, r = (end - start)[:, None, None], radii[owner, None, None]
@@ -563,9 +527,9 @@ def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
 
 @dataclass(frozen=True, init=False)
 class Discs(Balls, Grain):
-    """Connected discs that enclose no hole; they are shifted to the centroid of their union.
+    """Connected discs that enclose no hole, shifted to the centroid of their union.
 
-    Raises SceneError if the numbers are no discs, if a disc lies within others or touches none.
+    Raises SceneError if a disc lies within others or touches none.
     """
 
     centres: tuple[Point, ...]
@@ -583,12 +547,10 @@ class Discs(Balls, Grain):
         _ = self.chain  # refuses holes, and is kept
 
     def outline(self) -> tuple[Curve, ...]:
-        """Arcs of at most a quarter turn, joined in exact corners."""
         (centres, radii), curves = self.tables, list[Curve]()
         owner, first, last = exposed_arcs(centres, radii)
 
         def at(angle: Floats, owner: np.ndarray) -> Floats:
-            """Points (n, 2) at angles (n,) on the circles of owners (n,)."""
             return centres[owner] + radii[owner, None] * np.column_stack(
                 [np.cos(angle), np.sin(angle)]
             )

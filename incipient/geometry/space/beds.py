@@ -1,8 +1,7 @@
-"""Rigid beds z = b(x, y) in 3-D: height, normal, distance, and the pieces that a grain may touch.
+"""Rigid beds z = b(x, y) in 3-D.
 
-A bed's solid is the union of its pieces, half-spaces and balls or one smooth graph, so that a grain is clear of the bed
-if it is clear of every piece. Every bed takes `origin_z`, the height of its base plane in the scene. Lengths are scene
-units, angles radians.
+A bed is the union of its pieces, half-spaces and balls or one smooth graph: a grain clear of every piece is clear of
+the bed. `origin_z` is the height of the base plane in the scene. Lengths are scene units, angles radians.
 """
 
 from __future__ import annotations
@@ -23,13 +22,14 @@ Extent = tuple[Sides, Sides]
 MOST_ACROSS = 1000  # points of the rule for means along each side
 LOWEST = 0.5  # of the radius, by which a sphere in disorder may lie lower
 AROUND = 2  # places of the lattice on either side at which a sphere above a point may belong
+FOOT = 1e-12  # of the feature: residual of a foot on a smooth bed; gaps err by its square
 
 
 @dataclass(frozen=True, eq=False)
 class HalfSpacesAndBalls:
     """Half-spaces below planes through `origins` (p, 3) with unit normals (p, 3), then balls.
 
-    Balls have `centres` (b, 3) and `radii` (b,); those that are `posts` (b,) extend downwards without end.
+    Balls have `centres` (b, 3) and `radii` (b,); `posts` (b,) extend downwards without end.
     """
 
     origins: Floats
@@ -40,7 +40,7 @@ class HalfSpacesAndBalls:
 
     @property
     def flat(self) -> np.ndarray:
-        """True for the half-spaces."""
+        """Which pieces are half-spaces."""
         return np.arange(len(self.origins) + len(self.centres)) < len(self.origins)
 
     def distance_estimate(self, points: Floats) -> Floats:
@@ -50,14 +50,14 @@ class HalfSpacesAndBalls:
         return np.concatenate([above.T, (np.linalg.norm(away, axis=2) - self.radii).T])
 
     def _beside(self, points: Floats, balls: np.ndarray) -> Floats:
-        """Vectors (..., 3) to points from the centres of balls, from the axes of posts below these."""
+        """Vectors (..., 3) to points from the centres of balls, from the axes of posts."""
         away = points - self.centres[balls]
         if self.posts is not None:
             away[..., 2] = np.where(self.posts[balls], np.maximum(away[..., 2], 0.0), away[..., 2])
         return np.asarray(away)
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        """Closed formulae; `near` does not matter."""
+        """Closest points on pieces (n,); `near` does not matter."""
         flat = which < len(self.origins)
         away, level = np.empty_like(points), which[flat]
         away[flat] = self.directions[level]
@@ -72,7 +72,7 @@ class HalfSpacesAndBalls:
 
 
 def _hessians(gaps: Floats, slope: Floats, second: Floats) -> Floats:
-    """Second derivatives (n, 3, 3) of the distance from a graph, its second form given in coordinates (n, 2, 2).
+    """Second derivatives (n, 3, 3) of the distance from a graph with a second form (n, 2, 2).
 
     At a distance d a curvature k of the bed becomes k / (1 + d k).
     """
@@ -98,7 +98,7 @@ class Terrain(ABC):
     @property
     @abstractmethod
     def feature(self) -> float:
-        """The smallest horizontal length of the bed's shape, for choosing numbers of samples (inf: none)."""
+        """The smallest horizontal length of the bed's shape (inf: none)."""
 
     @property
     def extent(self) -> Extent:
@@ -107,7 +107,7 @@ class Terrain(ABC):
 
     @abstractmethod
     def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
+        """b (n,) at points (n, 2)."""
 
     @property
     @abstractmethod
@@ -115,7 +115,7 @@ class Terrain(ABC):
         """A height that the bed nowhere exceeds."""
 
     def crest_level(self, x: Sides, y: Sides) -> float:
-        """The height that the crests reach over a rectangle of the plane; by default `crest`."""
+        """The height that the crests reach over a rectangle."""
         return self.crest
 
     def mean(self, x: Sides, y: Sides) -> float:
@@ -128,47 +128,32 @@ class Terrain(ABC):
 
     @abstractmethod
     def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives of b at points (n, 2), (n, 2)."""
+        """The derivatives (n, 2) of b at points (n, 2)."""
 
     @abstractmethod
     def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
         """The pieces within a horizontal distance `reach` of a point (2,)."""
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Unit normals into the fluid at points (n, 2), (n, 3)."""
+        """Unit normals (n, 3) into the fluid at points (n, 2)."""
         slope = self.gradient(x)
         return unit(np.column_stack([-slope, np.ones(len(slope))]))
 
     def nearest(self, points: ArrayLike) -> Floats:
-        """The point of the bed nearest to each of the points (n, 3) in the fluid, (n, 3).
-
-        On smooth beds the best of nine starts: exact where the distance is less than about a feature.
-        """
-        return self._distances_and_feet(rows(points))[1]
+        """The nearest points (n, 3) of the bed to points (n, 3) close to it; on smooth beds locally nearest."""
+        return self._closest(rows(points)).feet
 
     def distance(self, points: ArrayLike) -> Floats:
-        """The Euclidean distance of points (n, 3) from the bed, (n,), negative below it; see `nearest`."""
-        return self._distances_and_feet(rows(points))[0]
+        """The signed distance (n,) of points (n, 3) from the bed, negative below it; see `nearest`."""
+        return self._closest(rows(points)).gaps
 
-    def _distances_and_feet(self, points: Floats) -> tuple[Floats, Floats]:
-        """Signed distances (n,) and nearest points (n, 3)."""
-        middle = 0.5 * (points[:, :2].min(axis=0) + points[:, :2].max(axis=0))
+    def _closest(self, points: Floats) -> ClosestPoints:
+        middle = points[:, :2].mean(axis=0)
         above = np.abs(points[:, 2] - self.height(points[:, :2])).max()
-        reach = float(np.linalg.norm(points[:, :2] - middle, axis=1).max() + above)
-        pieces = self.pieces(middle, reach)
-        if isinstance(pieces, SmoothTerrain):
-            step = 0.25 * min(pieces.feature, 4.0 * float(above))
-            offsets = step * np.array([[i, j] for i in (0, -1, 1) for j in (0, -1, 1)])
-            which = np.zeros(len(points), dtype=int)
-            sights = [pieces.closest(points, which, points[:, :2] + offset) for offset in offsets]
-        else:
-            nearest = np.argmin(pieces.distance_estimate(points), axis=0)
-            sights = [pieces.closest(points, nearest, points[:, :2])]
-        gaps, feet = np.array([s.gaps for s in sights]), np.array([s.feet for s in sights])
-        apart = np.linalg.norm(feet - points, axis=2)
-        best = np.argmin(apart, axis=0)
-        each = np.arange(len(points))
-        return np.copysign(apart[best, each], gaps[best, each]), feet[best, each]
+        away = np.linalg.norm(points[:, :2] - middle, axis=1).max()
+        pieces = self.pieces(middle, float(away + above))
+        which = np.argmin(pieces.distance_estimate(points), axis=0)
+        return pieces.closest(points, which, points[:, :2])
 
 
 @dataclass(frozen=True)
@@ -181,34 +166,29 @@ class Plane(Terrain):
 
     @property
     def crest(self) -> float:
-        """`origin_z` of a level plane; a slope has no crest."""
         return float("inf") if any(self.slope) else self.origin_z
 
     def crest_level(self, x: Sides, y: Sides) -> float:
-        """The highest corner of the rectangle."""
         return float(self.height([[a, b] for a in x for b in y]).max())
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
         return np.asarray(self.origin_z + rows(x) @ np.asarray(self.slope))
 
     def gradient(self, x: ArrayLike) -> Floats:
-        """The slope everywhere, (n, 2)."""
         return np.tile(np.asarray(self.slope, dtype=float), (len(rows(x)), 1))
 
     def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The half-space below."""
         origin, normal = np.array([[0.0, 0.0, self.origin_z]]), self.normal([[0.0, 0.0]])
         return HalfSpacesAndBalls(origin, normal, np.empty((0, 3)), np.empty(0))
 
 
 @dataclass(frozen=True, eq=False)
 class SphereBed(Terrain):
-    """Spheres above the half-space below the plane z = origin_z; the bed's solid is the union.
+    """Spheres above the half-space below the plane z = origin_z.
 
-    Their centres (k, 3) and radii (k,) repeat with the horizontal `periods`, two rows, if there are any.
-    Those that are `posts` (k,) reach down to the plane as cylinders, so that no pores are below them. A `seed` shifts
-    each sphere of an array horizontally within the space between its neighbours and lowers it by up to half a radius.
+    Their centres (k, 3) and radii (k,) repeat with two horizontal `periods`, if there are any. `posts` (k,) reach
+    down to the plane as cylinders, without pores below. A `seed` shifts each sphere of an array horizontally within
+    the space between its neighbours and lowers it by up to half a radius.
     """
 
     centres: Floats
@@ -241,11 +221,10 @@ class SphereBed(Terrain):
     ) -> SphereBed:
         """Spheres of one size in a regular array; the centres of the lowest lie on the plane z = origin_z.
 
-        arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by half a
-        spacing against the one before, so that neighbours form equilateral triangles; "random": the triangular one in
-        disorder, the same for the same seed. Every further layer lies in the pockets of that below it. A centre of the
-        array is at `offset`; the whole is turned by `angle` about the vertical. Spheres closer than their diameter
-        overlap.
+        arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x with neighbours in
+        equilateral triangles; "random": the triangular one in disorder, reproducible by its seed. Every further layer
+        lies in the pockets of that below it. A centre is at `offset`; the whole is turned by `angle` about the
+        vertical. Spheres closer than their diameter overlap.
         """
         square, c, s = arrangement == "square", np.cos(angle), np.sin(angle)
         second = [0.0, 1.0] if square else [0.5, np.sqrt(0.75)]
@@ -263,7 +242,7 @@ class SphereBed(Terrain):
 
     @property
     def feature(self) -> float:
-        """The smallest radius, of a sphere if there is one, or half the spacing of an array where that is smaller."""
+        """The smallest radius, of a sphere if there is one, or half the spacing of an array if smaller."""
         free = self.radii[self.posts if self.posts.all() else ~self.posts]
         spacing = np.inf if self.periods is None else np.linalg.norm(self.periods[0])
         return float(min(free.min(), 0.5 * spacing))
@@ -283,7 +262,7 @@ class SphereBed(Terrain):
         return max(float(tops.max(initial=-np.inf)), self.origin_z)
 
     def near(self, middle: ArrayLike, reach: float) -> tuple[np.ndarray, Floats]:
-        """Numbers (k,) and centres (k, 3) of the spheres of which a part is within a horizontal distance."""
+        """Numbers (k,) and centres (k, 3) of the spheres within a horizontal distance."""
         middle, which, centres = np.asarray(middle, float), np.arange(len(self.radii)), self.centres
         if self.periods is not None:
             away = (reach + self.radii.max()) / np.linalg.norm(self.periods[0])
@@ -301,7 +280,7 @@ class SphereBed(Terrain):
         return which[close], centres[close]
 
     def _disorder(self, places: Floats, layer: np.ndarray) -> Floats:
-        """Shifts (n, 3) of spheres at positions (n, 2) of layers (n,): bits mixed as by Steele, Lea & Flood (2014)."""
+        """Shifts (n, 3) of spheres at positions (n, 2) of layers (n,), mixed as by Steele, Lea & Flood (2014)."""
         chances = []
         for number in range(3):
             state = np.zeros(len(places), dtype=np.uint64)
@@ -317,7 +296,6 @@ class SphereBed(Terrain):
         return np.column_stack([room * np.cos(angle), room * np.sin(angle), -LOWEST * radii * drop])
 
     def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The half-space and the spheres of which a part is within a horizontal distance of a point (2,)."""
         which, centres = self.near(middle, reach)
         base, up = np.array([[0.0, 0.0, self.origin_z]]), np.array([[0.0, 0.0, 1.0]])
         posts = self.posts[which]
@@ -344,15 +322,13 @@ class SphereBed(Terrain):
         return heights, seen, over
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
         return self._seen(x)[0]
 
     def highest(self, x: ArrayLike) -> np.ndarray:
-        """Index (n,) of the highest sphere at points (n, 2); -1: the base plane."""
+        """Number (n,) of the highest sphere at points (n, 2); -1: the base plane."""
         return self._seen(x)[1]
 
     def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2), at the equators of spheres very large."""
         heights, seen, centres = self._seen(x)
         rise = np.maximum(heights - centres[:, 2], 1e-100)[:, None]
         slope = (centres[:, :2] - rows(x)) / rise
@@ -364,24 +340,19 @@ class SmoothTerrain(Terrain):
 
     @property
     def steepest(self) -> float:
-        """The tangent of the steepest slope at the resolution of the bed's shape; 0: unknown."""
+        """The tangent of the steepest slope at the bed's resolution; 0: unknown."""
         return 0.0
 
     @abstractmethod
-    def hessian(self, x: ArrayLike) -> Floats:
-        """The second derivatives of b at points (n, 2), (n, 2, 2)."""
-
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Height (n,), gradient (n, 2) and second derivatives (n, 2, 2) at points (n, 2)."""
-        return self.height(x), self.gradient(x), self.hessian(x)
 
     def pieces(self, middle: ArrayLike, reach: float) -> SmoothTerrain:
-        """The whole bed, a single piece."""
+        """The whole bed."""
         return self
 
     @property
     def flat(self) -> np.ndarray:
-        """There is one piece, and it is none."""
         return np.array([False])
 
     def distance_estimate(self, points: Floats) -> Floats:
@@ -411,7 +382,7 @@ class SmoothTerrain(Terrain):
             better = size < least[pending]
             best[pending[better]], least[pending[better]] = x[better], size[better]
             # A residual that gets no smaller is round-off.
-            going = better & (size > 1e-15 * (self.feature + np.abs(x).max(axis=1)))
+            going = better & (size > FOOT * (self.feature + np.abs(x).max(axis=1)))
             x, pending = (x - step)[going], pending[going]
             if len(pending) == 0:
                 break
@@ -447,7 +418,6 @@ class Ridges(SmoothTerrain):
 
     @property
     def steepest(self) -> float:
-        """Midway between crests and troughs."""
         return 2.0 * np.pi * self.amplitude / self.wavelength
 
     @property
@@ -457,32 +427,27 @@ class Ridges(SmoothTerrain):
 
     @property
     def feature(self) -> float:
-        """Half the wavelength, or the radius of curvature at a crest where that is smaller."""
+        """Half the wavelength, or the radius of curvature at a crest if smaller."""
         k = 2.0 * np.pi / self.wavelength
         return min(np.pi / k, 1.0 / (self.amplitude * k * k) if self.amplitude else np.inf)
 
     @property
     def crest(self) -> float:
-        """The height of the crests."""
         return self.origin_z + self.amplitude
 
     def mean(self, x: Sides, y: Sides) -> float:
-        """`origin_z`, the mean over a wavelength."""
         return self.origin_z
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
         return np.asarray(self.origin_z + self.amplitude * np.sin(self._phases(x)))
 
     def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2)."""
         return np.outer(np.cos(self._phases(x)), self.amplitude * self._wave)
 
-    def hessian(self, x: ArrayLike) -> Floats:
-        """The second derivatives (n, 2, 2)."""
-        sines = -self.amplitude * np.sin(self._phases(x))
-        return np.multiply.outer(sines, np.outer(self._wave, self._wave))
+    def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        height, wave = self.height(x), self._wave
+        bent = np.multiply.outer(self.origin_z - height, np.outer(wave, wave))
+        return height, self.gradient(x), bent
 
     def _phases(self, x: ArrayLike) -> Floats:
-        """The arguments (n,) of the sine at points (n, 2)."""
         return np.asarray(rows(x) @ self._wave + self.phase)

@@ -1,7 +1,7 @@
-"""Closest points of a grain and a bed in 3-D: all local minima of the distance, lowering, contacts.
+"""Closest points of a grain and a bed in 3-D.
 
-A grain with cores (flat faces, balls, rods) is searched triangle by triangle of its cores, another one over its
-surface; both by Newton's method with the second derivatives of the bed's distance.
+A grain with cores (flat faces, balls, rods) is searched part by part of its cores, a smooth one over its surface,
+both by Newton's method with the second derivatives of the bed's distance.
 """
 
 from collections.abc import Callable
@@ -29,6 +29,7 @@ from incipient.geometry.space.surfaces import (
 
 # Of the grain's size. Newton's method squares errors, so that a last step this short leaves 1e-16.
 LAST_STEP = 1e-8
+STILL = 1e-15  # a step so short is none: a corner stays
 SAME = 1e-9  # lengths that are one
 SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain, and along a feature of the bed
 Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points, places of the bed
@@ -36,10 +37,7 @@ Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points,
 
 @dataclass(frozen=True, eq=False)
 class SpatialProximity(Proximity):
-    """A grain and a bed in 3-D, prepared for queries at many placements.
-
-    Parts of a core are numbered: its triangles, its corners, its edges.
-    """
+    """A grain and a bed in 3-D. Parts of a core are numbered: its triangles, corners, edges."""
 
     grain: Solid
     bed: Terrain
@@ -55,11 +53,9 @@ class SpatialProximity(Proximity):
 
     @property
     def sampling(self) -> float:
-        """The longest side of the samples' triangles."""
         return self._samples.spacing
 
     def drop(self, placement: Placement) -> float:
-        """The least vertical distance of samples from the bed."""
         samples = placement.to_scene(self._samples.points)
         return float((samples[:, 2] - self.bed.height(samples[:, :2])).min())
 
@@ -70,7 +66,7 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _parts(self) -> list[Floats]:
-        """The corners (m, 3 corners, 3) of the parts of each core, in the body frame."""
+        """The corners (m, 3, 3) of the parts of each core, in the body frame."""
         result = []
         for core in self.grain.cores:
             edges = Surface(core.points, core.triangles).edges
@@ -83,7 +79,7 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _places(self) -> list[tuple[np.ndarray, Floats]]:
-        """Corners of each core, on smooth beds also points along edges: parts (m,) and points (m, 3) in the body frame.
+        """Parts (m,) and points (m, 3): corners of each core, on smooth beds also points along edges.
 
         An edge may lie across crests of a smooth bed, half a feature from each other at least.
         """
@@ -100,10 +96,9 @@ class SpatialProximity(Proximity):
         return result
 
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
-        """All minima whose gap is at most `within` (a length): over the surface, or over each part of a core.
+        """All minima of at most `within` (a length): over the surface, or over each part of a core.
 
-        A minimum over a part need not be one over the surface (see `locally_least`). Two are distinct if
-        they are farther from each other than the samples.
+        A minimum over a part need not be one over the surface (see `locally_least`).
         """
         pieces = self.bed.pieces(placement.centre[:2], self.size + max(within, 0.0))
         valleys = np.empty((0, 3)), np.empty(0, dtype=int)
@@ -119,7 +114,6 @@ class SpatialProximity(Proximity):
         return result.only(result.gaps <= within)
 
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
-        """The minima `old` followed to another placement close by."""
         if not self.grain.cores:
             points = placement.to_scene(old.anchors)
             return self._descended(placement, old.pieces, points, old.origin[:, 2])
@@ -129,7 +123,7 @@ class SpatialProximity(Proximity):
         return ClosestPoints.joined(parts)
 
     def _tracked_on_core(self, placement: Placement, old: ClosestPoints, k: int) -> ClosestPoints:
-        """The lowest of the minima over the triangles around each old one; corners and edges stay what they are."""
+        """The lowest minima over the triangles around each old one, or on its corner or edge."""
         core = self.grain.cores[k]
         fixed = old.origin[:, 1] >= len(core.triangles)
         row, part = core.search.near(old.anchors, 0.1 * self.spacing)
@@ -159,7 +153,7 @@ class SpatialProximity(Proximity):
     def _descended(
         self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray
     ) -> ClosestPoints:
-        """Minima over a smooth grain's surface from points (m, 3) near it, in distance from pieces (m,)."""
+        """Minima over a smooth surface from points (m, 3) near it, in distance from pieces (m,)."""
 
         def onto(x: Floats) -> Floats:
             return placement.to_scene(self.grain.project(placement.to_body(x)))
@@ -173,7 +167,7 @@ class SpatialProximity(Proximity):
         return ClosestPoints(sight.gaps, points, sight.normals, None, anchors, origin, None, pieces)
 
     def _newton_step(self, placement: Placement, points: Floats, sight: ClosestPoints) -> Floats:
-        """Steps (n, 3) along the grain's surface towards the least distance, no longer than the samples' spacing."""
+        """Bounded steps (n, 3) along the surface towards the least distance."""
         h = 1e-5 * self.size
         outward = self.grain.normal(placement.to_body(points)) @ placement.rotation.T
         tangents = np.stack(frame_of(outward), axis=1)  # (n, 2, 3)
@@ -192,7 +186,7 @@ class SpatialProximity(Proximity):
     def _starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
     ) -> Starts:
-        """The features of a core to search: corners (and edges) near a plane or a smooth bed, and triangles."""
+        """Corners (and edges) of a core near a plane or a smooth bed, and triangles."""
         core, curved = self.grain.cores[k], isinstance(pieces, SmoothTerrain)
         parts, points = self._places[k]
         points, bound = placement.to_scene(points), within + core.radius
@@ -221,7 +215,7 @@ class SpatialProximity(Proximity):
         return triangle, piece, middle[triangle], middle[triangle, :2]
 
     def _below(self, placement: Placement, k: int, valleys: Floats) -> Starts:
-        """The triangles of a core next to samples (m, 3) of the surface that are lower than those around them."""
+        """The triangles of a core next to samples (m, 3) that are lower than those around them."""
         core, body = self.grain.cores[k], placement.to_body(valleys)
         sample, triangle = core.search.near(body, core.radius + self.spacing)
         nearest = nearest_on_triangles(body[sample], self._parts[k][triangle])
@@ -264,7 +258,7 @@ class SpatialProximity(Proximity):
         corners: bool = False,
         slack: float = 0.0,
     ) -> ClosestPoints:
-        """The `minima` that are local minima over the whole surface, each once; on request also all corners.
+        """The minima over the whole surface, each once; on request also all corners.
 
         Points whose neighbourhood is lower by at most `slack` (a length) count as minima.
         """
@@ -284,7 +278,6 @@ class SpatialProximity(Proximity):
         return minima.only(keep).distinct(1e-6 * self.size if self.grain.cores else self.spacing)
 
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
-        """All contacts whose distance from the bed is at most `tolerance` (a length); see `closest.touching`."""
         close, slack = self.minima(placement, tolerance), max(tolerance, SAME * self.size)
         loose, patches = np.ones(len(close), dtype=bool), list[Contacts]()
         for k, piece in np.unique(close.origin[:, [0, 2]], axis=0):
@@ -315,7 +308,7 @@ class SpatialProximity(Proximity):
     def _flat(
         self, placement: Placement, k: int, close: ClosestPoints, tolerance: float
     ) -> list[Floats]:
-        """The faces (m, 3, 3) of a core that lie on the piece of bed of its minima `close`, connected ones together."""
+        """The connected faces (m, 3, 3) of a core that lie on the piece of bed of its minima."""
         core, bound, piece = (
             self.grain.cores[k],
             self.grain.cores[k].radius + tolerance,
@@ -367,33 +360,38 @@ def descended(
     onto: Callable[[Floats], Floats],
     size: float,
 ) -> tuple[Floats, ClosestPoints]:
-    """Where on a surface the distance from pieces (m,) is least next to points (m, 3), and how they are seen there.
+    """The least distance from pieces (m,) next to points (m, 3) of a surface: points, and their closest ones.
 
-    `step_of` gives the steps (k, 3) from points, as they are seen, of some rows (k,); `onto` carries points back onto
-    the surface. `near` (m, 2) lies near the nearest points of the bed.
+    `step_of` gives steps (k, 3) from closest points of rows (k,); `onto` carries points back onto the surface. `near`
+    (m, 2) lies near the feet on the bed.
     """
     points, sight = points.copy(), pieces.closest(points, which, near)
     pending = np.arange(len(points))
     for _ in range(30):
-        here, before = sight.only(pending), points[pending]
-        step = step_of(before, here, pending)
+        step = step_of(points[pending], sight.only(pending), pending)
+        moves = np.abs(step).max(axis=1) > STILL * size
+        pending, step = pending[moves], step[moves]
+        here, before, left = sight.only(pending), points[pending], np.arange(len(pending))
         for _ in range(5):
-            trial = onto(before + step)
-            seen = pieces.closest(trial, which[pending], here.feet[:, :2])
-            better = seen.gaps <= here.gaps + 1e-14 * size
-            if better.all():
+            if len(left) == 0:
                 break
-            step = np.where(better[:, None], step, 0.25 * step)
-        points[pending[better]] = trial[better]
-        sight = sight.replaced(pending[better], seen, better)
-        pending = pending[better & (np.abs(step).max(axis=1) > LAST_STEP * size)]
+            trial, rows = onto(before[left] + step[left]), pending[left]
+            seen = pieces.closest(trial, which[rows], here.feet[left, :2])
+            better = seen.gaps <= here.gaps[left] + 1e-14 * size
+            points[rows[better]] = trial[better]
+            sight = sight.replaced(rows[better], seen, better)
+            left = left[~better]
+            step[left] *= 0.25
+        going = np.abs(step).max(axis=1) > LAST_STEP * size
+        going[left] = False
+        pending = pending[going]
         if len(pending) == 0:
             break
     return points, sight
 
 
 def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Floats:
-    """The least point (m, 3) of n.(x - p) + (x - p).H (x - p)/2 over triangles: inside, or on one of the sides."""
+    """The least point (m, 3) of n.(x - p) + (x - p).H (x - p)/2 over triangles."""
     # A bed that is curved one way alone has a line of minima: the nearest place of it is taken.
     largest = np.abs(sight.hessians).max(axis=(1, 2))[:, None, None]
     sight = replace(sight, hessians=sight.hessians + 1e-6 * largest * np.eye(3))
@@ -424,8 +422,7 @@ def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Flo
 def _patch(triangles: Floats, radius: float) -> Contacts:
     """The corners of the convex hull of triangles (m, 3, 3) in one plane, carried outward by the radius.
 
-    Each has half of both triangles that it forms with its neighbours and the hull's centroid, so that the parts of the
-    area have that centroid.
+    Each has half of both triangles with its neighbours and the hull's centroid, so that the areas have that centroid.
     """
     from scipy.spatial import ConvexHull  # which takes time to import
 
@@ -446,7 +443,7 @@ def _patch(triangles: Floats, radius: float) -> Contacts:
 
 
 def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
-    """The points to keep of those with one normal on a straight line of contact: its two ends."""
+    """Which points to keep: of those with one normal on a straight line the two ends."""
     keep = np.ones(len(minima), dtype=bool)
     _, label = np.unique(np.round(minima.normals, 6), axis=0, return_inverse=True)
     for item in np.unique(label):

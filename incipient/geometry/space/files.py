@@ -1,4 +1,4 @@
-"""Surfaces of triangles in STL, PLY and OBJ files, with what is wrong with them said in one line."""
+"""Surfaces of triangles in STL, PLY and OBJ files."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -15,10 +15,9 @@ LARGEST_FILE = 256  # MiB: five million triangles
 
 
 def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
-    """Vertices (n, 3), all of them used, and triangles (m, 3) of a surface in an STL, PLY or OBJ file.
+    """Vertices (n, 3), all of them used, and triangles (m, 3) of an STL, PLY or OBJ file.
 
-    Raises SceneError if the file is missing, is no file, cannot be read, names vertices that it does not have, or has
-    coordinates that are not finite or out of proportion.
+    Raises SceneError if the file is missing or cannot be read, or its vertices are missing or out of range.
     """
     path = Path(path)
     kind, remedy = (
@@ -60,7 +59,7 @@ def _obj(path: Path) -> tuple[Floats, Integers]:
 
 
 def _index(path: Path, line: int, text: str, before: int) -> int:
-    """The number from 0 of the vertex that a face names, of which there are `before` so far."""
+    """The number from 0 of the vertex that a face names, after `before` others."""
     decimal(text.partition("/")[0])  # which refuses what Python reads otherwise
     number = int(text.partition("/")[0])
     if number == 0:
@@ -71,7 +70,7 @@ def _index(path: Path, line: int, text: str, before: int) -> int:
 
 
 def _checked(path: Path, points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
-    """The surface without the vertices that no triangle uses, refused if it makes no sense."""
+    """The surface without unused vertices."""
     if len(triangles) == 0:
         raise SceneError(f"{path} holds no triangles; export it again")
     if len(wrong := triangles[(triangles < 0) | (triangles >= len(points))]):

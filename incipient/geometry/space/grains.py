@@ -1,8 +1,4 @@
-"""Rigid grains in 3-D: smooth ones, unions of spheres, ones with flat faces, cylinders across a domain.
-
-All grains live in their body frame: the origin is the centroid, the centre of mass of a uniform grain.
-Lengths are scene units.
-"""
+"""Rigid grains in 3-D, in their body frame with the centroid at the origin."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -45,7 +41,7 @@ Triple = tuple[float, float, float]
 class SphereSwept:
     """Triangles (m, 3) of points (n, 3), swept by a ball of a radius (0: the triangles themselves).
 
-    A triangle may be a single point (a sphere) or a segment: then its indices repeat.
+    A triangle may be a point (a sphere) or a segment: then its indices repeat.
     """
 
     points: Floats
@@ -54,7 +50,6 @@ class SphereSwept:
 
     @cached_property
     def search(self) -> Triangles:
-        """The triangles in a spatial index."""
         return Triangles(self.points[self.triangles])
 
 
@@ -72,15 +67,15 @@ class Solid(Shape):
 
     @abstractmethod
     def surface(self, spacing: float) -> Surface:
-        """The surface as triangles with corners on it, at most about `spacing` apart."""
+        """The surface as triangles with corners on it, about `spacing` apart at most."""
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The core of a rounded grain, which a ball is rolled around; none if it is smooth but not round."""
+        """What a ball rolls around; none if the grain is smooth but not round."""
         return ()
 
     def project(self, x: ArrayLike) -> Floats:
-        """Points of the surface (n, 3) near points (n, 3) that are close to it; for smooth grains only."""
+        """Points (n, 3) of a smooth grain's surface near points (n, 3) close to it."""
         raise NotImplementedError
 
     def extreme(self, direction: Floats) -> Floats:
@@ -93,7 +88,7 @@ class Solid(Shape):
 
 
 def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:
-    """The image of the unit sphere under a map of directions (n, 3) to points, at a given resolution."""
+    """The image of the unit sphere under a map of directions (n, 3) to points."""
     frequency, most = max(4, int(np.ceil(0.7 * size / spacing))), int(np.sqrt(0.1 * MOST_POINTS))
     while True:
         ball = surfaces.sphere(min(frequency, most))
@@ -106,23 +101,19 @@ def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float)
 
 @dataclass(frozen=True)
 class Superquadric(Solid):
-    """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c) and exponents (m, n) from 2 to 100.
-
-    m is the exponent of the section along the third axis, n of that across it; (2, 2) is an ellipsoid.
-    """
+    """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c), exponents (m, n) from 2 to 100."""
 
     semi_axes: tuple[float, float, float]
     exponents: tuple[float, float]
 
     @property
     def size(self) -> float:
-        """Twice the largest |x| on the surface, by Hoelder's inequality for the section, then the whole."""
+        """Twice the largest |x|, by Hoelder's inequality for the section, then the whole."""
         (a, b, c), (m, n) = self.semi_axes, self.exponents
         return 2.0 * farthest((farthest((a, b), n), c), m)
 
     @cached_property
     def moments(self) -> Moments:
-        """The moments of the section, integrated along the third axis."""
         whole = 8.0 * float(np.prod(self.semi_axes))
         second = [self._octant(p, q, r) for p, q, r in ((3, 1, 1), (1, 3, 1), (1, 1, 3))]
         diagonal = whole * np.square(self.semi_axes) * second
@@ -136,17 +127,17 @@ class Superquadric(Solid):
         return section * along / m
 
     def _norm(self, x: Floats) -> Floats:
-        """The factor (n,) by which the similar superquadric through each point is larger."""
+        """The scales (n,) of the similar superquadrics through points."""
         m, n = self.exponents
         scaled = np.abs(x) / np.asarray(self.semi_axes)
         return power_norm(np.column_stack([power_norm(scaled[:, :2], n), scaled[:, 2]]), m)
 
     def level(self, x: ArrayLike) -> Floats:
-        """min(a, b, c) (factor of the similar superquadric through the point - 1) at points (n, 3)."""
+        """min(a, b, c) (scale of the similar superquadric through the point - 1), (n,)."""
         return np.asarray(min(self.semi_axes) * (self._norm(rows(x)) - 1.0))
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 3) of the similar superquadric through each of the points (n, 3)."""
+        """Outward unit normals (n, 3) of the similar superquadrics through points (n, 3)."""
         m, n = self.exponents
         axes = np.asarray(self.semi_axes)
         scaled = rows(x) / axes
@@ -159,7 +150,7 @@ class Superquadric(Solid):
         return unit(slope / axes)
 
     def project(self, x: ArrayLike) -> Floats:
-        """The points (n, 3) of the surface on the rays from the origin through points (n, 3)."""
+        """The points (n, 3) of the surface on rays from the origin."""
         x = rows(x)
         return np.asarray(x / self._norm(x)[:, None])
 
@@ -176,7 +167,6 @@ class Superquadric(Solid):
         return np.asarray(self.semi_axes) * np.sign(scaled) * unit_axes
 
     def surface(self, spacing: float) -> Surface:
-        """A sphere's triangles, stretched along the axes and carried along rays onto the surface."""
         return triangulated(
             lambda d: self.project(d * np.asarray(self.semi_axes)), self.size, spacing
         )
@@ -198,30 +188,24 @@ class Sphere(Solid):
 
     @property
     def size(self) -> float:
-        """The diameter."""
         return self.diameter
 
     @cached_property
     def moments(self) -> Moments:
-        """Volume pi d^3 / 6, second moments V d^2 / 20."""
         volume = pi * self.diameter**3 / 6.0
         return Moments(volume, np.zeros(3), 0.05 * volume * self.diameter**2 * np.eye(3))
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The centre."""
         return (SphereSwept(np.zeros((1, 3)), np.zeros((1, 3), dtype=int), 0.5 * self.diameter),)
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 3)."""
         return np.asarray(np.linalg.norm(rows(x), axis=1) - 0.5 * self.diameter)
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Away from the centre, (n, 3)."""
         return unit(rows(x))
 
     def surface(self, spacing: float) -> Surface:
-        """A divided icosahedron."""
         return triangulated(lambda d: 0.5 * self.diameter * d, self.diameter, spacing)
 
 
@@ -240,22 +224,18 @@ class Box(Solid):
 
     @property
     def sharp(self) -> bool:
-        """Whether its edges are sharp."""
         return self.edge_radius == 0.0
 
     @property
     def size(self) -> float:
-        """The diagonal, less what the rounding takes off."""
         return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.edge_radius)
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 3)."""
         beyond = np.abs(rows(x)) - self.core
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.edge_radius)
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 3) at points (n, 3), at sharp edges and corners the bisector."""
         x = rows(x)
         beyond, slack = np.abs(x) - self.core, 1e-12 * self.size
         inside = (beyond <= slack).all(axis=1, keepdims=True)
@@ -265,12 +245,12 @@ class Box(Solid):
 
     @cached_property
     def core(self) -> Floats:
-        """Half the sides of the box that the ball is rolled around."""
+        """Half the sides of the box that the ball rolls around."""
         return 0.5 * np.array(self.sides) - self.edge_radius
 
     @cached_property
     def moments(self) -> Moments:
-        """The sum over cells: along each axis a point is either beside the sharp box within, or beyond it."""
+        """The sum over cells: along each axis a point is beside the core or beyond it."""
         volume, second, r = 0.0, np.zeros(3), self.edge_radius
         for beyond in choices((False, True), repeat=3):
             out = np.array(beyond)
@@ -283,12 +263,12 @@ class Box(Solid):
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The box that the ball is rolled around, flat or thin where the rounding takes a whole side."""
+        """The core, flat or thin where the rounding takes a whole side."""
         corners = surfaces.box(np.ones(3), 2.0)
         return (SphereSwept(corners.points * self.core, corners.triangles, self.edge_radius),)
 
     def surface(self, spacing: float) -> Surface:
-        """The faces of the sharp box, pressed onto the rounded one along its normals."""
+        """The sharp box's faces, pressed onto the rounded one."""
         sharp = surfaces.box(0.5 * np.array(self.sides), spacing)
         if self.edge_radius == 0.0:
             return sharp
@@ -308,10 +288,10 @@ def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Triangulated(Solid):
-    """A grain bounded by a closed surface of triangles; it is shifted to its centroid, which was at `centre` (3,).
+    """A grain bounded by a closed surface of triangles, shifted to its centroid, which was at `centre` (3,).
 
-    `vertices` (n, 3) and `triangles` (m, 3) in any sense, but all in the same. Raises SceneError if the surface
-    is not closed (with the number of open edges), encloses no volume, or is in several parts.
+    `vertices` (n, 3) and `triangles` (m, 3), all in the same sense. Raises SceneError if the surface is not closed,
+    encloses no volume, or is in several parts.
     """
 
     sharp = True
@@ -340,10 +320,9 @@ class Triangulated(Solid):
 
     @classmethod
     def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
-        """A grain from an STL, PLY or OBJ file, its coordinates times `scale`.
+        """A grain from an STL, PLY or OBJ file, its coordinates times `scale`, repaired where possible.
 
-        Duplicate points and triangles are merged, and triangles oriented consistently. Raises SceneError
-        if the file is missing, cannot be read, or its surface is not closed or intersects itself.
+        Raises SceneError if the file cannot be read, or its surface is not closed or intersects itself.
         """
         points, triangles = triangles_in(path)
         surface = repaired(Surface(scale * points, triangles))
@@ -357,17 +336,14 @@ class Triangulated(Solid):
 
     @cached_property
     def size(self) -> float:
-        """The largest distance of two vertices."""
         return largest_distance(self.vertices)
 
     @cached_property
     def moments(self) -> Moments:
-        """The sum over the tetrahedra that the triangles form with the centroid."""
         return Moments.within(self._surface.corners)
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The triangles."""
         return (SphereSwept(self.vertices, self.triangles),)
 
     @property
@@ -377,8 +353,8 @@ class Triangulated(Solid):
     def _outward(self, points: Floats) -> tuple[Floats, Floats]:
         """Vectors (n, 3) from the nearest points of the surface, and the normals (n, 3) there.
 
-        On edges and at corners of the surface the mean of the normals weighted by the angles of the triangles, whose
-        side of the surface is that of the points (Baerentzen and Aanaes 2005).
+        At edges and corners the angle-weighted mean, whose side of the surface is that of the points (Baerentzen and
+        Aanaes 2005).
         """
         feet, row, triangle = self._triangles.nearest(points, 1e-12 * self.size)
         corners = self._surface.corners[triangle]
@@ -391,19 +367,17 @@ class Triangulated(Solid):
         return points - feet, unit(mean)
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 3)."""
         away, normals = self._outward(rows(x))
         return np.copysign(np.linalg.norm(away, axis=1), (away * normals).sum(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean of its sides'."""
+        """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean."""
         away, normals = self._outward(rows(x))
         on_surface = np.linalg.norm(away, axis=1, keepdims=True) <= 1e-9 * self.size
         side = np.sign((away * normals).sum(axis=1, keepdims=True))
         return np.where(on_surface, normals, side * unit(away))
 
     def surface(self, spacing: float) -> Surface:
-        """The triangles, cut into smaller ones."""
         return surfaces.refined(self._surface, spacing)
 
 
@@ -418,7 +392,7 @@ class Polyhedron(Triangulated):
 
 @dataclass(frozen=True)
 class Cylinder(Solid):
-    """The tube of a diameter and a length about the second axis, without ends: these lie in the sides of a domain."""
+    """The tube of a diameter and a length about the second axis, its ends in the sides of a domain."""
 
     spans_width = True
     diameter: float
@@ -431,27 +405,23 @@ class Cylinder(Solid):
 
     @cached_property
     def moments(self) -> Moments:
-        """Volume pi d^2 l / 4, second moments V d^2 / 16 across the axis, V l^2 / 12 along it."""
         across, along = self.diameter**2 / 16.0, self.length**2 / 12.0
         volume = 4.0 * pi * across * self.length
         return Moments(volume, np.zeros(3), volume * np.diag([across, along, across]))
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The axis."""
         ends = np.array([[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]) * self.length
         return (SphereSwept(ends, np.array([[0, 1, 1]]), 0.5 * self.diameter),)
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 3) from the tube, assumed endless."""
+        """The signed distance (n,) of points (n, 3) from the endless tube."""
         return np.asarray(np.linalg.norm(rows(x) * ACROSS, axis=1) - 0.5 * self.diameter)
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Away from the axis, (n, 3)."""
         return unit(rows(x) * ACROSS)
 
     def surface(self, spacing: float) -> Surface:
-        """A grid around the tube and along it, its quadrangles cut in two."""
         around = max(8, int(np.ceil(pi * self.diameter / spacing)))
         along = max(2, int(np.ceil(self.length / spacing)))
         ends = np.linspace(-0.5, 0.5, along + 1) * self.length
@@ -463,9 +433,9 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True, init=False)
 class Spheres(Balls, Solid):
-    """Connected spheres; they are shifted to the centroid of their union.
+    """Connected spheres, shifted to the centroid of their union.
 
-    Raises SceneError if the numbers are no spheres, or if a sphere touches no other or lies within another.
+    Raises SceneError if a sphere touches no other or lies within another.
     """
 
     level_is_distance = True
@@ -487,12 +457,10 @@ class Spheres(Balls, Solid):
 
     @property
     def moments(self) -> Moments:
-        """Volume and second moments, by plane sections."""
         return self._moments
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The centres."""
         point = np.zeros((1, 3), dtype=int)
         return tuple(
             SphereSwept(np.array([c]), point, r)
@@ -500,7 +468,7 @@ class Spheres(Balls, Solid):
         )
 
     def surface(self, spacing: float) -> Surface:
-        """The exposed triangles of the spheres; triangles across a crease are left whole."""
+        """The exposed triangles; those across a crease are left whole."""
         frequency = max(4, int(np.ceil(1.3 * max(self.radii) / spacing)))
         frequency = min(frequency, int(np.sqrt(0.1 * MOST_POINTS / len(self.radii))))
         ball, pieces = surfaces.sphere(frequency), []
@@ -522,7 +490,7 @@ def _showing(centres: Floats, radii: Floats) -> np.ndarray:
 
 
 def _union(centres: Floats, radii: Floats) -> Moments:
-    """Integrals over a union of spheres: over its sections, unions of discs, along the third axis."""
+    """Moments of a union of spheres from its sections, unions of discs, along the third axis."""
     from scipy.integrate import quad_vec  # which takes time to import
 
     def section(height: float) -> Floats:

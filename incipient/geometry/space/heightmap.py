@@ -1,10 +1,10 @@
-"""Beds from height maps: a raster of heights, read from an image or a table, between which cubics run."""
+"""Beds from height maps: rasters read from an image or a table, between which cubics run."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
+from numpy.polynomial.polynomial import polyder
 from numpy.typing import ArrayLike
 
 from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows
@@ -15,11 +15,14 @@ from incipient.input_files import reading
 
 ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
-KEYS = 0.5 * np.array(
-    [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
-)  # cubics by four heights
-CUBICS = [polyder(KEYS, order) for order in range(3)]  # and their derivatives
-ORDERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]  # of derivatives in x and y
+# Cubics through the two heights between which a point lies, by powers of its fraction of the cell, for each of the
+# four heights around it (Keys 1981), and their first and second derivatives
+KEYS = 0.5 * np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]])
+CUBICS = np.array(
+    [np.pad(polyder(KEYS, order, axis=1), ((0, 0), (0, order))) for order in range(3)]
+)
+ORDERS = np.arange(3)[:, None, None]
+AROUND = np.arange(-1, 3)
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
 # Values that programs write for cells without data: ESRI's, those of 16-bit integers and of single precision
@@ -30,8 +33,8 @@ NO_DATA = (-9999.0, 9999.0, -32768.0, -32767.0, float(np.finfo(np.float32).min))
 class HeightMap(SmoothTerrain):
     """Heights (rows, columns) at points `cell` apart, the first row lowest in y, the first point at `origin`.
 
-    Bicubic interpolation through the heights with slopes from central differences (Keys 1981): the surface
-    and its normals are continuous; beyond the outermost points it continues level. `origin` is (x, y, z).
+    Bicubic interpolation (Keys 1981): surface and normals are continuous; beyond the outermost points it continues
+    level.
     """
 
     heights: Floats
@@ -58,10 +61,10 @@ class HeightMap(SmoothTerrain):
     ) -> "HeightMap":
         """A bed from a PNG or TIFF image, an array in a .npy file, or an ESRI ASCII grid (.asc).
 
-        Heights are `relief` times what the file holds: in images whole numbers are divided by the largest of
-        their type (black 0, white 1), and the upper edge is that of largest y, as in an ASCII grid; the first
-        row of a .npy array is that of least y. An ASCII grid brings its own cell and corner, to which `origin`
-        is added. Raises SceneError if the file is missing, cannot be read, or is no table of finite heights.
+        Heights are `relief` times what the file holds: whole numbers of images are divided by the largest of their
+        type (black 0, white 1). The first row is that of largest y, of a .npy array that of least y. `origin` is
+        added to an ASCII grid's own corner. Raises SceneError if the file cannot be read or is no table of finite
+        heights.
         """
         path = Path(path)
         heights, own_cell, corner = _read(path)
@@ -75,10 +78,10 @@ class HeightMap(SmoothTerrain):
     def from_surface(
         cls, path: str | Path, cell: tuple[float, float] | None = None, scale: float = 1.0
     ) -> "HeightMap":
-        """A bed from the upper side of a surface in an STL, PLY or OBJ file, its coordinates times `scale`.
+        """A bed from the upper side of a surface in an STL, PLY or OBJ file, times `scale`.
 
-        Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero.
-        Raises SceneError if the file is missing or cannot be read, or the surface has a hole as seen from above.
+        Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero. Raises
+        SceneError if the file cannot be read, or the surface has a hole as seen from above.
         """
         points, triangles = triangles_in(path)
         result = cls.of_triangles(scale * points[triangles], cell, Path(path))
@@ -92,7 +95,7 @@ class HeightMap(SmoothTerrain):
         path: Path,
         within: Extent | None = None,
     ) -> "HeightMap":
-        """A bed from the upper side of triangles (m, 3, 3) of a file, at their heights; as `from_surface`.
+        """A bed from the upper side of triangles (m, 3, 3) of a file; as `from_surface`.
 
         within: ((x, x), (y, y)) that matter; all by default
         """
@@ -119,12 +122,10 @@ class HeightMap(SmoothTerrain):
 
     @property
     def origin_z(self) -> float:  # type: ignore[override]
-        """The height that those of the map are counted from."""
         return self.origin[2]
 
     @property
     def feature(self) -> float:
-        """Two cells."""
         return 2.0 * min(self.cell)
 
     @property
@@ -140,7 +141,6 @@ class HeightMap(SmoothTerrain):
         return float(self.origin[2] + self.heights.max() + OVERSHOOT * rise)
 
     def crest_level(self, x: Sides, y: Sides) -> float:
-        """The highest of the heights within a rectangle, or of all."""
         inside = []
         for first, step, count, (low, high) in zip(
             self.origin[1::-1], self.cell[::-1], self.heights.shape, (y, x), strict=True
@@ -152,49 +152,45 @@ class HeightMap(SmoothTerrain):
 
     @property
     def extent(self) -> Extent:
-        """Between the outermost points."""
         rows_, columns = self.heights.shape
         (x, y, _), (dx, dy) = self.origin, self.cell
         return (x, x + dx * (columns - 1)), (y, y + dy * (rows_ - 1))
 
     def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
-        return np.asarray(self.origin[2] + self._derivatives(x, [(0, 0)])[0])
+        return np.asarray(self.origin[2] + self._derivatives(x, 0)[:, 0, 0])
 
     def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2)."""
-        return np.column_stack(self._derivatives(x, [(1, 0), (0, 1)]))
-
-    def hessian(self, x: ArrayLike) -> Floats:
-        """The second derivatives (n, 2, 2), which jump between cells."""
-        return self.shape(x)[2]
+        table = self._derivatives(x, 1)
+        return np.column_stack([table[:, 0, 1], table[:, 1, 0]])
 
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Height, gradient and second derivatives, of which each needs the same heights."""
-        z, *first, xx, xy, yy = self._derivatives(x, ORDERS)
-        second = np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
-        return self.origin[2] + z, np.column_stack(first), second
+        table = self._derivatives(x, 2)
+        mixed = table[:, 1, 1]
+        second = np.stack([table[:, 0, 2], mixed, mixed, table[:, 2, 0]], axis=1)
+        first = np.column_stack([table[:, 0, 1], table[:, 1, 0]])
+        return self.origin[2] + table[:, 0, 0], first, second.reshape(-1, 2, 2)
 
-    def _derivatives(self, x: ArrayLike, orders: list[tuple[int, int]]) -> list[Floats]:
-        """Derivatives (n,) of the interpolation at points (n, 2), of some orders in x and y."""
+    def _derivatives(self, x: ArrayLike, most: int) -> Floats:
+        """Derivatives (n, most + 1, most + 1) at points (n, 2), by their orders in y and x."""
         at = (rows(x) - np.asarray(self.origin[:2])) / np.asarray(self.cell)
         count = np.array(self.heights.shape[::-1])
-        first = np.clip(np.floor(at), 0, count - 2).astype(int)
         # Beyond the edge everything is as at the edge.
-        t = np.clip(at - first, 0.0, 1.0)
         outside = (at < 0.0) | (at > count - 1)
-        i, j = (np.clip(first[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
-        values = self.heights[j[:, :, None], i[:, None, :]]
-        # Along x first, for each order there.
-        along = [
-            (values @ _weights(t[:, 0], order, self.cell[0])[..., None])[..., 0]
-            for order in range(1 + max(order for order, _ in orders))
+        at = np.clip(at, 0.0, count - 1.0)
+        first = np.minimum(at.astype(int), count - 2)
+        powers = (at - first)[..., None] ** np.arange(4)
+        weights = [
+            powers[:, k]
+            @ (CUBICS[: most + 1] / self.cell[k] ** ORDERS[: most + 1]).reshape(-1, 4).T
+            for k in (0, 1)
         ]
-        result = []
-        for order in orders:
-            total = (along[order[0]] * _weights(t[:, 1], order[1], self.cell[1])).sum(axis=1)
-            result.append(np.where((outside & (np.array(order) > 0)).any(axis=1), 0.0, total))
-        return result
+        i, j = (np.clip(first[:, k, None] + AROUND, 0, count[k] - 1) for k in (0, 1))
+        values = self.heights[j[:, :, None], i[:, None, :]]
+        along, across = (table.reshape(len(at), most + 1, 4) for table in weights)
+        result = across @ values @ along.transpose(0, 2, 1)
+        result[outside[:, 0], :, 1:] = 0.0
+        result[outside[:, 1], 1:] = 0.0
+        return np.asarray(result)
 
 
 def _gap(heights: Floats) -> tuple[int, int] | None:
@@ -203,13 +199,8 @@ def _gap(heights: Floats) -> tuple[int, int] | None:
     return None if not len(gaps) else (int(gaps[0, 0]), int(gaps[0, 1]))
 
 
-def _weights(t: Floats, derivative: int, step: float) -> Floats:
-    """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
-    return np.asarray(polyval(t, CUBICS[derivative]).T / step**derivative)
-
-
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
-    """The highest points (rows, columns) of triangles (m, 3, 3) above a raster of places; -inf where there is none."""
+    """The highest points (rows, columns) of triangles (m, 3, 3) above a raster; -inf: there is none."""
     heights = np.full((len(across), len(along)), -np.inf)
     low, high = corners.min(axis=1) - slack, corners.max(axis=1) + slack
     left, right = np.searchsorted(along, low[:, 0]), np.searchsorted(along, high[:, 0])
@@ -260,7 +251,7 @@ def _read_array(path: Path) -> Raster:
 
 
 def array_in(path: Path) -> np.ndarray:
-    """The numbers in a .npy file, mapped into memory; raises SceneError for other types and too many of them."""
+    """The numbers in a .npy file, mapped into memory; raises SceneError for other types and too many."""
     result = np.load(path, mmap_mode="r", allow_pickle=False)
     if not isinstance(result, np.ndarray):
         raise SceneError(f"{path} is an archive of arrays; save one array with numpy.save")

@@ -1,7 +1,7 @@
 """Remeshing of a triangulated surface to given edge lengths: edges are split, collapsed and swapped.
 
-After Botsch and Kobbelt (2004), with sizes that vary; all points lie on the exact surface. Independent
-operations are done together; lengths and qualities are compared to a few digits, so that round-off has no effect.
+After Botsch and Kobbelt (2004), with sizes that vary and points on the exact surface. Independent operations are done
+together; lengths and qualities are rounded to a few digits, so that round-off has no effect.
 """
 
 from abc import ABC, abstractmethod
@@ -50,7 +50,7 @@ class Topology:
         self.of_sides = inverse.reshape(3, -1).T
 
     def number(self, pairs: np.ndarray) -> np.ndarray:
-        """Which edge joins each of the pairs (n, 2) of points, -1 if none does."""
+        """The numbers (n,) of the edges between pairs (n, 2) of points; -1: there is none."""
         low, high = pairs.min(axis=1), pairs.max(axis=1)
         key = low.astype(np.int64) * self._width + high
         place = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
@@ -58,7 +58,7 @@ class Topology:
 
     @cached_property
     def beside(self) -> np.ndarray:
-        """The two triangles (k, 2) at each edge; the second is -1 on the surface's own edge."""
+        """The two triangles (k, 2) at each edge; the second is -1 on the surface's boundary."""
         last = np.empty(len(self._keys), dtype=np.int64)
         last[self.of_sides.T.ravel()] = np.arange(self.of_sides.size)
         triangles = np.column_stack([self._first, last]) % max(len(self.triangles), 1)
@@ -72,7 +72,7 @@ class Topology:
 
     @cached_property
     def opposite(self) -> np.ndarray:
-        """The corners (k, 2) of the triangles beside each edge that are not on it; -1 where there is no triangle."""
+        """The corners (k, 2) opposite to each edge; -1: there is no triangle."""
         sums = self.triangles.sum(axis=1)
         return np.where(self.beside >= 0, sums[self.beside] - self.edges.sum(axis=1)[:, None], -1)
 
@@ -86,7 +86,7 @@ def lowest_around(values: Floats, edges: np.ndarray, count: int) -> Floats:
 
 
 def summed(of: np.ndarray, values: Floats, count: int) -> Floats:
-    """The sums (count,) or (count, d) of values (k,) or (k, d), each added to its own in their order."""
+    """Sums (count,) or (count, d) of values (k,) or (k, d) by number (k,), in their order."""
     if values.ndim == 1:
         return np.asarray(np.bincount(of, values, count), dtype=np.float64)
     return np.column_stack([np.bincount(of, column, count) for column in values.T])
@@ -94,7 +94,7 @@ def summed(of: np.ndarray, values: Floats, count: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept."""
+    """A first triangulation, which coordinates (n, 3) of points are held, whether edges are kept."""
 
     surface: Surface
     held: np.ndarray
@@ -110,15 +110,12 @@ class ExactSurface(ABC):
 
     @abstractmethod
     def project(self, x: Floats, held: np.ndarray) -> Floats:
-        """Points (n, 3) of the surface near points (n, 3) close to it; coordinates that are held (n, 3) stay."""
+        """Points (n, 3) of the surface near points (n, 3); held coordinates (n, 3) stay."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """Points (n, 3), triangles with their edges, coordinates held (n, 3), points that stay (n,), sharp edges (k, 2).
-
-    Sharp edges are kept, and the surface's own edge always is. `sizes` (n,) are the target lengths at the points.
-    """
+    """Points (n, 3) with target lengths (n,), coordinates held (n, 3), fixed points (n,), sharp edges (k, 2)."""
 
     points: Floats
     sizes: Floats
@@ -129,17 +126,15 @@ class SurfaceMesh:
 
     @property
     def triangles(self) -> np.ndarray:
-        """The points (m, 3) of each triangle."""
         return self.topology.triangles
 
     @property
     def corners(self) -> Floats:
-        """The triangles' corners, (m, 3 corners, 3)."""
         return self.points[self.triangles]
 
     @cached_property
     def kept(self) -> np.ndarray:
-        """Which edges (k,) are sharp or the surface's own."""
+        """Which edges (k,) are sharp or the surface's boundary."""
         kept = self.topology.open.copy()
         kept[self.topology.number(self.sharp)] = True
         return kept
@@ -151,7 +146,7 @@ class SurfaceMesh:
 
     @cached_property
     def lengths(self) -> Floats:
-        """The lengths (k,) of edges in units of the target size there, in six digits."""
+        """The lengths (k,) of edges over the target there, to six digits."""
         edges = self.topology.edges
         first, second = self.points[edges].transpose(1, 0, 2)
         wanted = self.sizes[edges].mean(axis=1)
@@ -167,7 +162,7 @@ class Remesher:
     curves: Triangles | None  # the sharp edges, as triangles without area
 
     def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
-        """Points (n, 3) carried onto the surface, those on sharp edges onto these; rounded to the frame's grid."""
+        """Points (n, 3) carried onto the surface or its sharp edges, rounded to the frame's grid."""
         on_curve = on_curve & (self.curves is not None)
         result = np.empty_like(points)
         if self.curves is not None:
@@ -177,10 +172,7 @@ class Remesher:
 
 
 def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
-    """The surface triangulated with edges about as long as `size` says at points (n, 3).
-
-    Raises MeshError if the iteration does not converge.
-    """
+    """The surface triangulated with edges about as long as `size` says at points (n, 3)."""
     mesh, curves = _begun(draft, size)
     task = Remesher(exact, size, curves)
     points = task.projected(mesh.points, mesh.held, mesh.on_curve)
@@ -234,7 +226,6 @@ def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
 
 
 def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
-    """Split long edges at their midpoints, and the triangles there."""
     topology, long = mesh.topology, mesh.lengths > LONG
     if not long.any():
         return mesh
@@ -259,7 +250,7 @@ def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.ndarray:
-    """Triangles cut at the points in the middle of their sides (m, 3), -1 where there is none."""
+    """Triangles cut at the middles of their sides (m, 3), -1: the side is not cut."""
     cut, parts = middles >= 0, []
     number = cut.sum(axis=1)
     # Turned so that the first side, or all but the last one, is cut.
@@ -282,7 +273,6 @@ def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.n
 
 
 def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
-    """Collapse short edges unless a triangle turns over or an edge becomes too long."""
     for _ in range(6):
         candidates = _collapsible(mesh, np.flatnonzero(mesh.lengths < SHORT))
         before, mesh = mesh, _collapse_some(task, mesh, candidates) if len(candidates) else mesh
@@ -292,7 +282,7 @@ def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _collapsible(mesh: SurfaceMesh, which: np.ndarray) -> np.ndarray:
-    """The edges among some (k,) that may vanish without changing the topology of the surface and of its kept edges."""
+    """Which of some edges (k,) may vanish without changing the topology of surface and kept edges."""
     from scipy.sparse import coo_matrix
 
     edges, count = mesh.topology.edges, len(mesh.points)
@@ -308,7 +298,7 @@ def _collapsible(mesh: SurfaceMesh, which: np.ndarray) -> np.ndarray:
 
 
 def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) -> SurfaceMesh:
-    """The mesh without those candidates (k,) that are shortest around; the same one if none may vanish."""
+    """The mesh without those candidates (k,) that are shortest around."""
     edges, count = mesh.topology.edges, len(mesh.points)
     rank = _ranks(mesh.lengths[candidates])
     # No two whose ends are neighbours: then no triangle is touched by both.
@@ -340,7 +330,6 @@ def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) ->
 
 
 def _ranks(values: Floats) -> Floats:
-    """The place (k,) of each value in ascending order."""
     ranks = np.empty(len(values))
     ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
     return ranks
@@ -371,12 +360,11 @@ def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floa
 
 
 def _longest(corners: Floats) -> Floats:
-    """The longest side (m,) of triangles (m, 3 corners, 3)."""
     return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
 
 
 def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
-    """Which triangles (m, 3 corners, 3) turn so far that the cosine is less; those that have no area yet may."""
+    """Which triangles (m, 3, 3) turn until the cosine is less; those without area yet may."""
     old, new = vector_areas(before), vector_areas(after)
     proper = np.linalg.norm(old, axis=1) > FLAT * _longest(before) ** 2
     return np.asarray(proper & ((unit(old) * unit(new)).sum(axis=1) < least))
@@ -415,7 +403,7 @@ def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Floats:
-    """The least angle's sine, nearly: area over the product of the two longest sides; 0 for needles and caps."""
+    """The least angle's sine, nearly: area over the product of the two longest sides."""
     # Components first: sums over three neighbouring numbers take several times as long.
     places = np.ascontiguousarray(points.T)
     p, q, r = (places[:, corner] for corner in (a, b, c))
@@ -427,7 +415,7 @@ def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> F
 
 
 def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
-    """Move points along the surface towards the mean of their neighbours, with larger weights of finer ones."""
+    """Move points along the surface towards the mean of their neighbours, weighted by their fineness."""
     of, wanted = mesh.triangles.T.ravel(), mesh.sizes[mesh.triangles].mean(axis=1)
     areas = vector_areas(mesh.corners)
     weight = np.linalg.norm(areas, axis=1) / wanted**3
@@ -451,7 +439,7 @@ def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _towards(mesh: SurfaceMesh, of: np.ndarray, weights: Floats, places: Floats) -> Floats:
-    """The ways (n, 3) from the points to the weighted mean of positions (k, 3), each of a point (k,)."""
+    """Vectors (n, 3) from the points to the weighted means of positions (k, 3) by point (k,)."""
     total = summed(of, weights, len(mesh.points))
     pull = summed(of, weights[:, None] * places, len(mesh.points))
     return pull / np.maximum(total, 1e-300)[:, None] - mesh.points

@@ -1,4 +1,4 @@
-"""Triangulated surfaces: making, refining, checking and cutting them, and the points of them that are nearest."""
+"""Triangulated surfaces: making, checking, cutting and searching."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ Indices = np.ndarray  # (m, 2) or (m, 3) of integers
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Points (n, 3) and triangles (m, 3) of their indices, counter-clockwise seen from outside."""
+    """Points (n, 3) and triangles (m, 3), counter-clockwise seen from outside."""
 
     points: Floats
     triangles: Indices
@@ -42,7 +42,6 @@ class Surface:
 
     @property
     def corners(self) -> Floats:
-        """The triangles' corners, (m, 3 corners, 3)."""
         return self.points[self.triangles]
 
     @cached_property
@@ -53,12 +52,12 @@ class Surface:
 
 
 def sides(triangles: Indices) -> Indices:
-    """The directed sides of triangles (m, 3), (3m, 2)."""
+    """The directed sides (3m, 2) of triangles (m, 3)."""
     return np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
 def vector_areas(corners: Floats) -> Floats:
-    """Normals (m, 3) of triangles (m, 3 corners, 3), as long as the areas."""
+    """Normals (m, 3) of triangles (m, 3, 3), as long as the areas."""
     return np.asarray(0.5 * cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
@@ -72,7 +71,7 @@ def sphere(frequency: int) -> Surface:
 
 
 def hull_of(points: Floats) -> Surface:
-    """The convex hull of points (n, 3) about the origin as triangles seen counter-clockwise from outside."""
+    """The convex hull of points (n, 3) about the origin."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -90,7 +89,7 @@ def hull_of(points: Floats) -> Surface:
 
 
 def box(half_sides: Floats, spacing: float) -> Surface:
-    """A box about the origin whose sides are cut into parts of at most `spacing`."""
+    """A box about the origin, its sides cut into parts of at most `spacing`."""
     counts = np.ceil(2.0 * half_sides / spacing)
     counts = np.clip(
         counts * min(1.0, (MOST_POINTS / max(6.0 * counts.max() ** 2, 1.0)) ** 0.5), 1, None
@@ -120,10 +119,7 @@ def grid(us: Floats, vs: Floats) -> tuple[Floats, Indices]:
 
 
 def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
-    """The surface whose points that agree to a tolerance are one, without triangles of fewer than three points.
-
-    Points of no triangle are left out.
-    """
+    """The surface with one of the points that agree to a tolerance, without collapsed triangles."""
     rounded = np.round(points / tolerance)
     _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     triangles = inverse.ravel()[triangles]
@@ -133,10 +129,7 @@ def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
 
 
 def refined(surface: Surface, spacing: float) -> Surface:
-    """The surface with its triangles cut into equal parts until no side is longer than `spacing`.
-
-    All triangles are cut alike, so that neighbours keep sharing their points.
-    """
+    """The surface with all triangles cut alike until no side is longer than `spacing`."""
     parts = max(1, int(np.ceil(surface.spacing / spacing)))
     most = max(1, int(np.sqrt(2.0 * MOST_POINTS / max(len(surface.triangles), 1))))
     return surface if min(parts, most) == 1 else _split(surface, min(parts, most))
@@ -172,11 +165,7 @@ def joined(surfaces: list[Surface]) -> Surface:
 
 
 def require_closed(surface: Surface, name: str) -> None:
-    """Refuse a surface that does not enclose one volume.
-
-    Raises SceneError with the number of open edges, of edges shared by more than two triangles, or of
-    separate parts, or if neighbouring triangles disagree on what is outside.
-    """
+    """Refuse a surface that does not enclose one volume. Raises SceneError with the reason."""
     directed = sides(surface.triangles)
     _, number, counts = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
@@ -205,7 +194,7 @@ def connected(count: int, links: Indices) -> Indices:
 
 
 def repaired(surface: Surface) -> Surface:
-    """The surface with points that agree taken as one, each triangle once, and all triangles in one sense."""
+    """The surface with equal points as one, each triangle once, and all triangles in one sense."""
     extent = float(np.ptp(surface.points, axis=0).max())
     surface = merged(surface.points, surface.triangles, DIGITS * max(extent, 1e-300))
     _, once = np.unique(np.sort(surface.triangles, axis=1), axis=0, return_index=True)
@@ -228,7 +217,7 @@ def require_plain(surface: Surface, name: str) -> None:
 
 
 def crossed(surface: Surface) -> np.ndarray:
-    """The triangles (k,) that edges of triangles elsewhere, with which they share no point, run through."""
+    """The triangles (k,) that edges run through with which they share no point."""
     edges, corners = surface.edges, surface.corners
     ends = surface.points[edges]
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -247,7 +236,7 @@ def crossed(surface: Surface) -> np.ndarray:
 
 
 def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
-    """Which segments (n, 2 ends, 3) run through the triangles (n, 3 corners, 3)."""
+    """Which segments (n, 2, 3) run through the triangles (n, 3, 3)."""
     along, first = ends[:, 1] - ends[:, 0], corners[:, 1] - corners[:, 0]
     second = corners[:, 2] - corners[:, 0]
     # start + t along = corner + u first + v second
@@ -262,7 +251,7 @@ def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Spatial index of triangles (m, 3 corners, 3), which may be segments or points."""
+    """Spatial index of triangles (m, 3, 3), which may be segments or points."""
 
     corners: Floats
 
@@ -281,7 +270,7 @@ class Triangles:
         return tree(self.corners.reshape(-1, 3))
 
     def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of points (n, 3) and triangles (k,) each that may be as near as `within` (a length, or (n,))."""
+        """Rows of points (n, 3) and triangles (k,) that may be as near as `within` (a length, or (n,))."""
         # A point at a corner is as far from a centroid as the triangle reaches: round-off must not lose it.
         around = np.broadcast_to(within, len(points)) + ROUND_OFF * self._reach.max()
         row, triangle = _matches(self._centroids, points, around + self._reach.max())
@@ -290,7 +279,7 @@ class Triangles:
         return row[close], triangle[close]
 
     def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
-        """The nearest points (n, 3); rows of points and triangles (k,) each that are as near but for a slack."""
+        """The nearest points (n, 3); rows and triangles (k,) that are as near but for a slack."""
         result, before = [(np.empty((0, 3)), np.empty(0, int), np.empty(0, int))], 0
         for block in self._blocks(points):
             row, triangle = self.near(block, self._corners.query(block)[0] + slack)
@@ -305,7 +294,6 @@ class Triangles:
         return feet, row, triangle
 
     def _blocks(self, points: Floats) -> Iterator[Floats]:
-        """Points a few at a time, so that what is near them does not fill the memory."""
         reach = self._corners.query(points)[0] + self._reach.max()
         pairs = int(self._centroids.query_ball_point(points, reach, return_length=True).sum())
         return (block for block in np.array_split(points, 1 + pairs // BLOCK) if len(block))
@@ -319,7 +307,7 @@ def tree(points: Floats) -> "cKDTree":
 
 
 def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of points (n, d) and numbers of indexed points (k,) each that are within distances (n,)."""
+    """Rows of points (n, d) and numbers of indexed points (k,) within distances (n,)."""
     result = index.query_ball_point(points, within)
     counts = np.fromiter(map(len, result), int, len(result))
     indices = np.fromiter(chain.from_iterable(result), int, counts.sum())
@@ -327,7 +315,7 @@ def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarr
 
 
 def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
-    """The nearest points (..., 3) of triangles (..., 3 corners, 3) to points (..., 3); leading axes broadcast."""
+    """The nearest points (..., 3) of triangles (..., 3, 3) to points (..., 3)."""
     a = corners[..., 0, :]
     ab, ac, away = corners[..., 1, :] - a, corners[..., 2, :] - a, x - a
     aa, bb, cross = (ab * ab).sum(-1), (ac * ac).sum(-1), (ab * ac).sum(-1)
@@ -352,7 +340,7 @@ def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
 
 
 def grouped(owner: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """The values (k,) of each of `count` owners (k,) in a row, shorter rows filled up with their last value."""
+    """The values (k,) of each of `count` owners (k,) in a row, filled up with its last value."""
     values = values[np.argsort(owner, kind="stable")]
     number = np.bincount(owner, minlength=count)
     place = np.minimum(np.arange(number.max(initial=1)), number[:, None] - 1)
@@ -360,7 +348,7 @@ def grouped(owner: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 
 
 class Cloud:
-    """Triangles with their distance from points, which is that of the triangles around the nearest vertex."""
+    """Triangles whose distance is that of those around the nearest vertex."""
 
     def __init__(self, surface: Surface):
         self.corners, self.spacing = surface.corners, surface.spacing
@@ -369,7 +357,6 @@ class Cloud:
         self.around = grouped(flat, np.arange(len(flat)) // 3, len(surface.points))
 
     def distance(self, x: Floats) -> Floats:
-        """The distances (n,) of points (n, 3)."""
         distance, nearest = self.vertices.query(x)
         near = np.flatnonzero(distance < CLOSE * self.spacing)
         feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
@@ -380,7 +367,7 @@ class Cloud:
 
 
 def in_blocks(level: Callable[[Floats], Floats], x: Floats) -> Floats:
-    """The level (n,) at points (n, 3), requested a few at a time so that pairs with many pieces fit into memory."""
+    """The level (n,) at points (n, 3), a few at a time."""
     parts = np.array_split(x, 1 + len(x) // LEVELS)
     return np.concatenate([level(part) for part in parts])
 
@@ -388,10 +375,7 @@ def in_blocks(level: Callable[[Floats], Floats], x: Floats) -> Floats:
 def level_surface(
     level: Callable[[Floats], Floats], axes: tuple[Floats, Floats, Floats]
 ) -> Surface:
-    """The surface level = 0 within a grid given by its abscissae along three axes; it faces growing levels.
-
-    Where the surface meets the grid's outside its vertices lie there.
-    """
+    """The surface level = 0 within a grid of abscissae along three axes; it faces growing levels."""
     import pyvista  # which takes time to import
 
     grid = pyvista.StructuredGrid(*np.meshgrid(*axes, indexing="ij"))
@@ -407,7 +391,7 @@ def level_surface(
 
 
 def halved(surface: Surface) -> Surface:
-    """The part of a surface with y >= 0, cut in 2-D y = 0, on which the new edge's vertices lie exactly."""
+    """The part of a surface with y >= 0, with the vertices of its new edge exactly on y = 0."""
     points, ends = surface.points.copy(), surface.edges
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     shortest = np.full(len(points), np.inf)

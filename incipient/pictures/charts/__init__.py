@@ -1,1 +1,1 @@
-"""Charts of studies of cost, sweeps, surveys and series."""
+"""Charts of studies of cost, searches, sweeps and surveys."""

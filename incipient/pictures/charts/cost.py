@@ -1,7 +1,4 @@
-"""The chart of a study of cost: errors against CPU time and memory, and the frontier.
-
-Colours and marks tell orders apart; an error below the uncertainty of the reference is a hollow mark.
-"""
+"""The chart of a study of cost: errors against CPU time and memory, and the frontier."""
 
 from __future__ import annotations
 
@@ -16,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from ...cost.frontier import WORTH, CostLaw, front, percent
-from ..record import drawn
 from ..style import INK, Looks
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
@@ -27,19 +23,15 @@ _BELOW = "below the doubt about the reference"
 Runs = Sequence[dict[str, Any]]
 
 
-def draw(directory: Path) -> list[Path]:
-    """Draw cost.png from the cost.json of a directory; raises as `record.drawn`. Not collective."""
-    return drawn(directory / "cost.json", _figure, "make the study again")
-
-
-def _figure(stored: dict[str, Any]) -> Figure:
-    figure = Figure(figsize=(9.4, 5.2))
+def figure(stored: dict[str, Any], directory: Path) -> Figure:
+    """Error against CPU time and memory, and the frontier."""
+    sheet = Figure(figsize=(9.4, 5.2))
     title = stored["title"] or "What accuracy costs"
-    figure.text(0.085, 0.97, title, fontsize=11.5, weight="bold", va="top", parse_math=False)
+    sheet.text(0.085, 0.97, title, fontsize=11.5, weight="bold", va="top", parse_math=False)
     sentence = "\n".join(textwrap.wrap(stored["sentence"], 125))
-    figure.text(0.085, 0.915, sentence, fontsize=9, va="top", linespacing=1.3)
-    panels = figure.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))
-    figure.subplots_adjust(left=0.085, right=0.98, top=0.8, bottom=0.19, wspace=0.06)
+    sheet.text(0.085, 0.915, sentence, fontsize=9, va="top", linespacing=1.3)
+    panels = sheet.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))
+    sheet.subplots_adjust(left=0.085, right=0.98, top=0.8, bottom=0.19, wspace=0.06)
     for axes, (key, label) in zip(panels, _PANELS, strict=True):
         _show(axes, stored["judged"], key)
         if doubt := stored["reference"]["doubt"]:
@@ -50,11 +42,11 @@ def _figure(stored: dict[str, Any]) -> Figure:
         _draw_law(panels[0], CostLaw(**stored["law"]), stored["judged"])
     panels[0].set_ylabel("relative error")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=5, fontsize=8)
+    sheet.legend(handles, labels, loc="lower center", ncols=5, fontsize=8)
     panels[0].text(
         0.98, 0.96, "beside marks: mesh_size", fontsize=7, ha="right", transform=panels[0].transAxes
     )
-    return figure
+    return sheet
 
 
 def _show(axes: Axes, runs: Runs, key: str) -> None:
@@ -94,7 +86,6 @@ def _mark(axes: Axes, runs: Runs, key: str, order: int, resolved: bool) -> None:
 
 
 def _name_frontier(axes: Axes, runs: Runs) -> None:
-    """Cells and steps of the runs on the frontier, below and left of it, where no run is."""
     for run in (run for run in runs if run["on_frontier"]):
         step = "" if run["step"] is None else f", step {run['step']:.3g}"
         text, at = f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"])
@@ -103,7 +94,6 @@ def _name_frontier(axes: Axes, runs: Runs) -> None:
 
 
 def _draw_law(axes: Axes, law: CostLaw, runs: Runs) -> None:
-    """The fitted law, a digit beyond the runs on either side."""
     (low, high), limits = axes.get_xlim(), axes.get_ylim()
     errors = np.geomspace(*limits, 60)
     times = [law.time(error) for error in errors]

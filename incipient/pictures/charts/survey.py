@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -17,51 +16,32 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from ...arrays import Floats
-from ...errors import OutputError
 from ...files import replaced
-from ...input_files import reading
 from .. import style
-from ..record import drawn
+from ..record import table
 
-_WIDE, _HIGH = 10.0, 7.6  # inches
+_SIZE = (10.0, 7.6)  # inches
 _ROUND = 16  # points around a sphere for ParaView
 _DARKEST = 0.55  # shade of the lowest spheres
 
 
-def draw(directory: Path) -> list[Path]:
-    """Draw survey.png and write survey.vtp, from the files of a survey in a directory. Not collective.
-
-    Raises OutputError as `record.drawn` does.
-    """
-    grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
-    pictures = drawn(
-        directory / "survey.json",
-        lambda stored: _figure(stored, grains, spheres),
-        "survey it again",
-    )
-    return [*pictures, _for_paraview(directory / "survey.vtp", grains, spheres)]
-
-
-def _table(path: Path) -> dict[str, Floats]:
-    """The columns with numbers of a CSV file; empty cells are NaN."""
-    with reading(path, "survey it again", error=OutputError):
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
-        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
-
-
-def _figure(
-    stored: dict[str, Any], grains: dict[str, Floats], spheres: dict[str, Floats]
-) -> Figure:
-    figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
-    sides = figure.subplots(2, 2)
-    _map(figure, sides[0, 0], stored, grains, spheres)
+def figure(stored: dict[str, Any], directory: Path) -> Figure:
+    """The bed from above and its distributions. Raises OutputError for damaged tables."""
+    grains, spheres = _tables(directory)
+    sheet = Figure(figsize=_SIZE, layout="constrained")
+    sides = sheet.subplots(2, 2)
+    _map(sheet, sides[0, 0], stored, grains, spheres)
     _pivots(sides[0, 1], stored, grains)
     _mobile(sides[1, 0], stored)
     _by_protrusion(sides[1, 1], grains)
-    figure.suptitle(textwrap.fill(stored["title"] or "A bed of grains", 80), fontsize="medium")
-    return figure
+    sheet.suptitle(textwrap.fill(stored["title"] or "A bed of grains", 80), fontsize="medium")
+    return sheet
+
+
+def _tables(directory: Path) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    again = "survey it again"
+    grains = table(directory / "grains.csv", again, "loads", "mode")
+    return grains, table(directory / "spheres.csv", again)
 
 
 def _map(
@@ -71,7 +51,6 @@ def _map(
     grains: dict[str, Floats],
     spheres: dict[str, Floats],
 ) -> None:
-    """All spheres from above, the higher over the lower; free grains coloured by their threshold."""
     order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
     top = spheres["z"][order]
     shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
@@ -107,7 +86,6 @@ def _map(
 
 
 def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
-    """Thresholds of grains, without any the pivot angles of free grains; their label and limits of colour."""
     if "stress" in grains and np.isfinite(grains["stress"]).any():
         values = grains["stress"]
         finite = values[np.isfinite(values) & (values > 0.0)]
@@ -121,7 +99,6 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
 
 
 def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> None:
-    """Fraction of the free grains below a pivot angle, reduced to the median size, beside Kirchner's law."""
     free = grains["carries"] == 0.0
     sizes = grains["diameter"][free] / stored["bed"]["median_diameter"]
     reduced = np.sort(grains["pivot"][free] * sizes**0.3)
@@ -146,7 +123,6 @@ def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> No
 
 
 def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
-    """Fraction of the free grains that is mobile against the Shields number."""
     curve, others = stored["mobile"], stored["constant_drag"]
     if curve:
         level = stored["emulator"].get("level", 0.95)  # earlier records have none
@@ -175,7 +151,6 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
 
 
 def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
-    """Critical Shields number, or without loads the pivot angle, against protrusion."""
     free = grains["carries"] == 0.0
     axes.set_xlabel("protrusion over the mean surface [diameters]")
     if "shields" not in grains or not np.isfinite(grains["shields"]).any():
@@ -195,8 +170,9 @@ def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
     axes.set(yscale="log", ylabel="critical Shields number [-]")
 
 
-def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floats]) -> Path:
-    """Write the spheres as triangles with numbers, diameters and thresholds; NaN where there is none."""
+def for_paraview(directory: Path) -> Path:
+    """Write the spheres as triangles with numbers, diameters and thresholds, NaN where there is none; the path."""
+    grains, spheres = _tables(directory)
     centres = pyvista.PolyData(np.column_stack([spheres["x"], spheres["y"], spheres["z"]]))
     centres["number"] = np.arange(centres.n_points, dtype=float)
     centres["diameter"] = spheres["diameter"]
@@ -207,6 +183,7 @@ def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floa
         centres[name] = values
     ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
     balls = centres.glyph(scale="diameter", orient=False, geom=ball)
+    path = directory / "survey.vtp"
     with replaced(path, path.with_suffix(".part.vtp")) as part:
         balls.save(part)
     return path

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -21,20 +22,23 @@ from ...sweep.store import Store
 from ...sweep.table import columns, rows
 from .. import style
 from ..style import Looks
-from .sweep_axes import (
-    COLOURS,
-    MARKERS,
-    ONE_GRAIN_AND_BEDS,
-    beside_soulsby_whitehouse,
-    choose_scale,
-    figure_of,
-    legend,
-    name_of,
-)
+from .shields import LARGEST_DIAMETER, beside_soulsby_whitehouse
 
 Rows = list[dict[str, Any]]
 
 _MANY = 20  # curves, above which only as many are drawn as there are colours
+_ONE_GRAIN_AND_BEDS = (
+    "Points: one grain in a steady flow without gusts; incipient entrainment gives its number by probability. "
+    "Dashed: a fit to what was seen of beds of many grains in turbulent flow, at no stated probability."
+)
+_NAMES = {
+    "shields": LARGEST_DIAMETER,
+    "shields_nominal": "critical Shields number (nominal diameter)",
+    "reynolds": "critical Reynolds number",
+}
+_MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
+_COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
+_DECADE = 8.0  # ratio of largest to smallest value from which a scale is logarithmic
 
 
 def draw(
@@ -48,8 +52,7 @@ def draw(
 
     Args:
         quantity: column to draw; default: the critical Shields number, otherwise the safety factor.
-        against:  column to draw it against; default: the first key that the sweep varies.
-        by:       a curve for each value of this column; default: the next key.
+        against, by: columns of the abscissa and of the curves; default: the first keys that the sweep varies.
 
     Raises:
         OutputError: nothing has been computed yet, or a picture cannot be written.
@@ -71,16 +74,10 @@ def draw(
             figures["threshold"] = _shields(cases, by, file)
         if by is not None and len(varied) > 1 and _numbers(cases, against) and _numbers(cases, by):
             figures["map"] = _map(cases, against, by, file)
-        return _saved(figures, file, announce)
-
-
-def _saved(
-    figures: Mapping[str, Figure], file: Path, announce: Callable[[Path], object]
-) -> list[Path]:
-    paths = [file.with_name(f"{file.stem}_{name}.png") for name in figures]
-    for path, figure in zip(paths, figures.values(), strict=True):
-        style.save(figure, path)
-        announce(path)
+        paths = [file.with_name(f"{file.stem}_{name}.png") for name in figures]
+        for path, figure in zip(paths, figures.values(), strict=True):
+            style.save(figure, path)
+            announce(path)
     return paths
 
 
@@ -88,8 +85,8 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     for name in filter(None, (quantity, against, by)):
         if not any(name in row for row in cases):
             raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(cases))}")
-    figure, axes = figure_of(
-        (row["source"] for row in cases), f"{name_of(quantity)} against {name_of(against)}"
+    figure, axes = _figure_of(
+        (row["source"] for row in cases), f"{_name_of(quantity)} against {_name_of(against)}"
     )
     shown = [row for row in cases if quantity in row and against in row]
     if not _numbers(shown, quantity):
@@ -104,17 +101,16 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     if worded:
         axes.set_xticks(list(places.values()), [str(value) for value in places])
     else:
-        choose_scale(axes.set_xscale, [row[against] for row in shown])
-    choose_scale(axes.set_yscale, [row[quantity] for row in shown])
+        _choose_scale(axes.set_xscale, [row[against] for row in shown])
+    _choose_scale(axes.set_yscale, [row[quantity] for row in shown])
     if quantity == "safety_factor":
         axes.axhline(1.0, color=style.INK, lw=0.8, ls=":")
-    axes.set(xlabel=name_of(against), ylabel=name_of(quantity))
-    legend(axes, by)
+    axes.set(xlabel=_name_of(against), ylabel=_name_of(quantity))
+    _legend(axes, by)
     return figure
 
 
 def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: Looks) -> None:
-    """Values with their error bars, joined in the order of x; infinite ones are left out."""
     order = np.argsort(x, kind="stable")
     rows_in_order = [mine[number] for number in order]
     y = np.array([float(row[quantity]) for row in rows_in_order])
@@ -131,15 +127,14 @@ def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: L
 
 
 def _families(cases: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
-    """The rows of each value of a column, with label and looks; of many values those that most rows have."""
     counted = Counter(None if by is None else row.get(by) for row in cases)
     values = list(counted)
     if len(values) > _MANY:  # a refined sweep has cases at values of their own
-        values = [value for value, _ in counted.most_common(len(COLOURS))]
+        values = [value for value, _ in counted.most_common(len(_COLOURS))]
     if by is not None and _numbers(cases, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
     families = []
-    for value, marker, colour in zip(values, cycle(MARKERS), cycle(COLOURS), strict=False):
+    for value, marker, colour in zip(values, cycle(_MARKERS), cycle(_COLOURS), strict=False):
         shown = f"{value:.4g}" if isinstance(value, float) else str(value)
         mine = [row for row in cases if by is None or row.get(by) == value]
         families.append(("" if by is None else shown, mine, {"marker": marker, "color": colour}))
@@ -147,12 +142,11 @@ def _families(cases: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
 
 
 def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
-    """Critical Shields number against grain Reynolds number beside the curve of Soulsby and Whitehouse."""
     critical = [row for row in cases if 0.0 < row.get("shields", 0.0) < math.inf]
     if not critical:
         raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
-    figure, axes = figure_of(
-        (row["source"] for row in cases), "Critical Shields number", note=ONE_GRAIN_AND_BEDS
+    figure, axes = _figure_of(
+        (row["source"] for row in cases), "Critical Shields number", note=_ONE_GRAIN_AND_BEDS
     )
     families = (
         _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
@@ -161,22 +155,21 @@ def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
         x = np.array([float(row["shear_reynolds"]) for row in mine])
         _plot(axes, x, mine, "shields", label or "one grain, laminar flow", looks)
     beside_soulsby_whitehouse(axes)
-    legend(axes, by if len(families) > 1 else None)
+    _legend(axes, by if len(families) > 1 else None)
     return figure
 
 
 def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
-    """Modes as marks, and the safety factor in colour with the line S = 1; without it the critical Shields number."""
     shown = [row for row in cases if across in row and up in row]
     value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
-    figure, axes = figure_of((row["source"] for row in cases), f"Mode and {name_of(value)}")
+    figure, axes = _figure_of((row["source"] for row in cases), f"Mode and {_name_of(value)}")
     x, y = (np.array([float(row[name]) for row in shown]) for name in (across, up))
-    choose_scale(axes.set_xscale, x.tolist())
-    choose_scale(axes.set_yscale, y.tolist())
-    axes.set(xlabel=name_of(across), ylabel=name_of(up))
+    _choose_scale(axes.set_xscale, x.tolist())
+    _choose_scale(axes.set_yscale, y.tolist())
+    axes.set(xlabel=_name_of(across), ylabel=_name_of(up))
     _colour(figure, axes, x, y, shown, value)
     modes = sorted({str(row.get("mode", "")) for row in shown})
-    for mode, marker, colour in zip(modes, cycle(MARKERS), cycle(COLOURS), strict=False):
+    for mode, marker, colour in zip(modes, cycle(_MARKERS), cycle(_COLOURS), strict=False):
         mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
         looks: Looks = {
             "color": colour,
@@ -186,12 +179,11 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
             "label": mode or "no verdict",
         }
         axes.plot(x[mine], y[mine], marker, clip_on=False, **looks)
-    legend(axes, None)
+    _legend(axes, None)
     return figure
 
 
 def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value: str) -> None:
-    """The values between the cases, interpolated on triangles on the scales of the axes."""
     values = np.array([float(row.get(value, math.nan)) for row in shown])
     good = np.isfinite(values) & (values > 0.0)
     if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
@@ -204,15 +196,39 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
     logs = np.log10(values[good])
     filled = axes.tricontourf(shape, logs, levels=12, cmap="Greys", alpha=0.5)
     bar = figure.colorbar(filled, ax=axes, pad=0.02)
-    bar.set_label(f"log10 of the {name_of(value)}")
+    bar.set_label(f"log10 of the {_name_of(value)}")
     if value == "safety_factor" and logs.min() < 0.0 < logs.max():
         line = axes.tricontour(shape, logs, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
         axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
 
 
 def _numbers(cases: Rows, name: str) -> bool:
-    """Whether a column holds numbers alone."""
     values = [row[name] for row in cases if name in row]
     return bool(values) and all(
         isinstance(one, int | float) and not isinstance(one, bool) for one in values
     )
+
+
+def _figure_of(sources: Iterable[str], title: str, note: str = "") -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+    axes = figure.subplots()
+    axes.set_title(f"{title}  ({', '.join(dict.fromkeys(sources))})")
+    axes.grid(color="#e2e2e2", lw=0.5)
+    axes.set_axisbelow(True)
+    figure.supxlabel(textwrap.fill(note, 105), fontsize=8, x=0.02, ha="left")
+    return figure, axes
+
+
+def _legend(axes: Axes, by: str | None) -> None:
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(title=by and _name_of(by), fontsize=8, title_fontsize=8, framealpha=0.9)
+
+
+def _choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
+    known = [value for value in values if math.isfinite(value)]
+    if known and min(known) > 0.0 and max(known) > _DECADE * min(known):
+        set_scale("log")
+
+
+def _name_of(column: str) -> str:
+    return column if "." in column else _NAMES.get(column, column.replace("_", " "))

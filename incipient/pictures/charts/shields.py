@@ -1,32 +1,46 @@
-"""Shields' diagram with the point of a flume."""
+"""Shields' diagram: the curve of Soulsby and Whitehouse (1997), and the point of a flume."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...files import require_ending
 from ...flumes.answer import FlumeAnswer
-from ...flumes.thresholds import OFTEN, SELDOM, natural_bed, zanke
+from ...flumes.thresholds import OFTEN, SELDOM, natural_bed, soulsby_whitehouse, zanke
 from .. import style
-from .sweep_axes import beside_soulsby_whitehouse
 
-_DIMENSIONLESS = np.geomspace(1.2, 1150.0, 60)  # D* of Zanke's table
+LARGEST_DIAMETER = "critical Shields number (largest diameter)"
+# Dimensionless diameters D* of the curve and of Zanke's table, Reynolds numbers of natural beds.
+_CURVE, _TABLE = np.geomspace(1.0, 400.0, 200), np.geomspace(1.2, 1150.0, 60)
 _REYNOLDS = np.geomspace(0.1, 299.0, 60)
 
 
-def draw(answer: FlumeAnswer, path: Path) -> None:
+def beside_soulsby_whitehouse(axes: Axes) -> None:
+    """Draw their curve, and name the axes."""
+    shields = soulsby_whitehouse(_CURVE)
+    reynolds = np.sqrt(shields * _CURVE**3)
+    label = "Soulsby & Whitehouse (1997)"
+    axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
+    axes.set(
+        xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel=LARGEST_DIAMETER
+    )
+
+
+def draw_flume(answer: FlumeAnswer, path: Path) -> None:
     """Draw the flume's Shields number among critical ones to a PNG; raises OutputError. Not collective."""
     require_ending(path, ".png")
     with style.applied():
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         axes = figure.add_subplot()
         beside_soulsby_whitehouse(axes)
-        shields = np.array([zanke(size) for size in _DIMENSIONLESS], dtype=float)
-        reynolds = np.sqrt(shields * _DIMENSIONLESS**3)
-        axes.plot(reynolds, shields, ":", color=style.WEIGHT, label="Zanke (2003)")
+        shields = np.array([zanke(size) for size in _TABLE], dtype=float)
+        axes.plot(
+            np.sqrt(shields * _TABLE**3), shields, ":", color=style.WEIGHT, label="Zanke (2003)"
+        )
         beds = [natural_bed(float(at)) for at in _REYNOLDS]
         for probability, looks in ((SELDOM, "-"), (OFTEN, "-.")):
             medians = [bed.median(probability) for bed in beds if bed]

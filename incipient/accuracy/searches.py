@@ -1,0 +1,272 @@
+"""Searches by refinement of cells by their contribution, of all cells uniformly, or of cells and time steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
+from functools import partial
+from typing import cast
+
+import numpy as np
+
+from ..errors import IncipientError, Interrupted, MeshError
+from ..interrupt import told_where_kept
+from ..planning.discretisation import order_of
+from ..planning.effects import inertia
+from ..planning.layout import coarse_sizes
+from ..planning.wall_cells import coarsest as coarsest_at_walls
+from ..results.errorbars import Loads
+from ..scene import Scene
+from ..scene.numerics import OF_SURFACE, OF_WALLS
+from ..setup.setup import Setup
+from ..simulation.assemble import outcome
+from ..simulation.beside import InTurn
+from ..simulation.build import prepared
+from ..simulation.recorder import Recorder
+from ..simulation.simulate import loads_of, solved
+from ..simulation.state import Accounts, Run
+from ..simulation.steady import loads_at
+from . import next_mesh
+from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
+from .dual import GoalErrors
+from .errorbars import coarse_scenes, of_interaction, unit_of
+from .goal import relative
+from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
+from .search import Attempt, Estimate, Search, SearchRecorder, computed_loads
+from .sizing import gathered, resized
+from .terms import (
+    COARSEST_IN_SPACE,
+    OF_MESH,
+    by_both,
+    by_coarser_mesh,
+    by_coarser_runs,
+    by_dual,
+    is_corrected,
+)
+
+CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
+TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
+# Fraction left of an estimated error on cells smaller by `finish.COARSER_CELLS`: 1.5^-4.
+COMPARED = 0.2
+SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
+# The search ends after so many meshes with a smaller reduction of the error.
+LOOKED_AT, LEAST_FALL = 3, 0.8
+
+
+class DualWeighted(Search):
+    """Cells refined by their dual-weighted contributions to the error, together with the order."""
+
+    # Speed and improved loads of the previous mesh; the solved run of the first attempt, for the coarse runs.
+    _improved: tuple[float, Loads] | None = None
+    _at_hand: tuple[Run, ExitStack] | None = None
+    _plain = np.inf  # error of the uncorrected quantity on the last mesh
+    _compared = False  # whether corrected loads of two meshes were compared
+
+    def first(self, failures: int = 0) -> Attempt:
+        scene = self.scene
+        factor = 0.5**failures * coarsest(scene.gdim, inertia(Setup(scene)).present)
+        return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
+
+    @contextmanager
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
+        if self._at_hand is None:
+            with super().solved(attempt) as both:
+                yield both
+            return
+        (run, held), self._at_hand = self._at_hand, None
+        with held:
+            yield run, computed_loads(run)
+
+    def solve(self, run: Run) -> Loads:
+        force, torque = loads_at(run, self.speed)
+        return Loads(force.flow, torque.flow)
+
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        assert run.layout.placement is not None
+        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
+            plain = unit_of(run, self.speed)
+            unit = goals.allowance * plain
+            term = by_dual(goals, unit)
+            self._plain = self.goal.error(computed, term.force, term.torque)
+            before, self._improved = self._improved, (self.speed, goals.loads(plain))
+            self._compared = self._corrects and before is not None and before[0] == self.speed
+            if self._compared and before is not None:
+                term = by_both(term, goals, unit, before[1])
+            self.known.terms["discretisation"] = term
+            others = self.suited.terms if self.suited is not None else ()
+            between = of_interaction((*others, term), computed)
+            whole = (
+                term
+                if between is None
+                else replace(
+                    term, force=term.force + between.force, torque=term.torque + between.torque
+                )
+            )
+            error = self.goal.error(computed, whole.force, whole.torque)
+            if error <= self.allowed:
+                return Estimate(error, term, term.doubt)  # no next mesh
+            parts = [goals.shares(unit * goal) for goal in self.goal.goals(computed)]
+            shares = gathered(run.domain.mesh, parts)
+        return Estimate(error, term, term.doubt, shares=shares)
+
+    def target(self, estimate: Estimate) -> float:
+        """See `Strategy`.
+
+        The error of a corrected load follows from the previous mesh: cells smaller by a fixed factor suffice, unless
+        the uncorrected load needs less.
+        """
+        wanted = super().target(estimate)
+        if not (self._has_one_order and self._corrects):
+            return wanted
+        compared = min(COMPARED, wanted) if self._compared else COMPARED
+        return max(AIM * self.allowed / self._plain, compared)
+
+    def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
+        before, shares, gdim = order_of(attempt.scene), estimate.shares, attempt.scene.gdim
+        order, excess = next_order(before, 1.0 / left, gdim, self._highest)
+        together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
+        # Contributions may cancel: their sum may exceed the error.
+        cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
+        field, more = resized(shares, order, cancelling / excess, self.comm)
+        more *= UNKNOWNS[gdim][order] / UNKNOWNS[gdim][before]
+        sizing = partial(coarse_sizes, COARSEST, field)
+        unknowns = more * self.trials[-1].unknowns
+        work = max(1.0, more) ** TIME_GROWTH
+        return Attempt(self.set_up(attempt.scene, order), sizing, unknowns, work)
+
+    @property
+    def _corrects(self) -> bool:
+        return self.numerics.error_bars and is_corrected(self.scene)
+
+    @property
+    def _highest(self) -> int:
+        return highest_order(self.scene.gdim, inertia(Setup(self.scene)).present)
+
+    @property
+    def _has_one_order(self) -> bool:
+        return self._highest == next_mesh.ORDERS[0]
+
+    @contextmanager
+    def coarse_runs(self) -> Iterator[InTurn]:
+        """See `Strategy`; the last one may use the run of the first attempt."""
+        prepare = self._for_coarse_runs if self._has_one_order else None
+        with InTurn(self.comm, coarse_scenes, loads_of, prepare) as solve:
+            yield solve
+            self._at_hand = solve.handed_over(self.first().scene)
+
+    def _for_coarse_runs(self, coarse: Scene) -> AbstractContextManager[Run]:
+        first = self.first()
+        own = changed(coarse, numerics=first.scene.numerics.model_dump())
+        return prepared(own, self.comm, self.accounts, voice=self.voice, sizing=first.sizing)
+
+
+class Uniform(Search):
+    """Uniform refinement of a steady mean flow, each mesh compared with the two previous ones.
+
+    There is no dual solution of flow and turbulence.
+    """
+
+    _seen: list[tuple[Scene, Loads]]  # by mesh
+
+    def first(self, failures: int = 0) -> Attempt:
+        self._seen = []
+        most = COARSEST_IN_SPACE if self.scene.resolves_uneven_walls else LARGEST
+        size = 0.5**failures * COARSEST * self.numerics.mesh_size
+        return self._on(self.scene, min(size, most))
+
+    def _on(
+        self, scene: Scene, mesh_size: float, unknowns: float = 0.0, work: float = 1.0
+    ) -> Attempt:
+        sized = changed(self.set_up(scene), numerics={"mesh_size": mesh_size})
+        note = f"mesh_size {mesh_size:.3g}"
+        return Attempt(sized, unknowns=unknowns, work=work, note=note)
+
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        walls = run.wall_report()
+        doubt = "" if walls is None else walls.doubt
+        self._seen.append((run.scene, computed))
+        coarser = on_coarser_mesh(run.scene)
+        if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest_at_walls(Setup(self.scene)):
+            return Estimate(None)
+        for scene, there in reversed(self._seen[-3:-1]):
+            if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
+                self.known.loads[coarser.model_dump_json()] = there
+            coarser = on_coarser_mesh(coarser)
+        runs = KeptRuns(self.known.loads, self.spent, lambda each: loads_of(each, self.comm))
+        term = by_coarser_mesh(run.scene, computed, runs)
+        self.known.terms["discretisation"] = term
+        error = relative(self.goal, computed, term.with_changes(computed.unsteady))
+        if self.goal.name == OF_WALLS and walls is not None and term.shear is not None:
+            error = float(term.shear[walls.leading] / walls.shear_velocities[walls.leading])
+        return Estimate(error, term, doubt)
+
+    def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
+        known = [trial.estimate for trial in self.trials if trial.estimate is not None]
+        many = self.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
+        if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
+            why = f"the error has hardly decreased on the last {LOOKED_AT} meshes"
+            self.reason = f"not reached: {why}"
+            return None
+        return super().following(attempt, run, estimate)
+
+    def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
+        mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
+        if mesh_size < SMALLEST:
+            raise MeshError(
+                f"numerics.mesh_size would be below {SMALLEST:g}: use a larger numerics.accuracy"
+            )
+        more = COARSER_MESH**attempt.scene.gdim
+        unknowns = more * self.trials[-1].unknowns
+        return self._on(attempt.scene, mesh_size, unknowns, more**TIME_GROWTH)
+
+
+class InTime(Search):
+    """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`)."""
+
+    most = next_mesh.MOST_RUNS
+    _last: Scene | None = None
+
+    def first(self, failures: int = 0) -> Attempt:
+        scene = next_mesh.first(self.scene)
+        for _ in range(failures):
+            scene = next_mesh.finer(scene, next_mesh.halved(order_of(scene)))
+        return Attempt(scene)
+
+    @contextmanager
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
+        scene = attempt.scene
+        self._recorder = SearchRecorder(self.recorder, scene, self.adaptation)
+        accounts = Accounts(known=self.known, spent=self.spent)  # separate times of each run
+        recorder = cast(Recorder, self._recorder)
+        with solved(scene, self.comm, recorder, self.voice, accounts=accounts) as run:
+            yield run, computed_loads(run)
+
+    def estimate(self, run: Run, computed: Loads) -> Estimate:
+        scene, terms = run.scene, self.known.terms
+        # Longer steps damp waves, and hide the error of the mesh.
+        same = self._last is not None and self._last.numerics == scene.numerics
+        if not same or scene.accuracy_of in OF_SURFACE:
+            terms.pop(OF_MESH, None)
+        self._last = scene
+        runs = KeptRuns(self.known.loads, lambda: "", lambda each: loads_of(each, self.comm))
+        assert self._recorder is not None
+        try:
+            kept = self._recorder.provisional(outcome(run))
+            with told_where_kept(kept, self.comm):
+                term = by_coarser_runs(scene, computed, runs, terms.get(OF_MESH))
+        except Interrupted:
+            raise
+        except IncipientError as error:
+            return Estimate(None, note=f"not compared: {error}")
+        terms["discretisation"], terms[OF_MESH] = term, term.parts[-1]
+        whole, of_step, of_mesh = (
+            relative(self.goal, computed, each) for each in (term, *term.parts)
+        )
+        return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
+
+    def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
+        last = self.trials[-1]
+        wanted = next_mesh.refined(attempt.scene, last, left)
+        unknowns = last.unknowns * wanted.finer**-WORK_POWER
+        return Attempt(next_mesh.finer(attempt.scene, wanted), unknowns=unknowns, work=wanted.work)

@@ -1,0 +1,352 @@
+"""What pictures show: words that stand apart, the plane through a run, contact forces, error bars."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, Polygon
+from matplotlib.text import Text
+
+from incipient.errors import OutputError
+from incipient.files import cut_after
+from incipient.geometry.space.beds import Plane
+from incipient.geometry.space.grains import Sphere
+from incipient.output.series_file import StoredStep
+from incipient.pictures import style
+from incipient.pictures.charts.searches import entrainment
+from incipient.pictures.drawing import Sight, render
+from incipient.pictures.history import contact_forces
+from incipient.pictures.plane import grain_lines
+from incipient.pictures.record import StoredRun
+from incipient.pictures.sheet import load_rows, sheet, write_numbers
+from incipient.pictures.verdict import of_run
+from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, loads
+
+# -- words -----------------------------------------------------------------------------------------------
+
+LONG = "A scanned pebble on a random bed of spheres, with bed.slope=3.0, with contact.friction=0.35, with bed.seed=4"
+
+
+def boxes(figure: Figure) -> list:
+    """Where each text of a figure stands, in pixels."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    axes_titles = [title for axes in figure.axes for title in (axes.title, axes._left_title)]
+    written = [text for text in (*figure.texts, *axes_titles) if text.get_text()]
+    return [(text.get_text(), text.get_window_extent(renderer)) for text in written]
+
+
+def test_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
+    """Numbers as of a light grain: each component takes eight letters."""
+    with style.applied():
+        figure, axes = sheet("The grain stays at rest.", "So does the paper's.", LONG)
+        small = np.array([-1.234e-5, 2.345e-5, -3.456e-5])
+        write_numbers(
+            axes,
+            [load_rows({"flow": small, "weight": small}, small, "[scene units]", planar=False)],
+        )
+        found = boxes(figure)
+    column = [(words, box) for words, box in found if box.x0 > axes.bbox.x1]
+    assert len(column) == 8
+    for number, (words, box) in enumerate(column):
+        for other, (more, another) in enumerate(column):
+            assert number == other or not box.overlaps(another), f"{words} over {more}"
+    assert all(box.x1 <= figure.bbox.x1 for _, box in found)
+
+
+@pytest.mark.parametrize("view", [(0.0, 4.0, 0.0, 2.0), (0.0, 1.0, 0.0, 1.0)])
+def test_titles_are_wrapped_not_cut(view: style.View) -> None:
+    with style.applied():
+        figure, (axes,) = style.panels([view], LONG)
+        figure.draw_without_rendering()
+        ((title, box), *_) = boxes(figure)
+    assert title.replace("\n", " ") == LONG and "\n" in title
+    assert (
+        box.x0 >= 0.0
+        and box.x1 <= figure.bbox.x1
+        and box.y1 <= figure.bbox.y1
+        and box.y0 > axes.bbox.y1
+    )
+
+
+def test_the_subject_of_a_verdict_is_not_cut() -> None:
+    with style.applied():
+        figure, axes = sheet("The grain stays at rest.", "", LONG)
+        words = axes.get_title(loc="left")
+        (_, told), *_, (_, box) = boxes(figure)
+    assert words.replace("\n", " ") == LONG and box.y1 < told.y0
+
+
+def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
+    """Of a plane a disc of radius 1 is drawn: pi sin(17 degrees)/7.5 = 0.12 of it, a fifth behind the grain."""
+    surface = Sphere(1.0).surface(0.1)
+    points = surface.points + np.array([0.0, 0.0, 0.5])
+    sight = Sight.of(np.array([0.2, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), np.empty((0, 3)))
+    shown = {}
+    for bed in (None, Plane((0.0, 0.0), 0.0)):
+        axes = Figure().add_subplot(xlim=(-1.5, 1.5), ylim=(-1.0, 1.5))
+        render(axes, sight, points, surface.triangles, bed)
+        image = axes.images[0].get_array()
+        shown[bed is None] = float((image.min(axis=2) < 250).mean())
+    assert 0.08 < shown[False] - shown[True] < 0.12
+
+
+def test_marks_stand_where_the_rendering_has_what_they_mark() -> None:
+    """A small sphere's image is about the place that the sight gives its centre, to a hundredth of the picture."""
+    centre, surface = np.array([0.3, -0.2, 0.7]), Sphere(0.2).surface(0.02)
+    sight = Sight.of(np.array([0.5, 0.1, 0.0]), np.array([0.1, 0.0, -1.0]), np.empty((0, 3)))
+    axes = Figure().add_subplot(xlim=(-1.0, 2.0), ylim=(-0.5, 1.5))
+    render(axes, sight, surface.points + centre, surface.triangles, None)
+    dark = np.argwhere(np.asarray(axes.images[0].get_array()).min(axis=2) < 250)
+    rows, columns = axes.images[0].get_array().shape[:2]
+    down, across = (dark.min(axis=0) + dark.max(axis=0) + 1) / 2
+    place = -1.0 + 3.0 * across / columns, 1.5 - 2.0 * down / rows
+    assert sight(centre) == pytest.approx(place, abs=0.02)
+
+
+@pytest.mark.parametrize("title", [r"$\frac{$", "costs $5 and $6", "one $ alone", "a_1^2"])
+def test_a_title_is_shown_as_it_is_written(tmp_path: Path, title: str) -> None:
+    """Two $ make a formula for matplotlib, which fails or is set in italics; only powers of ten shall be one."""
+    with style.applied():
+        figure = Figure()
+        figure.suptitle(title)
+        axes = figure.add_subplot(title=title, xscale="log", xlabel=title)
+        axes.plot([1, 2], ["$a$", "b"], label=title)
+        axes.legend()
+        style.save(figure, tmp_path / "x.png")
+    texts = [text for text in figure.findobj(Text) if text.get_text() in (title, "$a$")]
+    assert len(texts) >= 4 and not any(text.get_parse_math() for text in texts)
+    axes.set_xlim(1.0, 1e3)
+    powers = [label for label in axes.get_xticklabels() if "10^" in label.get_text()]
+    assert powers and all(label.get_parse_math() for label in powers)
+
+
+# -- the plane -------------------------------------------------------------------------------------------
+
+EDGES = (
+    (0, 1),
+    (1, 2),
+    (0, 2),
+    (0, 3),
+    (1, 3),
+    (2, 3),
+)  # of a tetrahedron, in VTK's order of their nodes
+CUBE = np.array([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+# Of one orientation, as meshes have them.
+SIX = ((0, 4, 6, 7), (0, 5, 4, 7), (0, 6, 2, 7), (0, 2, 3, 7), (0, 1, 5, 7), (0, 3, 1, 7))
+
+
+def quadratic(
+    corners: np.ndarray, cells: tuple[tuple[int, ...], ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points and cells with the middles of their edges."""
+    points, known, found = [*corners], {}, []
+    for cell in cells:
+        row = list(cell)
+        for ends in EDGES:
+            edge = tuple(sorted(cell[end] for end in ends))
+            if edge not in known:
+                known[edge] = len(points)
+                points.append(0.5 * (corners[edge[0]] + corners[edge[1]]))
+            row.append(known[edge])
+        found.append(row)
+    return np.array(points), np.array(found)
+
+
+def test_fields_stand_where_they_are_on_curved_cells() -> None:
+    """A cube whose floor rises in a hump: x at every point is x, and below the hump there is nothing."""
+    points, cells = quadratic(CUBE, SIX)
+    points[:, 2] += (
+        1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
+    )  # 0.4 in the middle
+    fields = {"pressure": points[:, 0].copy(), "velocity": points.copy()}
+    run = StoredRun(
+        Path(),
+        {},
+        {"domain": {"origin": [0.0, 0.0, 0.0], "width": 1.0}},
+        StoredStep(0.0, points, cells, fields),
+        None,
+    )
+    x, z = np.meshgrid(np.linspace(0.01, 0.99, 50), np.linspace(0.01, 0.99, 50))
+    found = run.plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
+    assert np.abs(found - x).max() < 1e-6
+    assert found.mask[(z < 0.3) & (np.abs(x - 0.5) < 0.1)].all() and not found.mask[z > 0.6].any()
+
+
+def test_the_line_around_the_fluid_is_that_of_its_curved_cells() -> None:
+    """The hump's line is z = 1.6 x (1 - x), which curved cells of order two have; and the cube's straight sides."""
+    points, cells = quadratic(CUBE, SIX)
+    points[:, 2] += 1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
+    scene = {"domain": {"origin": [0.0, 0.0002, 0.0], "width": 1.0}}
+    run = StoredRun(Path(), {}, scene, StoredStep(0.0, points, cells, {}), None)
+    (line,) = run.plane.outlines
+    x, z = line.T
+    assert line[0] == pytest.approx(line[-1])
+    assert (x.min(), x.max(), z.max()) == pytest.approx((0.0, 1.0, 1.0), abs=1e-6)
+    floor = line[(x > 1e-6) & (x < 1 - 1e-6) & (z < 0.99)]
+    assert len(floor) >= 4
+    assert np.abs(floor[:, 1] - 1.6 * floor[:, 0] * (1.0 - floor[:, 0])).max() < 0.01
+
+
+def test_the_line_around_a_grain_is_its_own() -> None:
+    """An ellipsoid turned about y: every point of the line is on it, to 1e-3 of its size."""
+    body = Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0))
+    domain = Domain(length=4.0, width=2.0, height=2.0)
+    scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
+    grain = {
+        "computed_centre": [2.0, 1.0, 1.0],
+        "quaternion": [np.cos(0.3), 0.0, np.sin(0.3), 0.0],
+        "size": 1.2,
+    }
+    run = StoredRun(
+        Path(),
+        {"grain": grain},
+        scene.model_dump(mode="json"),
+        StoredStep(0.0, CUBE, np.zeros((0, 10), int), {}),
+        None,
+    )
+    (line,) = grain_lines(run, grain["computed_centre"], 1.0)
+    turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
+    x, z = turn.T @ (line - [2.0, 1.0]).T
+    assert len(line) > 200
+    assert np.abs(np.hypot(x / 0.6, z / 0.3) - 1.0).max() < 5e-3
+
+
+def test_the_load_on_a_grain_in_space_is_drawn_without_a_verdict() -> None:
+    """The force points along x, which the sight has to the right; its arrow begins at the centre."""
+    body = Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0))
+    domain = Domain(length=4.0, width=2.0, height=2.0)
+    scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
+    result = {
+        "grain": {"centre": [2.0, 1.0, 1.0], "quaternion": [1.0, 0.0, 0.0, 0.0]},
+        "force": {"flow": [3.0, 0.0, 0.0]},
+        "couple": {"flow": [0.0, 1.0, 0.0]},
+    }
+    cells = np.zeros((0, 10), int)
+    stored = StoredStep(0.0, CUBE, cells, {})
+    run = StoredRun(Path(), result, scene.model_dump(mode="json"), stored, None)
+    (axes,) = of_run(run).axes
+    assert len(axes.images) == 1
+    sight = Sight.of(np.array([3.0, 0.0, 0.0]), np.zeros(3), np.empty((0, 3)))
+    (force, *_) = [one for one in axes.patches if getattr(one, "_posA_posB", None) is not None]
+    tail, tip = np.array(force._posA_posB)
+    assert tail == pytest.approx(sight(np.array([2.0, 1.0, 1.0])))
+    assert tip[0] - tail[0] == pytest.approx(0.8 * 1.2 * np.cos(np.radians(24.0)))
+
+
+# -- contacts of a moving grain --------------------------------------------------------------------------
+
+SCENE = """
+[domain]
+length = 4.0
+height = 2.0
+[fluid]
+reynolds = 10.0
+scale = "grain"
+[flow]
+kind = "shear"
+rate = 1.0
+[bed]
+kind = "flat"
+[body]
+shape = "disc"
+diameter = 1.0
+x = 2.0
+density = 2.0
+motion = "released"
+[gravity]
+acceleration = 1.0
+[contact]
+friction = 1.0
+kinetic_friction = 0.5
+[time]
+end = 1.0
+step = 0.1
+"""
+ROWS = """time,contact,x,y,normal_x,normal_y,force_x,force_y,slip
+0.1,0,2.0,0.01,0.0,1.0,0.2,2.0,0.0
+0.2,0,2.1,0.01,0.0,1.0,-0.5,1.0,0.3
+0.2,1,2.4,0.01,0.0,1.0,0.0,0.0,0.0
+"""
+
+
+def scene() -> Scene:
+    """A released disc."""
+    return loads(SCENE)
+
+
+def opening(cone: Polygon, point: tuple[float, float]) -> tuple[float, float]:
+    """Least and largest direction [degrees] of a cone's corners from its point."""
+    arms = cone.get_xy() - point
+    arms = arms[np.linalg.norm(arms, axis=1) > 1e-9]
+    directions = np.degrees(np.arctan2(*arms.T[::-1]))
+    return directions.min(), directions.max()
+
+
+def test_contacts_are_drawn_with_cones_of_their_friction_and_forces_to_one_scale(
+    tmp_path: Path,
+) -> None:
+    """A contact that sticks has 45 degrees to either side, one that slides the arc tangent of 0.5."""
+    (tmp_path / "contacts.csv").write_text(ROWS)
+    found, axes = contact_forces(tmp_path, scene().contact), Figure().add_subplot()
+    assert found is not None
+    cone, arrow = found.draw(axes, 0.1, 1.0)
+    assert isinstance(arrow, FancyArrowPatch)
+    assert opening(cone, (2.0, 0.01)) == pytest.approx((45.0, 135.0))
+    sliding, pushed, idle = found.draw(axes, 0.2, 1.0)
+    half = np.degrees(np.arctan(0.5))
+    assert opening(sliding, (2.1, 0.01)) == pytest.approx((90.0 - half, 90.0 + half))
+    lengths = [np.linalg.norm(np.subtract(*one._posA_posB)) for one in (arrow, pushed)]
+    assert lengths[1] / lengths[0] == pytest.approx(np.hypot(0.5, 1.0) / np.hypot(0.2, 2.0))
+    assert opening(idle, (2.4, 0.01)) == pytest.approx((45.0, 135.0))
+    assert found.draw(axes, 0.3, 1.0) == [] and len(found.draw(axes, 0.25, 1.0, 0.1)) == 3
+
+
+def test_what_is_not_there_is_not_drawn_and_what_is_damaged_is_refused(tmp_path: Path) -> None:
+    assert contact_forces(tmp_path, scene().contact) is None
+    (tmp_path / "contacts.csv").write_text(ROWS.replace("2.4", "here"))
+    with pytest.raises(OutputError, match=r"contacts\.csv: cannot be read"):
+        contact_forces(tmp_path, scene().contact)
+
+
+def test_a_resumed_run_drops_what_came_after_its_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "contacts.csv"
+    path.write_text(ROWS + "0.3,0,2.")
+    cut_after(path, 0.1)
+    assert path.read_text().splitlines() == ROWS.splitlines()[:2]
+    cut_after(tmp_path / "none.csv", 0.1)
+
+
+# -- entrainment -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "told"), [(0.001, "all errors"), (None, "known errors, not the flow's")]
+)
+def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
+    error: float | None, told: str
+) -> None:
+    stored = {
+        "title": "",
+        "threshold": {"shields": 0.01},
+        "curve": [
+            {"shields": x, "probability": 10.0 * x, "low": 9.0 * x, "high": 11.0 * x}
+            for x in (0.01, 0.02)
+        ],
+        "quantiles": [
+            {
+                "shields": 0.01,
+                "probability": 0.1,
+                "terms": {"law of fluctuations": 0.001},
+                "error": error,
+            }
+        ],
+        "data": [],
+    }
+    words = [
+        text.get_text() for text in entrainment(stored, Path()).axes[0].get_legend().get_texts()
+    ]
+    assert {f"its range by {told}", f"with {told}"} <= set(words)
