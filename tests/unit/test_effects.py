@@ -167,6 +167,7 @@ def test_a_grain_that_settles_brings_its_own_speed():
     assert found.grain_reynolds == pytest.approx(1 * 10 / (18 * 10) / 10)
     assert found.density_ratio == pytest.approx(2)
     assert found.stokes == pytest.approx(2 * found.grain_reynolds / 18)
+    assert found.froude is None and found.flow_reynolds == 0.0
 
 
 # -- other effects -------------------------------------------------------------------------------------------
