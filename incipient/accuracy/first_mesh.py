@@ -13,11 +13,10 @@ from ..planning.flow_setup import Setup, has_inertia
 from ..planning.layout import coarse_sizes
 from ..planning.plan import Estimate, Plan
 from ..scene import Scene
+from ..scene.numerics import MESH_SIZES
 from . import next_mesh
 from .coarse_runs import changed, comparisons
 from .terms import on_more_bed
-
-LARGEST = 100.0  # of numerics.mesh_size
 
 
 def planned(scene: Scene) -> Plan:
@@ -36,7 +35,7 @@ def first_mesh(scene: Scene) -> Estimate:
     if scene.numerics.accuracy is None:
         return counted(scene)
     if scene.is_averaged:
-        size = min(next_mesh.COARSEST * scene.numerics.mesh_size, LARGEST)
+        size = min(next_mesh.COARSEST * scene.numerics.mesh_size, MESH_SIZES[1])
         return counted(changed(scene, numerics={"mesh_size": size}))
     steady = scene.time is None
     setup = Setup(scene if steady else next_mesh.first(scene))
