@@ -13,7 +13,6 @@ from ..planning.flow_setup import Setup, has_inertia
 from ..planning.layout import coarse_sizes
 from ..planning.plan import Estimate, Plan
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES
 from . import next_mesh
 from .coarse_runs import changed, comparisons
 from .terms import on_more_bed
@@ -35,8 +34,7 @@ def first_mesh(scene: Scene) -> Estimate:
     if scene.numerics.accuracy is None:
         return counted(scene)
     if scene.is_averaged:
-        size = min(next_mesh.COARSEST * scene.numerics.mesh_size, MESH_SIZES[1])
-        return counted(changed(scene, numerics={"mesh_size": size}))
+        return counted(changed(scene, numerics={"mesh_size": next_mesh.first_size(scene)}))
     steady = scene.time is None
     setup = Setup(scene if steady else next_mesh.first(scene))
     plan = plan_of(setup)

@@ -25,7 +25,7 @@ from .coarse_runs import (
     changed,
     order_in_time,
 )
-from .terms import is_stream, order_in_space
+from .terms import COARSEST_IN_SPACE, is_stream, order_in_space
 
 AIM = 0.6  # fraction of the accuracy aimed at, as a margin
 MOST_MESHES, MOST_RUNS = 12, 6  # steady, unsteady
@@ -57,6 +57,12 @@ def highest_order(gdim: int, inertia: bool) -> int:
 def coarsest(gdim: int, inertia: bool) -> float:
     """Cells of the first mesh relative to the default."""
     return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
+
+
+def first_size(scene: Scene, failures: int = 0) -> float:
+    """`numerics.mesh_size` of the first mesh of a mean flow, after failures."""
+    most = COARSEST_IN_SPACE if scene.resolves_uneven_walls else MESH_SIZES[1]
+    return min(0.5**failures * COARSEST * scene.numerics.mesh_size, most)
 
 
 def next_order(

@@ -30,11 +30,19 @@ from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
 from .errorbars import coarse_scenes, of_interaction, unit_of
 from .goal import relative
-from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
+from .next_mesh import (
+    AIM,
+    COARSEST,
+    UNKNOWNS,
+    WORK_POWER,
+    coarsest,
+    first_size,
+    highest_order,
+    next_order,
+)
 from .search import Attempt, Estimate, Search, SearchRecorder, computed_loads
 from .sizing import gathered, resized
 from .terms import (
-    COARSEST_IN_SPACE,
     OF_MESH,
     by_both,
     by_coarser_mesh,
@@ -168,9 +176,7 @@ class Uniform(Search):
 
     def first(self, failures: int = 0) -> Attempt:
         self._seen = []
-        most = COARSEST_IN_SPACE if self.scene.resolves_uneven_walls else MESH_SIZES[1]
-        size = 0.5**failures * COARSEST * self.numerics.mesh_size
-        return self._on(self.scene, min(size, most))
+        return self._on(self.scene, first_size(self.scene, failures))
 
     def _on(
         self, scene: Scene, mesh_size: float, unknowns: float = 0.0, work: float = 1.0
