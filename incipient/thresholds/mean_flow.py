@@ -1,4 +1,4 @@
-"""The mean flow at a grain: velocity, shear velocity, intensity and time scales of its fluctuation, by strength."""
+"""The mean flow at a grain: velocity, intensity and time scales of its fluctuation."""
 
 from __future__ import annotations
 
@@ -118,7 +118,6 @@ class MeanFlow:
 
     @cached_property
     def _energy_and_loss(self) -> tuple[float, float]:
-        """Mean k and epsilon of the inflow at the heights of the grain."""
         energy, other = np.exp(self._inflow[1](self._at_inflow))
         asked = self.setup.turbulence
         loss = other if asked.model == "k-epsilon" else asked.c_mu * other * energy
@@ -149,7 +148,6 @@ class MeanFlow:
 
     @cached_property
     def _inflow(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
-        """Velocity, and logarithms of k and its loss or frequency, at the inflow of a turbulent flow."""
         inflow = self.setup.walls.inflow
         return inflow.velocity, inflow.logarithms
 
