@@ -56,7 +56,6 @@ def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) 
 
 
 def _along(near: Near, lengths: dict[str, float]) -> Floats:
-    """The sizes at equal parts of a boundary, at points one."""
     if near.away is None or near.points:
         return np.array([near.size])
     distances = 0.5 * lengths[near.boundary] * (np.arange(PARTS) + 0.5) / PARTS
@@ -64,7 +63,6 @@ def _along(near: Near, lengths: dict[str, float]) -> Floats:
 
 
 def _integral_of_field(sizes: Sizes) -> float:
-    """The integral of 1/h^2 over the triangles of a field."""
     assert sizes.field is not None
     a, b, c = sizes.field.points[sizes.field.triangles].transpose(1, 0, 2)
     doubled = np.abs(planar_cross(b - a, c - a))
@@ -100,6 +98,5 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
 
 
 def _expected_triangles(boundary: str, size: SizeMap, cubes: Boxes) -> float:
-    """The triangles of a boundary, from the boxes that it cuts in their middle."""
     cut = size.distance(boundary, cubes.centres) <= 0.5 * cubes.sides
     return float(PER_AREA * ((cubes.sides[cut, None] / cubes.sizes[cut]) ** 2).mean(axis=1).sum())
