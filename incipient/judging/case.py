@@ -164,13 +164,11 @@ class Case(Section):
 
     @property
     def centre(self) -> Floats:
-        """Centre of mass (3,)."""
         own = None if self.body is None else self.body.centre
         return spatial(self.load.centre or own or ())
 
     @property
     def about(self) -> Floats:
-        """Reference point (3,) of the flow's torque."""
         return self.centre if self.load.about is None else spatial(self.load.about)
 
     @property
@@ -222,8 +220,7 @@ class _CaseWithoutFlow(Case):
 def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
     """Read a case from a TOML file, changed by overrides such as ``"contacts.friction=0.4"``.
 
-    Raises:
-        SceneError: names the file, the key, the reason and the remedy.
+    Raises SceneError, naming the file, the key, the reason and the remedy.
     """
     return read(Case, path, overrides)
 

@@ -180,8 +180,7 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
             "body.shape=sphere" give it.
         bed: file of its surface, or "flat".
 
-    Raises:
-        SceneError: something is missing or wrong, or the grain does not touch its bed.
+    Raises SceneError if something is missing or wrong, or the grain does not touch its bed.
     """
     files = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:

@@ -40,8 +40,7 @@ class EmulatorRecord:
 
     error, bar: root mean square of the cross-validated errors of the drag, over the mean drag; and of the bars of one
         standard deviation
-    within: fraction of the six coefficients of these within 1.96 bars; mean_bar: relative, of the critical Shields
-        number over grains without a run
+    within: fraction of the six coefficients within 1.96 bars; mean_bar: relative, of the critical Shields number
     to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None: not known
     level: probability with which bars hold
     """

@@ -84,12 +84,12 @@ class Pocket:
 
     number: of the sphere; centre (3,) in the bed's own frame
     neighbours (k, 3), relative to it in the frame of the flow, and their radii (k,); contacts: in the same frame
-    protrusion: its top above the bed's mean level; exposure: above the tops upstream of it
-    sheltered, backed: fraction of its disc across the flow that is hidden upstream, downstream; skew: left less right
-    visible: fraction of its area in plan that is visible from above
-    carries: number of grains that rest on it; shifted: how far it was moved to rest on its neighbours
+    protrusion: top above the bed's mean level; exposure: above the tops upstream of it
+    sheltered, backed: fraction of its disc across the flow hidden upstream, downstream; skew: left less right
+    visible: fraction of its area in plan visible from above
+    carries: number of grains that rest on it; shifted: distance moved to rest on its neighbours
     pivot: angle [degrees] whose tangent is the force along the flow, through the centre, over the weight, that moves it
-        without friction; critical_force: that force over the weight with friction, infinite if none moves it
+        without friction; critical_force: that force with friction, infinite if none moves it
     """
 
     number: int
