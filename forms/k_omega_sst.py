@@ -73,7 +73,6 @@ class KOmegaSST:
         return made - lost, _mixed(inner, 3) * square / omega - _mixed(inner, 2) * omega + cross
 
     def _time(self, logarithms: Any, flow: FlowFields) -> Any:
-        """nu_t/k."""
         strain = ufl.sqrt(_square(flow.velocity) + LEAST_RATE)
         return 1 / ufl.max_value(
             ufl.exp(logarithms[1]), strain * self.limited_share(logarithms, flow.viscosity) / A_1
@@ -101,11 +100,9 @@ class KOmegaSST:
         return EXPONENT / (1 + eddies) ** 1.5, -(1 + of_omega)
 
     def _turbulent(self, k: Any, w: Any) -> Any:
-        """sqrt(k)/(beta* omega d)."""
         return ufl.exp(k / 2 - w) / (BETA_STAR * self.distance)
 
     def _viscous(self, w: Any, viscosity: Any) -> Any:
-        """500 nu/(d^2 omega)."""
         return 500 * viscosity * ufl.exp(-w) / self.distance**2
 
 

@@ -270,7 +270,6 @@ def _listen(level: str) -> None:
 
 
 def _leave(comm: Comm, code: int) -> int:
-    """Exit; end all ranks, which may wait for this one."""
     sys.stdout.flush()
     sys.stderr.flush()
     if comm.size > 1:

@@ -44,7 +44,6 @@ def expected_cells(shape: Region | SolidRegion | Grid, sizes: Sizes) -> dict[str
 
 
 def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) -> float:
-    """The integral of 1/h^2 - 1/far^2 on one side of a feature, where its size h is less than `far`."""
     size = np.minimum(_along(near, lengths), far)
     reach = np.minimum((far - size) / near.growth, height)
     ratio = 1.0 + near.growth * reach / size
@@ -72,7 +71,6 @@ def _integral_of_field(sizes: Sizes) -> float:
 
 
 def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
-    """The integral of 1/h^3 over the boxes that give gmsh the sizes, where they lie in the fluid."""
     size = SizeMap.of(region, sizes)
     cubes = boxes(size, float(size.ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
     inner = cubes.centres[:, None] + 0.25 * cubes.sides[:, None, None] * CORNERS

@@ -154,7 +154,6 @@ def _distance_to(point: tuple[float, ...], frame: Frame) -> str:
 
 
 def _adapted_field(wanted: SizeField, frame: Frame) -> int:
-    """The sizes at the vertices of an earlier mesh, extrapolated beyond curved boundaries."""
     corners = ((wanted.points - frame.origin) / frame.length)[wanted.triangles]
     values = (wanted.sizes / frame.length)[wanted.triangles]
     corners = corners + (ENLARGED - 1.0) * (corners - corners.mean(axis=1, keepdims=True))
@@ -208,7 +207,6 @@ class Boundary:
 
     @classmethod
     def read(cls, curves: dict[str, list[int]]) -> Boundary:
-        """The second-order edges of gmsh on curves by name."""
         mesh = Simplices.read(curves, 2, 2)
         rows = np.concatenate([*mesh.sides.values()])
         names = np.repeat([*mesh.sides], [len(part) for part in mesh.sides.values()])
@@ -262,7 +260,6 @@ class Stand:
 
     @classmethod
     def on(cls, boundary: Boundary, layers: WallLayers) -> Stand:
-        """The columns of a boundary whose walls have first layers."""
         edges, points = boundary.edges, boundary.points
         along = points[edges[:, 1]] - points[edges[:, 0]]
         lengths = np.linalg.norm(along, axis=1)

@@ -110,7 +110,6 @@ class SolidRegion:
 
     @property
     def rectangle(self) -> tuple[Floats, Floats]:
-        """Least and largest meshed x and y, (2,) each."""
         low = 0.5 * (self.y[0] + self.y[1]) if self.symmetric else self.y[0]
         return np.array([self.x[0], low]), np.array([self.x[1], self.y[1]])
 

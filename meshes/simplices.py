@@ -45,7 +45,6 @@ class Simplices:
         return cls(points, elements(dimension, order), sides, order)
 
     def of_order(self, order: int) -> Simplices:
-        """The straight first-order cells with the nodes of a higher order."""
         if order == 1:
             return self
         count, dimension = self.points.shape
@@ -121,7 +120,6 @@ class Simplices:
 
 
 def _making_room(points: Floats, cells: Integers, bends: Floats) -> Floats:
-    """Displacements (n, gdim) of nodes of folding cells: as these cells' edges bend on average."""
     folding = cells[jacobian_lower_bound((points + bends)[cells]) < LEAST]
     count = bends[folding].any(axis=2).sum(axis=1)
     means = (bends[folding].sum(axis=1) / count[:, None]).repeat(cells.shape[1], axis=0)

@@ -67,7 +67,6 @@ class SizeMap:
         return clouds
 
     def distance(self, name: str, x: Floats) -> Floats:
-        """Distance (n,) of points (n, 3) from a named boundary."""
         if name in self.region.holes:
             if name in self._clouds:
                 return self._clouds[name].distance(x)
@@ -144,14 +143,12 @@ class SizeMap:
 
     @property
     def least(self) -> Floats:
-        """Smallest size for each of `names`, in the frame."""
         known = [self.sizes.far, *(near.size for near in self.sizes.near)]
         adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
         return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Least and largest x and y, (2,) each, of the frame."""
         low, high = (
             self.frame.local(np.array([*end, self.frame.origin[2]]))[:2]
             for end in self.region.rectangle
@@ -159,13 +156,11 @@ class SizeMap:
         return low, high
 
     def outside(self, x: Floats) -> np.ndarray:
-        """Mask (n,) of points (n, 3) beyond the sides or in the bed."""
         low, high = self.bounds
         beyond = ((x[:, :2] < low) | (x[:, :2] > high)).any(axis=1) | (x[:, 2] > 1.0)
         return np.asarray(beyond | (self.ground.distance(x) < 0.0))
 
     def within(self, x: Floats) -> np.ndarray:
-        """Mask (n,) of points (n, 3) in a grain."""
         inside, points = np.zeros(len(x), dtype=bool), self.frame.scene(x)
         for placed in self.region.holes.values():
             body = placed.placement.to_body(points)

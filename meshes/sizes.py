@@ -102,7 +102,6 @@ class Sizes:
         )
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
-        """Sizes times a factor unless needed, growing with distance at least as given."""
         near = tuple(n.coarsened(factor, growth) for n in self.near)
         layers = self.layers and self.layers.scaled(factor)
         return replace(self, far=self.far * factor, near=near, layers=layers)

@@ -68,7 +68,6 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
 
 
 def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
-    """The mesh in the frame, its sizes, and middles (k, 3) of edges that cannot follow their grain."""
     size, surfaces = triangulated(size)
     bed = surfaces[size.region.names[5]]
     cubes = boxes(size, float(bed.points[:, 2].min()))
@@ -124,10 +123,7 @@ def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
 def _closed_shell(
     size: SizeMap, surfaces: dict[str, Surface]
 ) -> tuple[Floats, dict[str, Integers]]:
-    """Points (n, 3) of the whole boundary and, by name, triangles (m, 3).
-
-    The current gmsh model has the background field; its geometry is drawn here, and removed.
-    """
+    """Points (n, 3) of the whole boundary and, by name, triangles (m, 3). Draws in the current gmsh model."""
     names = size.region.names
     plates = _plane_sides(size, surfaces)
     tables = [surface.corners for surface in surfaces.values()] + plates
@@ -217,7 +213,7 @@ def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
 def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
     """Straight cells with layers along the named walls; the other sides are planes.
 
-    The cells at a wall retreat from it, and prisms of three tetrahedra fill the space. Raises MeshError.
+    The cells at a wall retreat from it; prisms of three tetrahedra fill the space.
     """
     walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
     triangles = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)
@@ -276,7 +272,6 @@ def _room(
     first: Floats,
     layers: WallLayers,
 ) -> Floats:
-    """Total thickness (feet,) of the layers, limited so that the cells beyond stay valid."""
     edges = np.unique(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), axis=0)
     on_wall = mesh.points[feet]
     lengths = np.linalg.norm(on_wall[edges[:, 0]] - on_wall[edges[:, 1]], axis=1)

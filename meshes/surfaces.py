@@ -173,10 +173,7 @@ class Ground(ExactSurface):
 
     @cached_property
     def _search(self) -> tuple[Any, int]:
-        """Spatial index of the centres of the balls, and how many of them at most round a valley together.
-
-        Balls nearer to a point than the fillet have centres within two radii and two fillets.
-        """
+        """Spatial index of the centres of the balls, and the most balls that round a valley together."""
         assert self._balls is not None
         centres = tree(self._balls.centres)
         reach = 2.0 * (self._balls.radii.max(initial=0.0) + self._fillet)
@@ -194,7 +191,6 @@ class Ground(ExactSurface):
         return np.concatenate([above, (away - np.append(balls.radii, 0.0)[which]).T])
 
     def distance(self, x: Floats) -> Floats:
-        """Approximate distance (n,) of points (n, 3) above the bed, in the frame."""
         return in_blocks(self._level, self.frame.scene(x)) / self.frame.length
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:

@@ -174,7 +174,7 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
 
 
 def unit_of(run: Run, speed: float) -> float:
-    """Loads at a speed over those of the computed flow; not close to one only in Stokes flow."""
+    """Loads at a speed over those of the computed flow; close to one except in Stokes flow."""
     return speed * run.fluid.reynolds / run.plan.reynolds
 
 

@@ -194,7 +194,6 @@ class Search(ABC):
         """An attempt that is expected to leave a fraction `left` of the error."""
 
     def target(self, estimate: Estimate) -> float:
-        """The fraction of the error to leave."""
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
     @contextmanager
@@ -203,7 +202,6 @@ class Search(ABC):
             yield solve
 
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
-        """The scene in elements of an order, with a tolerance for the accuracy."""
         accuracy = self.numerics.accuracy
         wanted = SOLVER_SHARE * (accuracy if isinstance(accuracy, float | int) else CRITICAL)
         order = order or order_of(scene)
@@ -317,7 +315,6 @@ class Search(ABC):
         self.known.terms.update({term.name: term for term in self.suited.terms})
 
     def conclude(self, estimate: float, doubt: str = "") -> None:
-        """End the search with a small enough discretisation error, unless in doubt."""
         accuracy, unmet = self.numerics.accuracy, ""
         if doubt:
             unmet = f"not known to be reached: {doubt}"
@@ -329,7 +326,6 @@ class Search(ABC):
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
-        """The record of the search, with remedies for errors that it does not include."""
         accuracy, reached = (
             self.numerics.accuracy,
             None if self.best is None else self.best[1].error,

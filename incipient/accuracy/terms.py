@@ -277,7 +277,6 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def _noise(coarse: Loads, computed: Loads) -> Floats:
-    """Difference (6,) between coarse runs because of their meshes; zero on one moved mesh."""
     if coarse.moved:
         return np.zeros(6)
     return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
@@ -326,9 +325,8 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None =
 def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
     """The change of loads (6,) to unbounded flow, from three distances, and its uncertainty.
 
-    The power is observed in the forces, within bounds of the expected one. The uncertainty is the largest deviation of
-    the estimates with the expected power, a slower observed one, and from the two smaller distances, plus the relative
-    influence of the sides on their own effect.
+    The power is observed in the forces, within bounds. The uncertainty is the largest deviation of the estimates with
+    other powers or fewer distances, plus the relative influence of the sides on their own effect.
     """
     near, far = (float(np.linalg.norm((after - before)[:3])) for before, after in pairwise(values))
     if far > max(near, noise):

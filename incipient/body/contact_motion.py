@@ -90,7 +90,6 @@ class ActiveContacts:
         return ClosestPoints(np.zeros(len(self)), self.points, self.normals)
 
     def forces(self, length: float) -> Floats:
-        """Mean forces (k, gdim) on the body over a step of a length."""
         mean = np.einsum("ki,kij->kj", self.impulses, frames(self.normals)) / length
         return np.asarray(mean[:, : self.points.shape[1]])
 
@@ -247,7 +246,6 @@ class ContactMotion:
         return ActiveContacts(near.points, near.normals, local, local, torques)
 
     def kept_out(self, end: BodyState) -> BodyState:
-        """The state, moved out of the bed where it penetrates; its velocities stay."""
         shapes = np.where(np.arange(self.body.size) < self.body.gdim, 1.0, self.reach**-2)
         none = ActiveContacts.none(self.body.gdim)
         start = _Start(end, none, np.diag(shapes * self.body.mask), 0.0)
@@ -343,7 +341,6 @@ class ContactMotion:
         left: ClosestPoints,
         start: _Start,
     ) -> tuple[ClosestPoints, ClosestPoints]:
-        """The contacts of the next round, and the dropped ones, which are kept once they return."""
         now, again = matches(touched, seen, start.apart), matches(touched, left, start.apart) >= 0
         there, gaps = now >= 0, np.append(seen.gaps, np.inf)[now]
         staying = now[there & (holds | again)]

@@ -121,7 +121,6 @@ class RigidBody:
         )
 
     def consistent(self, state: BodyState) -> BodyState:
-        """The state with locked velocities replaced by those imposed at its time."""
         u = np.where(self.mask, state.velocities, self.freedom.imposed(state.time))
         return replace(state, velocity=u[: self.gdim], spin=u[self.gdim :])
 

@@ -49,7 +49,6 @@ class Tolerances:
     absolute: float | Floats
 
     def norm(self, error: Floats, size: Floats) -> float:
-        """Weighted root mean square of an error (n,) in a solution of a size (n,)."""
         weight = self.relative * size + self.absolute
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(error == 0.0, 0.0, error / weight)
@@ -186,7 +185,6 @@ class Integrator:
         self._error_before = max(error, 1e-4)
 
     def _value_ahead(self, root: Root) -> float:
-        """The root's function just after the present time: a root at the start does not count."""
         h = 8 * ROUND_OFF * max(abs(self.t), min(self.statistics.next_step, self.largest_step))
         return root(self.t + h, self.y + h * self._slope)
 

@@ -68,7 +68,6 @@ class Inertia:
         return np.asarray(np.maximum(self.moments / largest, THINNEST))
 
     def matrix(self, orientation: Floats, mass: float, moments: Floats) -> Floats:
-        """Inertia (n, n) in scene directions of a body with this one's principal axes."""
         axes = np.eye(len(self.moments)) if self.axes is None else self.axes
         if len(orientation) == 4:
             axes = rotation_matrix(orientation) @ axes
@@ -97,7 +96,6 @@ class BodyState:
     def at(
         cls, placement: Placement, velocities: ArrayLike | None = None, time: float = 0.0
     ) -> BodyState:
-        """The state at a placement, with velocities (n,), by default at rest."""
         d = placement.gdim
         u = np.zeros(3 * (d - 1)) if velocities is None else np.array(velocities, dtype=float)
         turned = [placement.angle] if placement.quaternion is None else placement.quaternion
@@ -155,7 +153,6 @@ class Freedom:
         return np.array(self.free)
 
     def imposed(self, time: float) -> Floats:
-        """Velocities (n,) of locked degrees at a time."""
         if self.motion is None:
             return np.zeros(len(self.free))
         return np.array(self.motion(time), dtype=float)

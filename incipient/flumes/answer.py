@@ -95,7 +95,6 @@ class FlumeAnswer:
 
     @property
     def froude(self) -> float | None:
-        """Mean velocity over sqrt(g h)."""
         if self.depth is None or self.mean_velocity is None:
             return None
         return self.mean_velocity / math.sqrt(self.gravity * self.depth)
@@ -111,7 +110,6 @@ class FlumeAnswer:
 
     @property
     def natural_bed(self) -> NaturalBed | None:
-        """The computed natural bed at this u* d/nu; None beyond its range."""
         return natural_bed(self.shear_reynolds)
 
     @property

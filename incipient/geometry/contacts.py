@@ -95,7 +95,6 @@ class ClosestPoints:
 
     @property
     def feet(self) -> Floats:
-        """The points (k, d) of the bed."""
         return np.asarray(self.points - self.gaps[:, None] * self.normals)
 
     def only(self, which: ArrayLike) -> "ClosestPoints":

@@ -77,7 +77,6 @@ class Proximity(ABC):
         return placement
 
     def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        """Least distance from the bed, and the points (gdim,) on grain and bed."""
         # No point is farther from the bed than from the place straight below.
         within = max(self.drop(placement), 0.0) + SAME_PLACE * self.size
         while not len(near := self.minima(placement, within)):  # of a bed that overhangs the grain
@@ -111,7 +110,6 @@ class Proximity(ABC):
         return wrenches(contacts.normals, arms, self.size)
 
     def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
-        """The nearest placement at which contacts have a gap."""
         d = placement.gdim
         for _ in range(SEATINGS if len(contacts) else 0):
             now = self.tracked(placement, contacts)

@@ -54,7 +54,6 @@ class Moments:
 
     @staticmethod
     def integrated(flux: Floats, points: Floats) -> "Moments":
-        """Moments from fluxes (n,) of x through parts of the surface about points (n, d)."""
         d = points.shape[1]
         second = (flux[:, None] * points).T @ points / (d + 2.0)
         return Moments(float(flux.sum()) / d, flux @ points / (d + 1.0), second)
@@ -76,7 +75,6 @@ class Shape(ABC):
 
     @property
     def volume(self) -> float:
-        """The volume; in 2-D the area."""
         return self.moments.volume
 
     @property

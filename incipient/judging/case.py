@@ -183,7 +183,6 @@ class Case(Section):
         return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
-        """The contacts, with unit normals."""
         normals, areas = spatial(self.contacts.normals), self.contacts.areas
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         points = spatial(self.contacts.points)
@@ -195,7 +194,6 @@ class Case(Section):
         return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
-        """Mass and inertia (3, 3) about the centre of mass, if known."""
         if self.grain is not None:
             return self.grain.mass, _matrix(self.grain.inertia)
         return None if self.body is None else mass_and_inertia(self.body, self.placement)

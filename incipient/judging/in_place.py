@@ -213,7 +213,6 @@ def _require_touching(
 
 
 def _narrowest(points: Floats) -> Floats:
-    """Rotation (3, 3) about z that aligns the smallest rectangle around points (n, 3), seen from above."""
     turn = np.eye(3)
     with suppress(QhullError):  # all are on one line
         turn[:2, :2] = oriented_bounds_2D(points[:, :2])[0][:2, :2]

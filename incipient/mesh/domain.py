@@ -48,7 +48,6 @@ class Domain:
         return self.facets.find(self.names[name])
 
     def measure(self, *names: str) -> Any:
-        """UFL surface measure over the named boundaries."""
         tags = tuple(self.names[name] for name in names)
         return ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facets)(
             tags[0] if len(tags) == 1 else tags

@@ -102,7 +102,6 @@ class RisingDisplacement:
         return self.solved(self._averaged, tested)
 
     def factors(self, matrix: Any, symmetric: bool = False) -> SurfaceFactors:
-        """Factors of a matrix for the nodes of the surface that are not pinned."""
         return SurfaceFactors(matrix, self._numbers(self._free), symmetric)
 
     def times(self, matrix: Any, elevation: Floats) -> Any:
@@ -112,7 +111,6 @@ class RisingDisplacement:
         return self._views[0]
 
     def solved(self, factors: SurfaceFactors, tested: Any) -> Floats:
-        """The solution (local nodes,) of the factorised system for a PETSc vector of the space."""
         values = self._values.x.array
         solution = factors.solve(tested.array_r[self._free])
         values[:] = 0.0
@@ -209,7 +207,6 @@ class SurfaceFactors:
             held.destroy()
 
     def solve(self, right_side: Floats) -> Floats:
-        """The solution (own rows,) for a right-hand side (own rows,)."""
         self._right_side.array[:] = right_side
         self._solver.solve(self._right_side, self._solution)
         return np.array(self._solution.array_r)

@@ -112,11 +112,9 @@ class MeshMotion:
         return np.asarray(sum(displacements, start=self.reference))
 
     def move(self, *displacements: Floats) -> None:
-        """Move the mesh to `places`. Not collective."""
         self.domain.mesh.geometry.x[:] = self.places(*displacements)
 
     def quality(self, places: Floats | None = None) -> MeshQuality:
-        """Quality of the present mesh, or with its nodes at other positions (n, 3)."""
         qualities = self._cell_qualities(self.domain.mesh.geometry.x if places is None else places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
         comm = self.domain.comm
@@ -136,9 +134,9 @@ class MeshMotion:
 
 
 def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
-    """Other nodes (m,) of straight cells, their vertices and barycentric coordinates (m, gdim + 1).
+    """Nodes (m,) of straight cells other than vertices, and their barycentric coordinates. Collective.
 
-    A node is among them on every rank that has it, though the straight cell may be another rank's. Collective.
+    A node is among them on every rank that has it, though the straight cell may be another rank's.
     """
     cells, corners = compat.geometry_dofs(mesh), barycentric_nodes(mesh)
     space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
@@ -153,7 +151,6 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
-    """The boundaries along which nodes slide in each direction: plane ones, normal to another axis."""
     space = compat.function_space(
         domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh))
     )

@@ -161,10 +161,7 @@ class Locator:
         return Places(cells, coordinates[:, 1:], distances.ravel()).at(chosen)
 
     def _near_point(self, coordinates: Floats, cells: Integers) -> Floats:
-        """Barycentric coordinates (..., gdim + 1) of a point of each cell near to that given.
-
-        Straight to the face that it is farthest beyond, and from there towards the middle of the cell.
-        """
+        """A point of each cell, straight to the face that the given one is farthest beyond, then towards the middle."""
         face = coordinates.argmin(axis=-1)[..., None]
         beyond = np.minimum(np.take_along_axis(coordinates, face, -1), 0.0)
         return _clipped(coordinates - beyond * self._ways[cells, face[..., 0]])
@@ -175,14 +172,12 @@ class Locator:
         )
 
     def mapped(self, reference: Floats, cells: Integers) -> Floats:
-        """Positions (n, gdim) of reference coordinates in cells."""
         table = self._element.tabulate(0, reference)[0, :, :, 0]
         return np.asarray(np.einsum("pn,png->pg", table, self._nodes[cells]))
 
     def _pulled_back(
         self, points: Floats, cells: Integers, start: Floats
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        """Reference coordinates (n, gdim) of points in cells, and whether (n,) they converged."""
         reference, good = start.copy(), np.ones(len(points), dtype=bool)
         if self._element.degree == 1:
             return reference, good
@@ -285,7 +280,6 @@ def evaluate(function: Any, places: Places) -> Floats:
 
 
 def _to_bernstein(element: Any) -> Floats:
-    """Matrix (n, n) from values at an equispaced element's nodes to Bernstein coefficients."""
     degree, nodes = element.degree, with_first(element.points)
     exponents = np.rint(degree * nodes).astype(int)
     ways = [factorial(degree) // int(np.prod([factorial(k) for k in row])) for row in exponents]
@@ -294,7 +288,6 @@ def _to_bernstein(element: Any) -> Floats:
 
 
 def _inverses(matrices: Floats) -> Floats:
-    """Inverses of (n, g, g) matrices; NaN where there is none."""
     singular = ~(np.abs(np.linalg.det(matrices)) > 0.0)
     inverses = np.linalg.inv(
         np.where(singular[:, None, None], np.eye(matrices.shape[-1]), matrices)

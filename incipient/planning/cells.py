@@ -48,7 +48,6 @@ class FarCells:
         return min(self.extents) / (cells[self.order] * refined)
 
     def largest_in_space(self, order: int) -> float:
-        """Their size in 3-D for an order of the velocity [length]."""
         if self.box_reynolds is not None:
             return self.largest
         return min(FAR_CELL_IN_SPACE[order] * self.extents[-1], 0.5 * min(self.extents))

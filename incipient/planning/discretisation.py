@@ -114,10 +114,7 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
 
 
 def _stretches_cells(setup: Setup) -> bool:
-    """Whether cells are so thin along walls that grad-div makes the flow alternate between cells.
-
-    In channels oscillations grow downstream until no flow converges; along boundary layers the pressure oscillates.
-    """
+    """Whether cells are so thin along walls that grad-div makes the flow alternate between cells."""
     if not setup.is_averaged or not setup.walls.is_resolved:
         return False
     walls = setup.walls

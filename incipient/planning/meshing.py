@@ -65,7 +65,6 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
 
 
 def _closed(setup: Setup, closing: Closing) -> Stance:
-    """The resting grain, whose gap is the width up to which the space next to its contacts is closed."""
     resting = setup.scene.placement
     return Stance(resting, resting, closing.width, (closing.left.start, closing.left.end))
 

@@ -178,7 +178,6 @@ def _has_flat_faces(scene: Scene) -> bool:
 
 
 def _datum(setup: Setup) -> str:
-    """The datum of a flow of given profile over a bed, in words; a developed turbulent flow enters at the bed."""
     scene, bed, base_flow = setup.scene, setup.scene.bed_shape, setup.base_flow
     level = getattr(scene.flow, "datum", None)
     if level is None or bed is None or scene.is_averaged:

@@ -39,7 +39,7 @@ BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the di
 
 
 def coarsening(walls: Walls, order: int) -> float:
-    """Factor on cells at walls for an order; in the logarithmic layer that of order three."""
+    """Factor on cells at walls for an order; sizes in the logarithmic layer are for order three."""
     if walls.is_resolved:
         return 1.0 if order == 2 else 1.3
     return 1.0 if order > 2 else 0.75

@@ -77,7 +77,6 @@ class Domain(Section):
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """Limits of x, in 3-D also of y."""
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
 
@@ -114,7 +113,6 @@ class Domain(Section):
 
     @property
     def entrance(self) -> tuple[float, ...]:
-        """Lowest point of the inflow, in 3-D at mid-width."""
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property

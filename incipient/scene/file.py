@@ -175,7 +175,6 @@ def _wrong(override: str, why: str) -> SceneError:
 
 
 def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
-    """The override that causes a problem, if known; otherwise the file with the relevant overrides."""
     key = problem.key
     for place, override in places.items():
         if key[: len(place)] == place or place[: len(key)] == key:

@@ -94,7 +94,6 @@ class FlowSection(Section):
         return f"{self.kind} flow"  # type: ignore[attr-defined]
 
     def reference_velocity(self, length: float) -> float:
-        """V of the Reynolds number with a reference length."""
         return self.velocity  # type: ignore[attr-defined]
 
     def speed(self, z: Any, depth: float) -> Any:
@@ -106,7 +105,6 @@ class FlowSection(Section):
         return 0.0
 
     def numbers(self, size: float, viscosity: float) -> dict[str, float]:
-        """Dimensionless numbers of the flow past a grain of a size, by their names in the plan."""
         return {}
 
 

@@ -130,11 +130,9 @@ class BodySection(Section):
         return None
 
     def placed(self, centre: Sequence[float]) -> Placement:
-        """Grain in the scene's orientation, with its centroid at a point (gdim,)."""
         raise NotImplementedError
 
     def grain(self) -> Any:
-        """Shape in the body frame, a Grain or a Solid."""
         return self._grain
 
     @cached_property  # an outline of many points takes time to check
@@ -142,6 +140,5 @@ class BodySection(Section):
         return self.new_grain()
 
     def new_grain(self) -> Shape:
-        """New shape in the body frame."""
         shape, *keys = self.made_of
         return shape(*(getattr(self, key) for key in keys))

@@ -155,7 +155,6 @@ def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
 
 
 def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None]:
-    """The key as the user wrote it (without pydantic's tag of the chosen alternative), and its section."""
     key: list[str | int] = []
     section: type[BaseModel] | None = root
     inside: tuple[type[BaseModel], ...] = (root,)

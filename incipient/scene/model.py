@@ -254,7 +254,6 @@ class Scene(Section):
 
     @property
     def no_error_bars(self) -> str:
-        """Reason for requested but unavailable error bars, or ""."""
         if not self.numerics.error_bars or self.has_error_bars:
             return ""
         return (
@@ -289,12 +288,10 @@ class Scene(Section):
 
     @property
     def has_wall_layer(self) -> bool:
-        """Whether wall functions represent a layer outside the mesh."""
         return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)
 
     @property
     def resolves_walls(self) -> bool:
-        """Whether the turbulence model is integrated to the walls."""
         return self.is_averaged and not self.has_wall_layer
 
     @property
@@ -333,7 +330,6 @@ class Scene(Section):
 
     @cached_property
     def bed_shape(self) -> Any:
-        """A Bed or a Terrain; None without a bed."""
         if self.bed is None:
             return None
         build = self.bed.surface if self.gdim == 2 else self.bed.terrain

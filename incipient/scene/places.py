@@ -61,7 +61,6 @@ def misplaced(scene: Scene) -> list[Problem]:
 
 
 def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
-    """Coordinates so large that floating-point spacing exceeds the required resolution."""
     for name, start, extent in zip(_names(domain), domain.origin, domain.extents, strict=True):
         apart = math.ulp(abs(start) + extent)
         needed = finest * min(extent, extent if grain is None else grain.size)

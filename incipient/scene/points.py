@@ -72,7 +72,6 @@ class FromFile(Section):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Whether the other keys require the file or its content."""
         return True
 
     @classmethod

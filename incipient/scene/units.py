@@ -74,7 +74,6 @@ class Units(Section):
     )
 
     def metres(self, grain: Any) -> float:
-        """The scene's unit of length [m]."""
         if self.diameter is not None:
             return self.diameter / nominal_diameter(grain)
         return METRES[self.length] if isinstance(self.length, str) else float(self.length or 0.0)

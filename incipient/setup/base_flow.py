@@ -68,7 +68,6 @@ class BaseFlow:
 
     @property
     def mean_speed(self) -> float:
-        """Mean velocity where known, otherwise the reference velocity."""
         return self.reference
 
     @property
@@ -82,7 +81,6 @@ class BaseFlow:
         return np.union1d(np.linspace(0.0, end, samples), knots[knots <= end])
 
     def factor(self, t: float) -> float:
-        """Factor of the flow at a time, whose rate of change drives it."""
         return 1.0 if self.gust is None else self.gust.factor(t)
 
     def driven(self, grain: Any) -> Driven | None:
@@ -104,7 +102,7 @@ class BaseFlow:
     def bed_stress(self) -> float:
         """Shear stress at the datum of the flow `speed` times this one, with fluid density one.
 
-        It is uniform over the bed; between walls it is taken in the middle, of a flow given by formulas at the inflow.
+        Between walls it is that in the middle, of a flow given by formulas at the inflow.
         """
         step = 1e-6 * self.domain.height
         heights = self.datum + step * np.array([0.0, 1.0, 2.0])
@@ -113,7 +111,6 @@ class BaseFlow:
         return float(self.speed * self.viscosity * abs(gradient))
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
-        """Velocities (gdim, n) at positions (3, n)."""
         return self._risen_from(self.datum, x, t)
 
     @cached_property
@@ -135,14 +132,12 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
-        """Whether the bed shear is known and the flow passes several repeated bedforms in 2-D."""
         if self.domain.gdim == 3 or self.bed is None or not self.flow.shear_rate(1.0):
             return False
         return bool(self.bed.period and self.domain.length >= FEWEST_PERIODS * self.bed.period)
 
     @property
     def effective(self) -> bool:
-        """Whether the profile starts at the effective height of the bed."""
         level = getattr(self.flow, "datum", "crest")
         return self.bed is not None and (
             level == "effective" or (level == "auto" and self.over_forms)
@@ -184,7 +179,6 @@ class BaseFlow:
         return ROUND_OFF * self.depth
 
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
-        """Points (3, n) of given heights above or below a position (gdim,)."""
         points = np.zeros((3, len(heights)))
         points[: self.domain.up] = np.array(place[: self.domain.up])[:, None]
         points[self.domain.up] = heights
@@ -201,7 +195,6 @@ class BaseFlow:
         return np.where(z < -self.round_off, 0.0, speed)
 
     def _risen_from(self, foot: Any, x: np.ndarray, t: float) -> np.ndarray:
-        """Velocities (gdim, n) along the first axis, at rest below a foot, a height or (n,), not below the datum."""
         z, y = x[self.domain.up], x[1]
         speed = self.profile(z - self.datum, y, t)
         if np.any(foot > self.datum):
@@ -252,13 +245,12 @@ class OscillatoryFlow(BaseFlow):
         return np.linspace(0.0, min(self.flow.period, end), samples)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
-        """The layer at an instant; next to the bed it is an eighth of the period ahead of the flow above."""
+        """The layer at an instant; the bed stress leads the flow above by an eighth of the period."""
         phase, eta = self.flow.frequency * t, np.maximum(z, 0.0) / self.layer
         return self.flow.velocity * (np.cos(phase) - np.exp(-eta) * np.cos(phase - eta))
 
     @cached_property
     def entering(self) -> Velocity:
-        """The same through both ends, at rest on the higher of their beds: no net flow."""
         return lambda x, t: self._risen_from(self._foot(x), x, t)
 
     def _foot(self, x: Floats) -> Floats:

@@ -57,7 +57,6 @@ class DisplacedFluid:
         return np.asarray(inside - inside.mean(axis=0))
 
     def points(self, placement: Placement) -> Floats:
-        """(n, gdim) points that represent equal volumes of the placed grain."""
         return placement.to_scene(self._points)
 
     def load(self, placement: Placement) -> Floats:
@@ -100,10 +99,7 @@ def sustaining_force(profile: MeanProfile, datum: float, up: int) -> Any:
 
 
 def _force(profile: MeanProfile, height: Any) -> Any:
-    """-nu d2u/dy2 at a height above the datum as a UFL expression; zero below it.
-
-    With it and the viscosity the profile is the exact flow. Its numbers are constants, which recompile nothing.
-    """
+    """-nu d2u/dy2 at a height above the datum (UFL), zero below it; constants, so that nothing is recompiled."""
     per_length = profile.per_length
     scale, per_length, shift = _constants(
         height, profile.shear_velocity**2 * per_length, per_length, profile.shift

@@ -51,7 +51,6 @@ class Geometry:
 
     @property
     def half(self) -> tuple[float, float]:
-        """Least and largest computed y of a 3-D domain."""
         low, high = self.scene.domain.across
         return (self.scene.domain.middle if self.symmetric else low), high
 
@@ -85,7 +84,7 @@ class Geometry:
 
     @cached_property
     def closing(self) -> Closing:
-        """The closing of the space below the resting grain.
+        """Closing of the space below the resting grain.
 
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """
@@ -97,7 +96,6 @@ class Geometry:
 
     @cached_property
     def near_bed(self) -> Proximity:
-        """Proximity of the grain and its bed, or the lower side."""
         level = self.scene.domain.bottom
         flat = Flat(level) if self.scene.gdim == 2 else Plane(origin_z=level)
         return proximity(
@@ -167,16 +165,13 @@ class SideNames:
 
     @property
     def around(self) -> tuple[str, str, str, str]:
-        """Names of bottom, right, top and left, counter-clockwise."""
         return self.bottom, self.right, self.top, self.left
 
     @property
     def of_rectangle(self) -> tuple[str, ...]:
-        """Names at the least and the largest x and height."""
         return self.left, self.right, self.bottom, self.top
 
     def of_box(self, half: bool) -> tuple[str, ...]:
-        """Names at the least and the largest x, y and z; half a domain begins at the plane of symmetry."""
         return (
             self.left,
             self.right,

@@ -47,7 +47,6 @@ class MeanProfile:
         return max(LAYER, self.shift) / self.per_length
 
     def regime(self) -> str:
-        """Whether the bed is hydraulically smooth or rough, in words."""
         k = self.roughness_reynolds
         word = "smooth" if k <= SMOOTH else "rough" if k >= ROUGH else "between smooth and rough"
         return f"hydraulically {word}, u* k_s/nu = {k:.3g}"
@@ -69,7 +68,6 @@ class MeanProfile:
 
     @property
     def shift(self) -> float:
-        """s, in wall units."""
         k = self.roughness_reynolds
         return max(0.9 * (math.sqrt(k) - k * math.exp(-k / 6.0)), 0.0)
 

@@ -139,7 +139,6 @@ def _own_speed(setup: Setup) -> float:
 
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    """Reynolds number of the bedforms, from the base flow up to their height; None for a plane."""
     if base_flow.bed is None:
         return None
     domain = base_flow.domain

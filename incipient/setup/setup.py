@@ -32,7 +32,6 @@ class Setup:
 
     @cached_property
     def symmetric(self) -> bool:
-        """Whether only one half of a symmetric 3-D domain is computed."""
         asked = self.scene.domain.symmetric
         if self.scene.gdim == 2 or asked is False:
             return False
@@ -51,7 +50,6 @@ class Setup:
         return self.base_flow_at(1.0)
 
     def base_flow_at(self, speed: float) -> BaseFlow:
-        """The base flow of a flow faster by a factor, in its own units: only the datum may differ."""
         return base_flow_of(self.scene, speed)
 
     @property
@@ -68,7 +66,6 @@ class Setup:
 
     @cached_property
     def walls(self) -> Walls:
-        """Walls of a mean flow, and the inflow between them."""
         from ..turbulence.walls import walls_of
 
         datum = 0.0 if self.scene.gdim == 2 else self.base_flow.datum

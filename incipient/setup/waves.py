@@ -43,7 +43,6 @@ class StokesWave:
     rise: Any
 
     def begun(self, t: float) -> float:
-        """Fraction of the amplitude reached at a time."""
         return float(1.0 - np.exp(-((t * self.frequency / (2.0 * np.pi)) ** 2)))
 
     @property
@@ -58,7 +57,7 @@ class StokesWave:
         return grown * self.amplitude * np.cos(phase) + grown**2 * self.second * np.cos(2.0 * phase)
 
     def velocity(self, x: Floats, y: Floats, t: float) -> tuple[Floats, Floats]:
-        """(n,) along the channel and (n,) upwards, added to the current's, at heights y above the bottom."""
+        """(n,) along the channel and (n,) upwards, relative to the current, at heights y above the bottom."""
         a, k, H, grown, y = (
             self.amplitude,
             self.number,

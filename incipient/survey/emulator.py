@@ -67,7 +67,6 @@ class Emulator:
             raise MissingError(f"scikit-learn cannot be used ({error}): {remedy}") from None
 
     def predicted(self, features: Floats) -> tuple[Floats, Floats]:
-        """Coefficients (m, 6) and their standard deviations (m, 6) at features (m, 7)."""
         means, deviations = _predicted(self.processes, features)
         return means, deviations * self.widened
 

@@ -105,10 +105,7 @@ def scene_of(
 
 
 def _fillers(near: Floats, radii: Floats, base: float) -> tuple[Floats, Floats]:
-    """Posts (k, 3) and radii (k,) that fill interstices between three neighbours up to the lowest of their centres.
-
-    The fluid below hardly moves, and would need many cells. None is near the grain.
-    """
+    """Posts (k, 3) and radii (k,) that fill interstices: the fluid there hardly moves, and would need many cells."""
     heap = SphereBed(near, radii, base)
     seen = np.flatnonzero(heap.highest(near[:, :2]) == np.arange(len(near)))
     if len(seen) < 4:

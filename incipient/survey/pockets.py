@@ -45,7 +45,6 @@ class Surface:
 
     @classmethod
     def of(cls, spheres: Spheres) -> Surface:
-        """The surface of a bed, from a raster of heights."""
         centres, radii = spheres.centres, spheres.radii
         median, inside = 2.0 * float(np.median(radii)), np.ones(len(spheres), dtype=bool)
         if spheres.period is not None:
@@ -111,7 +110,6 @@ class Pocket:
 
     @property
     def features(self) -> Floats:
-        """Features (5,) of the emulator except size and Reynolds number."""
         return np.array([self.protrusion, self.exposure, self.sheltered, self.backed, self.skew])
 
 
@@ -191,7 +189,6 @@ def critical_force(contacts: Contacts, law: Law) -> float:
 
 
 def _hidden(near: Floats, radii: Floats, radius: float, sign: float) -> tuple[float, float]:
-    """Fraction of the disc across the flow that neighbours hide, upstream with -1; and the left part less the right."""
     side = radius * (2.0 * (np.arange(DISC) + 0.5) / DISC - 1.0)
     points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     points = points[np.linalg.norm(points, axis=1) < radius]

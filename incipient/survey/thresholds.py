@@ -61,7 +61,6 @@ class LoadErrors:
     seed: int
 
     def of_emulator(self, number: int) -> Floats:
-        """Correlated errors (DRAWS, 6) of a grain in standard deviations."""
         drawn = np.random.default_rng([self.seed, 3, number]).standard_normal((DRAWS, 6))
         return np.asarray(drawn @ np.linalg.cholesky(self.correlation).T)
 

@@ -64,7 +64,6 @@ class Request:
     aim: Aim | None = None
 
     def cases(self, voice: Silent | None = None) -> list[SweepCase]:
-        """The distinct cases; `voice` counts those checked. Raises SceneError."""
         settings = axes.combined(self.over, self.together, self._rows())
         pairs = [(source, varied) for source in self.sources for varied in settings]
         cases: dict[str, SweepCase] = {}
@@ -130,7 +129,6 @@ def requested(
 
 
 def _section_of(source: Source) -> SweepSection:
-    """The section [sweep]; empty without one, or if the file is not TOML, which is reported later."""
     try:
         section = tomllib.loads(source.text).get("sweep", {})
     except (ValueError, RecursionError):

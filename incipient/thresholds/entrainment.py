@@ -349,7 +349,6 @@ class Motion:
         return float(WEIGHTS @ exceeded)
 
     def nearest(self, probability: float) -> float:
-        """Nearest probability within the range of the data that a flow of at most `ENOUGH` has."""
         least, most = self.law(1.0).known_range
         most = min(most, max(least, self.probability(ENOUGH * self.factor)))
         return min(max(probability, least), most)

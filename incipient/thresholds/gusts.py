@@ -132,7 +132,6 @@ class GustSearch:
         return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
-        """Close bounds of the critical strength. Collective."""
         while not self.leaves(leaves, duration):
             held, leaves = leaves, STRONGER * leaves
             if leaves > STRONGEST:

@@ -32,7 +32,7 @@ class _History(Recorder):
 def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
     """Loads in the scene's flow multiplied by a factor, when they demand most of the contacts. Collective.
 
-    `start`: of steady flows. Raises SceneError if the flow does not become periodic.
+    `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
     scene, history = _faster(run.scene, factor), _History()
     with solved(scene, run.comm, history, accounts=run.accounts):
@@ -74,7 +74,6 @@ def _vectors(rows: list[dict[str, Any]], gdim: int) -> tuple[Floats, Floats]:
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:
-    """Largest change of loads (n, k) in the last period from those a period before, over the largest load."""
     last = times > times[-1] - period
     before = np.column_stack([np.interp(times[last] - period, times, one) for one in loads.T])
     return float(np.abs(loads[last] - before).max() / (np.abs(loads[last]).max() or 1.0))

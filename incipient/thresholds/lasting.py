@@ -61,7 +61,6 @@ class WeakestGusts:
         return cls(durations, strengths, errors, static, known)
 
     def require_of(self, critical: float) -> None:
-        """Raise SceneError for a flow with another critical strength."""
         if not critical / DIFFERENT < self.static < critical * DIFFERENT:
             why = f"there a steady flow moves the grain from {self.static:.3g} on, here from {critical:.3g}"
             raise _refused(f"{why}; search gusts of this scene with incipient gust")

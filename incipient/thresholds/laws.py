@@ -130,7 +130,6 @@ class Measured:
 
     @property
     def known_range(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the series determines."""
         return 1.0 / self.independent, 1.0 - 1.0 / self.independent
 
     def exceeded(self, level: float) -> float:
@@ -154,7 +153,7 @@ class Measured:
         return float(np.count_nonzero(rises)) / self.duration
 
     def spread(self, probability: float) -> float:
-        """Standard error of a fraction of the time, from the number of independent samples."""
+        """Standard error of a fraction of the time."""
         if not 0.0 < probability < 1.0:
             return NO_EVENT / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)

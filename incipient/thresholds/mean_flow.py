@@ -41,7 +41,6 @@ class MeanFlow:
         return cache(self.setup.bed_stress)
 
     def intensity(self, strength: float) -> float:
-        """Root mean square of the velocity's fluctuation over its mean, at the grain."""
         intensity = self.gusts.intensity
         if isinstance(intensity, float):
             return intensity
@@ -96,7 +95,6 @@ class MeanFlow:
         )
 
     def require_intensity(self) -> None:
-        """Raise SceneError for an intensity or a depth outside the range of the laws."""
         grain, depth = self.setup.scene.grain, self.gusts.depth
         if grain is not None and depth is not None and depth < grain.size:
             why = f"is {depth:g}, less than the grain's size of {grain.size:g}"

@@ -196,7 +196,6 @@ class CriticalSearch:
         return self._solved[nearest]
 
     def rocks(self, factor: float) -> Rocking | None:
-        """Equilibria of the grain under the growing load of a computed flow; the trial records its critical factor."""
         rocking = from_first(self.run.comm, lambda: followed(self.run.scene, self._load(factor)))
         if rocking is not None:
             self.trials[-1] = SolvedFlow(factor, rocking.critical)

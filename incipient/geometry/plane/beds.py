@@ -55,7 +55,6 @@ class Bed(ABC):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """The abscissae between which `curves` is defined."""
         return -np.inf, np.inf
 
     @abstractmethod
@@ -151,7 +150,6 @@ class Sinusoidal(Bed):
 
     @property
     def feature(self) -> float:
-        """Half a wavelength, or the radius of curvature at a crest if smaller."""
         curvature = self.amplitude * self._wavenumber**2
         return min(0.5 * self.wavelength, 1.0 / curvature if curvature > 0.0 else np.inf)
 
@@ -337,7 +335,6 @@ class Polyline(Bed):
 
     @cached_property
     def feature(self) -> float:
-        """Shortest horizontal extent of a line, or height of a step."""
         dx, dy = np.abs(np.diff(self._vertices, axis=0)).T
         return float(np.where(dx > 0.0, dx, dy).min())
 

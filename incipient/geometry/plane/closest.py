@@ -282,7 +282,6 @@ class PlanarProximity(Proximity):
         return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
     def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:
-        """Straight sides, or parts of them, on the bed: at their ends and at Gauss's points between."""
         chain, patches = self.grain.chain, list[Patch]()
         starts = placement.to_scene(chain.starts)
         sides = np.roll(starts, -1, axis=0) - starts

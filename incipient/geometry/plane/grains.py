@@ -131,7 +131,6 @@ class Grain(Shape):
         return Chain(self.outline())
 
     def drawn(self) -> tuple[Curve, ...]:
-        """The outline as it is meshed."""
         return self.chain.curves
 
     @cached_property
@@ -211,7 +210,6 @@ class Rectangle(Grain):
 
     @property
     def core(self) -> Floats:
-        """Half-sides of the rectangle that the corner circle rolls around."""
         return 0.5 * np.array([self.width, self.height]) - self.rounding
 
     @property
@@ -265,7 +263,6 @@ class Smooth(Grain):
         return np.unique([0.0, *(inner if count else ()), 0.5 * pi])
 
     def _even(self, first: float, last: float) -> Spline:
-        """A spline between two angles through evenly spaced points, as the nodes of its cells are."""
         angle = np.linspace(first, last, 4097)
         way = np.cumsum(np.linalg.norm(np.diff(self.trace(angle), axis=0), axis=1))
         at = np.interp(np.linspace(0.0, way[-1], EVEN + 1), np.append(0.0, way), angle)

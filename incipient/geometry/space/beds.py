@@ -48,14 +48,12 @@ class HalfSpacesAndBalls:
         return np.concatenate([above.T, (np.linalg.norm(away, axis=2) - self.radii).T])
 
     def _beside(self, points: Floats, balls: np.ndarray) -> Floats:
-        """Vectors (..., 3) to points from the centres of balls, from the axes of posts."""
         away = points - self.centres[balls]
         if self.posts is not None:
             away[..., 2] = np.where(self.posts[balls], np.maximum(away[..., 2], 0.0), away[..., 2])
         return np.asarray(away)
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        """Closest points on pieces (n,); `near` does not matter."""
         flat = which < len(self.origins)
         away, level = np.empty_like(points), which[flat]
         away[flat] = self.directions[level]
@@ -97,7 +95,6 @@ class Terrain(ABC):
 
     @property
     def extent(self) -> Extent:
-        """The x and y between which the bed is known."""
         return (-np.inf, np.inf), (-np.inf, np.inf)
 
     @abstractmethod
@@ -235,14 +232,12 @@ class SphereBed(Terrain):
 
     @property
     def feature(self) -> float:
-        """Smallest radius, or half the spacing of an array if smaller."""
         free = self.radii[self.posts if self.posts.all() else ~self.posts]
         spacing = np.inf if self.periods is None else np.linalg.norm(self.periods[0])
         return float(min(free.min(), 0.5 * spacing))
 
     @property
     def crest(self) -> float:
-        """Top of the highest sphere (without the shifts of a `seed`), or the base plane."""
         return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
 
     def crest_level(self, x: Sides, y: Sides) -> float:
@@ -255,7 +250,6 @@ class SphereBed(Terrain):
         return max(float(tops.max(initial=-np.inf)), self.origin_z)
 
     def near(self, middle: ArrayLike, reach: float) -> tuple[np.ndarray, Floats]:
-        """Numbers (k,) and centres (k, 3) of the spheres within a horizontal distance."""
         middle, which, centres = np.asarray(middle, float), np.arange(len(self.radii)), self.centres
         if self.periods is not None:
             away = (reach + self.radii.max()) / np.linalg.norm(self.periods[0])
@@ -352,7 +346,6 @@ class SmoothTerrain(Terrain):
         return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        """Local nearest points, by Newton's method from `near`."""
         x = self._feet(points, near)
         height, slope, curvature = self.shape(x)
         stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))

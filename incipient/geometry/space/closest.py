@@ -77,10 +77,7 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _places(self) -> list[tuple[np.ndarray, Floats]]:
-        """Parts (m,) and points (m, 3): corners of each core, on smooth beds also points along edges.
-
-        An edge may lie across crests of a smooth bed, half a feature from each other at least.
-        """
+        """Corners of each core, on smooth beds also points along edges, half a feature from each other at least."""
         result = []
         for core, parts in zip(self.grain.cores, self._parts, strict=True):
             first, corners = len(core.triangles), len(core.points)
@@ -94,10 +91,7 @@ class SpatialProximity(Proximity):
         return result
 
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
-        """All minima of at most `within` (a length): over the surface, or over each part of a core.
-
-        A minimum over a part need not be one over the surface (see `locally_least`).
-        """
+        """Minima of at most `within` (a length) over the surface, or over each part of a core (see `locally_least`)."""
         pieces = self.bed.pieces(placement.centre[:2], self.size + max(within, 0.0))
         valleys = np.empty((0, 3)), np.empty(0, dtype=int)
         if isinstance(pieces, SmoothTerrain) or not self.grain.cores:
@@ -121,7 +115,6 @@ class SpatialProximity(Proximity):
         return ClosestPoints.joined(parts)
 
     def _tracked_on_core(self, placement: Placement, old: ClosestPoints, k: int) -> ClosestPoints:
-        """Lowest minima over the triangles around each old one, or on its corner or edge."""
         core = self.grain.cores[k]
         fixed = old.origin[:, 1] >= len(core.triangles)
         row, part = core.search.near(old.anchors, 0.1 * self.spacing)
@@ -410,7 +403,7 @@ def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Flo
 def _patch(triangles: Floats, radius: float) -> Contacts:
     """Corners of the convex hull of coplanar triangles (m, 3, 3), carried outward by the radius.
 
-    Each has half of both triangles with its neighbours and the hull's centroid, so that the areas have that centroid.
+    The area of each keeps the hull's centroid.
     """
     from scipy.spatial import ConvexHull  # which takes time to import
 

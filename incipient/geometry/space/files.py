@@ -40,7 +40,7 @@ def _by_trimesh(path: Path) -> tuple[Floats, Integers]:
 
 
 def _obj(path: Path) -> tuple[Floats, Integers]:
-    """Lines `v x y z` and `f a b c`; vertices are counted from 1, or back from the last one."""
+    """Vertices are counted from 1, or back from the last one."""
     points: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     lines = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ").splitlines()

@@ -79,7 +79,6 @@ class Solid(Shape):
         raise NotImplementedError
 
     def extreme(self, direction: Floats) -> Floats:
-        """The point (3,) farthest along a unit vector (3,)."""
         ends = [
             core.points[np.argmax(core.points @ direction)] + core.radius * direction
             for core in self.cores
@@ -242,7 +241,6 @@ class Box(Solid):
 
     @cached_property
     def core(self) -> Floats:
-        """Half-sides of the box that the ball rolls around."""
         return 0.5 * np.array(self.sides) - self.edge_radius
 
     @cached_property
@@ -260,7 +258,6 @@ class Box(Solid):
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The core, flat or thin where the rounding takes a whole side."""
         corners = surfaces.box(np.ones(3), 2.0)
         return (SphereSwept(corners.points * self.core, corners.triangles, self.edge_radius),)
 
@@ -273,7 +270,6 @@ class Box(Solid):
 
 
 def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
-    """Integrals of 1, x and x^2 over the part of a ball of radius r with all coordinates positive."""
     return (
         (1.0, 0.0, 0.0),
         (r, r**2 / 2.0, r**3 / 3.0),
@@ -390,7 +386,6 @@ class Cylinder(Solid):
 
     @property
     def size(self) -> float:
-        """The diameter: the extent across the flow."""
         return self.diameter
 
     @cached_property
@@ -405,7 +400,6 @@ class Cylinder(Solid):
         return (SphereSwept(ends, np.array([[0, 1, 1]]), 0.5 * self.diameter),)
 
     def level(self, x: ArrayLike) -> Floats:
-        """Signed distance (n,) of points (n, 3) from the endless cylinder."""
         return np.asarray(np.linalg.norm(rows(x) * ACROSS, axis=1) - 0.5 * self.diameter)
 
     def normal(self, x: ArrayLike) -> Floats:

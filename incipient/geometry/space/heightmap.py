@@ -229,7 +229,6 @@ def _read(path: Path) -> Raster:
 
 
 def _require_data(path: Path, heights: Floats) -> None:
-    """Refuse values of NO_DATA that are farther from all other heights than those are from each other."""
     lacking = np.isin(heights, NO_DATA)
     others = heights[~lacking]
     if not lacking.any() or not others.size:
@@ -281,7 +280,7 @@ def _read_image(path: Path) -> Raster:
 
 
 def _read_grid(path: Path) -> Raster:
-    """An ESRI ASCII grid: header lines of a word and a number, then rows from the north."""
+    """An ESRI ASCII grid, whose rows begin in the north."""
     header: dict[str, float] = {}
     lines = path.read_text(encoding="ascii").splitlines()
     while lines and lines[0].split() and lines[0].split()[0][0].isalpha():

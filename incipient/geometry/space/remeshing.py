@@ -159,7 +159,6 @@ class Remesher:
     curves: Triangles | None  # the sharp edges, as triangles without area
 
     def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
-        """Points (n, 3) carried onto the surface or its sharp edges, rounded to the frame's grid."""
         on_curve = on_curve & (self.curves is not None)
         result = np.empty_like(points)
         if self.curves is not None:
@@ -209,7 +208,6 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
 
 
 def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
-    """Whether edges (k,) are kept: where the angle between facets is to be resolved."""
     surface = draft.surface
     areas = vector_areas(surface.corners)
     first, second = topology.beside.T
@@ -329,10 +327,7 @@ def _ranks(values: Floats) -> Floats:
 
 
 def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
-    """Which collapses turn a triangle over or make an edge too long, (k,).
-
-    A folded triangle may turn to the common orientation of its neighbours, otherwise folds would remain.
-    """
+    """Mask (k,) of collapses that turn a triangle over (except to unfold it) or make an edge too long."""
     owner, moved = np.full(len(mesh.points), -1), mesh.points.copy()
     owner[stays] = owner[goes] = np.arange(len(stays))
     moved[stays] = moved[goes] = target
@@ -357,7 +352,6 @@ def _longest(corners: Floats) -> Floats:
 
 
 def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
-    """Which triangles (m, 3, 3) turn until the cosine is less; those without area yet may."""
     old, new = vector_areas(before), vector_areas(after)
     proper = np.linalg.norm(old, axis=1) > FLAT * _longest(before) ** 2
     return np.asarray(proper & ((unit(old) * unit(new)).sum(axis=1) < least))
@@ -395,7 +389,7 @@ def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Floats:
-    """The least angle's sine, nearly: area over the product of the two longest sides."""
+    """The least angle's sine, nearly."""
     # Components first: sums over three neighbouring numbers take several times as long.
     places = np.ascontiguousarray(points.T)
     p, q, r = (places[:, corner] for corner in (a, b, c))
