@@ -86,6 +86,7 @@ class KEpsilon:
         return unlimited(logarithms, self)
 
     def diffusivities(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
+        """Molecular plus turbulent diffusivities of k and epsilon."""
         eddies = unlimited(logarithms, self)
         return (
             flow.viscosity + eddies / self.sigma_k,
@@ -93,6 +94,7 @@ class KEpsilon:
         )
 
     def sources(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
+        """Production less destruction of k and epsilon, over k and epsilon."""
         strain, lost = ufl.sym(ufl.grad(flow.velocity)), ufl.exp(logarithms[1] - logarithms[0])
         made = self.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
         made = ufl.min_value(made, MOST_PRODUCED * lost)
@@ -113,7 +115,7 @@ def residual(logarithms: Any, rate: Any, tests: Any, flow: FlowFields, closure: 
     """Weak residual of both equations; `rate` (2,) is the time derivative, None in a steady flow.
 
     On a moving mesh it is that at its nodes. The form conserves nothing itself, but uniform values stay so on any mesh.
-    The closure has the methods of `Closure`. The natural condition is no diffusive flux; see `at_walls` for epsilon.
+    The closure has the methods of `KEpsilon`. The natural condition is no diffusive flux; see `at_walls` for epsilon.
     """
     carrier = flow.velocity if flow.carrier is None else flow.carrier
     diffusivities, sources = (

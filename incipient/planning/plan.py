@@ -62,12 +62,15 @@ class Plan:
     grain: str = ""  # how large a scanned grain is, or one in SI units, in words
 
     def has(self, name: EffectName) -> bool:
+        """Whether an effect is simulated."""
         return any(effect.present for effect in self.effects if effect.name == name)
 
     def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
         return asdict(self)
 
     def text(self) -> str:
+        """The plan in a few lines."""
         lines = [f"  {effect.text()}" for effect in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
