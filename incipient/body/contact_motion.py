@@ -146,8 +146,8 @@ class _Start:
 class ContactMotion:
     """A body, the bed near it, and the law of contact.
 
-    near: gaps, points and normals at a placement, of all points within a distance of the bed; gaps vanish where contact
-    begins. reach: the body's largest extent
+    near: gaps, points and normals at a placement, of all points within a distance of the bed, zero where contact begins
+    reach: the body's largest extent
     """
 
     def __init__(self, body: RigidBody, near: NearBed, law: ContactLaw, reach: float):

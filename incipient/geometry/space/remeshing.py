@@ -1,7 +1,7 @@
 """Remeshing of a triangulated surface to given edge lengths: edges are split, collapsed and swapped.
 
-After Botsch and Kobbelt (2004), with sizes that vary and points on the exact surface. Lengths and qualities are rounded
-to a few digits, so that round-off has no effect.
+After Botsch and Kobbelt (2004), with sizes that vary and points on the exact surface. Lengths and qualities are
+rounded, so that round-off has no effect.
 """
 
 from abc import ABC, abstractmethod
