@@ -94,7 +94,7 @@ NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
 
 
 def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisation:
-    """The stabilisation for a flow `speed` times the scene's, `inert`: with inertia."""
+    """The stabilisation for a flow `speed` times the scene's; `inert`: whether it has inertia."""
     if not inert:
         return NO_CONVECTION
     number, option = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
