@@ -29,7 +29,8 @@ AS_THEY_ARE = (
 class Threshold:
     """The critical flow of a scene, or the reason for none.
 
-    factor:          critical speed over the scene's; 0: any flow, or the weight alone, moves the grain; inf: no computed flow does
+    factor:          critical speed over the scene's; 0: any flow, or the weight alone, moves the grain; inf: no
+                     computed flow does
     computed:        the same for the uncorrected load, if `factor` is corrected
     held_to:         factor up to which the grain is stable; inf: always
     reason:          why there is no critical flow, or none computed near it
