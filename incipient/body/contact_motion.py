@@ -1,11 +1,10 @@
 """A rigid body in contact over a time step: it rolls, slides or lifts off.
 
 Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey
-Signorini's and Coulomb's laws with the velocities at the end of the step, and act on the effective mass of the load,
-with the fluid's added mass. Contacts are those at which the body would penetrate the bed in the step, whose length is
-kept, and with cohesion those of the last step, which open where their tension exceeds it. An impulse acts along the
-mean of a contact's normals at both ends of the step: rolling along a curved bed conserves energy.
-Remaining gaps and overlaps are corrected in the position, not in the velocities.
+Signorini's and Coulomb's laws with the velocities at the end of the step, and act on the effective mass with the
+fluid's added mass. Contacts are those at which the body would penetrate the bed in the step, and with cohesion those
+of the last step, which open where their tension exceeds it. Impulses along the mean of a contact's normals at both ends conserve energy in rolling along a curved bed. Remaining gaps and overlaps are
+corrected in the position, not in the velocities.
 """
 
 from __future__ import annotations
@@ -154,8 +153,7 @@ class ContactMotion:
 
     Args:
         body: its mass, moments and freedom.
-        near: gaps, points and normals at a placement, of all points within a distance of the bed; gaps vanish where
-            contact begins.
+        near: closest points within a distance of the bed at a placement; gaps vanish where contact begins.
         law: friction and restitution.
         reach: the body's largest extent.
     """

@@ -1,8 +1,7 @@
 """Ordinary differential equations y' = f(t, y): Runge-Kutta-Fehlberg 4(5) behind the verbs of SUNDIALS' CVODE.
 
-`init` sets the state, `advance` integrates to a time or to the first root of a function, `interpolate` gives
-dense output within the last step, `statistics` counts. The error of a step is held below the tolerances in CVODE's
-norm, the root mean square of error_i / (relative |y_i| + absolute_i); the solution of fifth order is propagated.
+The error of a step is held below the tolerances in CVODE's norm, the root mean square of error_i / (relative |y_i| +
+absolute_i); the solution of fifth order is propagated.
 
 Sources: E. Fehlberg, NASA TR R-315 (1969), formula 2; Hairer, Norsett & Wanner, Solving Ordinary Differential
 Equations I, II.4 (safety factors); Gustafsson, ACM TOMS 17 (1991) (proportional-integral control).
@@ -73,8 +72,8 @@ class Integrator:
     Args:
         rate: f(t, y) -> (n,). A step in which it is not finite is repeated with a quarter of the length.
         tolerances: bounds of the error of one step.
-        largest_step: bound of the length of all steps; the first one is tried with the whole of what is to come.
-        max_steps: the number of steps that one `advance` may take.
+        largest_step: bound of all steps; the first one is tried with the whole of what is to come.
+        max_steps: of one `advance`.
 
     `t` and `y` (n,) are the present time and solution.
     """
@@ -102,12 +101,9 @@ class Integrator:
     def advance(self, end: float, root: Root | None = None) -> bool:
         """Integrate to the time `end`, or to the first fall of `root`(t, y) through zero before it.
 
-        Returns whether a root ended the integration. A root at the present time does not count; two changes
-        of sign within one step are not seen.
-
-        Raises:
-            ConvergenceError: the step becomes too small, or `max_steps` do not suffice; t and y hold the last
-                accepted state.
+        Returns whether a root ended the integration. A root at the present time does not count; two changes of sign
+        within one step are not seen. Raises ConvergenceError if the step becomes too small, or `max_steps` do not
+        suffice; t and y hold the last accepted state.
         """
         self.statistics.next_step = self.statistics.next_step or max(end - self.t, 0.0)
         value = 0.0 if root is None else self._value_ahead(root)

@@ -29,12 +29,12 @@ class RisingDisplacement:
     """The displacement of a mesh by the elevation of its surface. Holds PETSc objects; all is collective.
 
     Args:
-        domain: whose mesh is as it was made, with its surface level.
+        domain: with its mesh as it was made, the surface level.
         space: scalar functions on the mesh's own nodes.
         boundary: name of the surface.
         held: names of the boundaries whose nodes stay.
         pinned: names of the boundaries at which the surface's nodes stay.
-        still: height of the still level; None: the height at which the surface was made.
+        still: height of the still level; None: that of the surface as made.
 
     Attributes:
         nodes: local nodes of `space` on the surface, ascending; the first `owned` are this rank's.

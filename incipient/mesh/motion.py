@@ -49,14 +49,14 @@ class RigidDisplacement:
     """Displacement of the mesh by one body. Collective unless stated otherwise.
 
     Args:
-        domain: whose mesh is as it was made.
+        domain: with its mesh as it was made.
         boundary: name of the body's boundary.
         placement: of the body when the mesh was made.
         turning: whether the mesh turns with the body; False for discs and spheres.
         others: names of boundaries that other parts displace, along which nodes do not slide.
 
     Attributes:
-        weights: (n, gdim + 1) fraction of the body's displacement of each node in each direction, and of its turn.
+        weights: (n, gdim + 1) fraction of the body's displacement in each direction, and of its turn.
     """
 
     def __init__(

@@ -33,15 +33,13 @@ class Transfer:
     Construction is collective. A point outside the mesh takes the extrapolated polynomial of the nearest cell: nodes
     of a remeshed curved boundary lie off the old mesh by a fraction of a cell.
 
-    Args:
-        mesh: the mesh, of simplices, straight or curved.
-        points: (n, gdim or 3) of this rank, in scene units.
-        reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a point takes the value at
-            a near point of the cell, as in interstices that coarse cells fill differently on each mesh.
+    Args:     mesh: the mesh, of simplices, straight or curved.     points: (n, gdim or 3) of this rank, in scene
+    units.     reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a near point of the
+    cell counts,         as in interstices that coarse cells fill differently on each mesh.
 
     Attributes:
-        outside: how many of the points of all ranks no cell holds.
-        farthest: largest distance of any of them from the cell it takes its values from.
+        outside: number of points of all ranks that no cell holds.
+        farthest: largest distance of any of them from its cell.
     """
 
     def __init__(self, mesh: Any, points: Floats, reach: float = np.inf):

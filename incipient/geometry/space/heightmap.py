@@ -62,9 +62,8 @@ class HeightMap(SmoothTerrain):
         """A bed from a PNG or TIFF image, an array in a .npy file, or an ESRI ASCII grid (.asc).
 
         Heights are `relief` times what the file holds: whole numbers of images are divided by the largest of their
-        type (black 0, white 1). The first row is that of largest y, of a .npy array that of least y. `origin` is
-        added to an ASCII grid's own corner. Raises SceneError if the file cannot be read or is no table of finite
-        heights.
+        type. The first row is that of largest y, of a .npy array that of least y. `origin` is added to an ASCII
+        grid's own corner. Raises SceneError if the file cannot be read or is no table of finite heights.
         """
         path = Path(path)
         heights, own_cell, corner = _read(path)
@@ -80,8 +79,8 @@ class HeightMap(SmoothTerrain):
     ) -> "HeightMap":
         """A bed from the upper side of a surface in an STL, PLY or OBJ file, times `scale`.
 
-        Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero. Raises
-        SceneError if the file cannot be read, or the surface has a hole as seen from above.
+        The lowest height is zero; `cell` is by default a 200th of the longer side. Raises SceneError if the file
+        cannot be read, or the surface has a hole as seen from above.
         """
         points, triangles = triangles_in(path)
         result = cls.of_triangles(scale * points[triangles], cell, Path(path))
