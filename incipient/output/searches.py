@@ -85,7 +85,7 @@ def threshold(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Threshold:
-    """Find the critical flow of a scene: the slowest that moves its grain. Collective over `comm`.
+    """Find the slowest steady flow that moves a grain at rest on its bed. Collective over `comm`.
 
     Args:
         directory: for threshold.json, written before its error bars are estimated, and the resolved scene; None writes
@@ -161,7 +161,7 @@ def entrainment(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Entrainment:
-    """Compute the probability of motion in the fluctuating flow of the scene's [gusts]. Collective over `comm`.
+    """Compute the probability that a grain at rest moves in the flow of the scene's [gusts]. Collective over `comm`.
 
     Args:
         directory: for entrainment.json, entrainment.csv and the resolved scene; None writes nothing.

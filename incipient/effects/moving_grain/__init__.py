@@ -52,8 +52,19 @@ class FreeBodyEffect(Effect):
             _path(f"on_bed.works.{name}", f"work of {name}", "energy", line="works", short=name)
             for name in WORKS
         ),
-        _path("interface_iterations.mean", "iterations a step", line="interface", detail=True),
-        _path("interface_iterations.most", "at most", line="interface", detail=True),
+        *(
+            _path(
+                f"interface_iterations.{key}",
+                f"iterations of flow and grain a step, {words}",
+                line="interface",
+                short=short,
+                detail=True,
+            )
+            for key, words, short in (
+                ("mean", "on average", "iterations a step"),
+                ("most", "at most", "at most"),
+            )
+        ),
         _path("new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
     )
 
