@@ -91,7 +91,7 @@ class Walls:
         more the thinner the layer is that the law stands for.
         """
         y = self.distance(name)
-        return y if self.is_beyond(name) else y * min(1.0, y / (CROSSING * self.unit))
+        return y if self.is_beyond(name) else y * min(1.0, y / (CROSSING * self.unit)) ** 2
 
     @property
     def surfaces(self) -> tuple[str, ...]:
