@@ -17,6 +17,9 @@ Point = tuple[float, float]  # in 2-D
 # Range of magnitudes in which products of a few numbers neither overflow nor underflow.
 LARGEST, SMALLEST = 1e30, 1e-30
 MOST_HEIGHTS = 250_000  # of a raster
+NO_EVENT = (
+    3.0  # expected number of events of which none is observed with a probability of 5% (Poisson)
+)
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from .errors import IncipientError, OutputError, SceneError, shortened
 from .input_files import cause_of
 from .installed import required
 from .interrupt import SIGNALS, comes_of_interrupt, nobody_reads, open_streams, output_is_lost, say
-from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
+from .parallel import Comm, Meeting, on_first, ranks_there_are, start_alone_quickly
 
 Command = Callable[[argparse.Namespace, Comm], int]
 DEFECT, INTERRUPTED = 70, 130
@@ -30,6 +30,8 @@ _MORE = "reduce the problem, or allow more memory"
 # Message of the loader of libraries without memory.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}
+# Commands that the first rank runs alone, without the others.
+ON_FIRST = ("flume", "show", "report", "table", "judge", "new", "schema")
 TO_COME = 10.0  # seconds within which other failed ranks arrive
 TO_SPEAK = 0.5  # seconds for the first rank's message before others end the run
 
@@ -176,7 +178,11 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
 
 def _later(module: str, name: str) -> Command:
     def command(chosen: argparse.Namespace, comm: Comm) -> int:
-        return int(getattr(import_module(f".commands.{module}", __package__), name)(chosen, comm))
+        function = getattr(import_module(f".commands.{module}", __package__), name)
+        if name not in ON_FIRST:
+            return int(function(chosen, comm))
+        on_first(comm, function, chosen)
+        return 0
 
     return command
 

@@ -21,7 +21,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import OutputError
+from .errors import OutputError, SceneError
 
 # File of a directory with the program's version, its processes, and the names of its files, one a line.
 MARK = ".incipient"
@@ -258,6 +258,18 @@ def make_directory(path: Path, wanted: Path | None = None) -> None:
     """Create a directory with its parents. Raises OutputError about it, or about `wanted`."""
     with reported(wanted or path):
         path.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def opened_new(path: Path) -> Iterator[io.FileIO]:
+    """A new file for writing, unbuffered. Raises SceneError for one that exists, OutputError where writing fails."""
+    with reported(path):
+        try:
+            file = path.open("xb", buffering=0)
+        except FileExistsError:
+            raise SceneError(f"{path}: exists already; choose another name") from None
+        with file:
+            yield file
 
 
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:

@@ -150,6 +150,13 @@ def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
     return value if comm.size == 1 else comm.bcast(value)
 
 
+def on_first(comm: Comm | Alone, work: Callable[..., object], *arguments: Any) -> None:
+    """Call a function on the first rank alone. Collective; raises as `collectively`."""
+    with collectively(comm):
+        if comm.rank == 0:
+            work(*arguments)
+
+
 def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:
     """Concatenated rows (n, ...) of all ranks on rank 0; none elsewhere. Collective."""
     parts = comm.gather(np.ascontiguousarray(rows))

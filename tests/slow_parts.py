@@ -95,7 +95,7 @@ PARTS = {
         "end_to_end/test_moving_sand.py",
     ),
     "space": (
-        "unit/test_triangulations.py",
+        "unit/test_solids.py",
         "unit/test_wall_layers.py",
         "convergence/test_cylinder_in_space.py",
         "convergence/test_space.py",
@@ -109,7 +109,6 @@ PARTS = {
         "unit/test_coupling_space.py",
         "unit/test_meshing_in_space.py",
         "unit/test_scene_in_space.py",
-        "unit/test_settle_in_space.py",
         "unit/test_solid_meshes.py",
     ),
     "stones": (

@@ -14,6 +14,7 @@ from ..planning.discretisation import order_of
 from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
 from ..scene import Scene
+from ..scene.numerics import MESH_SIZES, ORDERS
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 from ..setup.setup import Setup
 
@@ -29,7 +30,7 @@ FARTHER = 1.5  # factor on the domain for the domain's term
 # Range of the factor on the steps of a comparison, with at least FEWEST_STEPS if possible; otherwise shorter steps.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
 # Factor on cells between compared meshes.
-COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
+COARSER_MESH = 2.0**0.5
 REMEDY = re.compile(r"; |: use ")  # begins the remedy in a message
 Solve = Callable[[Scene], Loads]
 
@@ -64,7 +65,7 @@ class KeptRuns:
 
 def on_coarser_mesh(scene: Scene) -> Scene:
     """The scene on a coarser mesh, without error bars."""
-    size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
+    size = min(COARSER_MESH * scene.numerics.mesh_size, MESH_SIZES[1])
     return changed(scene, numerics={"mesh_size": size, "error_bars": False})
 
 
@@ -83,7 +84,7 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     longer = changed(scene, numerics={"error_bars": False}, time=time)
     if on_another_mesh(scene):
         return longer, on_coarser_mesh(longer)
-    other = order_of(scene) + (1 if order_of(scene) < HIGHEST_ORDER else -1)
+    other = order_of(scene) + (1 if order_of(scene) < ORDERS[-1] else -1)
     return longer, changed(longer, numerics={"order": other})
 
 
@@ -94,7 +95,7 @@ def on_another_mesh(scene: Scene) -> bool:
     """
     if scene.is_averaged or scene.body is None:
         return scene.is_averaged
-    return order_of(scene) == HIGHEST_ORDER or not is_resolved(Setup(scene))
+    return order_of(scene) == ORDERS[-1] or not is_resolved(Setup(scene))
 
 
 def ratio_of_steps(scene: Scene) -> float:

@@ -16,8 +16,6 @@ from . import next_mesh
 from .coarse_runs import changed, comparisons
 from .terms import on_more_bed
 
-LARGEST = 100.0  # of numerics.mesh_size
-
 
 def planned(scene: Scene) -> Plan:
     """The plan with cells, unknowns and memory of the first mesh, or without gmsh a warning. Raises MeshError."""
@@ -35,8 +33,7 @@ def first_mesh(scene: Scene) -> Estimate:
     if scene.numerics.accuracy is None:
         return counted(scene)
     if scene.is_averaged:
-        size = min(next_mesh.COARSEST * scene.numerics.mesh_size, LARGEST)
-        return counted(changed(scene, numerics={"mesh_size": size}))
+        return counted(changed(scene, numerics={"mesh_size": next_mesh.first_size(scene)}))
     steady = scene.time is None
     setup = Setup(scene if steady else next_mesh.first(scene))
     plan = plan_of(setup)

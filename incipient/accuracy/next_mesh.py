@@ -16,20 +16,18 @@ from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE, LEVEL
 from ..planning.discretisation import order_of
 from ..results.adaptation import Trial
 from ..scene import Scene
-from ..scene.numerics import OF_SURFACE
+from ..scene.numerics import MESH_SIZES, OF_SURFACE, ORDERS
 from .coarse_runs import (
     FEWEST_STEPS,
-    HIGHEST_ORDER,
     LONGEST_STEP,
     MODEL_MESH,
     changed,
     order_in_time,
 )
-from .terms import is_stream, order_in_space
+from .terms import COARSEST_IN_SPACE, is_stream, order_in_space
 
 AIM = 0.6  # fraction of the accuracy aimed at, as a margin
 MOST_MESHES, MOST_RUNS = 12, 6  # steady, unsteady
-ORDERS = (2, 3, 4)
 # Unknowns per vertex of a large mesh, by dimension and order; expected fraction of the error that the next-higher order
 # leaves on the same mesh.
 UNKNOWNS, GAIN = {2: {2: 9, 3: 22, 4: 41}, 3: {2: 25, 3: 89, 4: 219}}, 0.1
@@ -58,6 +56,12 @@ def highest_order(gdim: int, inertia: bool) -> int:
 def coarsest(gdim: int, inertia: bool) -> float:
     """Cells of the first mesh relative to the default."""
     return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
+
+
+def first_size(scene: Scene, failures: int = 0) -> float:
+    """`numerics.mesh_size` of the first mesh of a mean flow, after failures."""
+    most = COARSEST_IN_SPACE if scene.resolves_uneven_walls else MESH_SIZES[1]
+    return min(0.5**failures * COARSEST * scene.numerics.mesh_size, most)
 
 
 def next_order(
@@ -98,7 +102,7 @@ def refined(scene: Scene, trial: Trial, left: float) -> Refined:
     of_step, of_mesh = trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
         return halved(order)
-    highest = HIGHEST_OF_SURFACE if scene.accuracy_of in OF_SURFACE else HIGHEST_ORDER
+    highest = HIGHEST_OF_SURFACE if scene.accuracy_of in OF_SURFACE else ORDERS[-1]
     # The error of a safety factor may exceed the sum of its parts.
     aim = left * (of_step + of_mesh)
     best = cheapest(of_step, of_mesh, aim, order, q, max(highest, order))
@@ -151,7 +155,7 @@ def first(scene: Scene) -> Scene:
         longer /= 2.0
     if is_stream(scene):
         sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
-        size = sizes[min(order_of(scene) + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size
+        size = sizes[min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
         cells = float(np.clip(LEVEL / size, 1.0, cells))
     return _resized(scene, cells, longer)
 
@@ -172,5 +176,5 @@ def _resized(scene: Scene, cells: float, steps: float) -> Scene:
     time = {"step": steps * scene.time.step}
     if scene.time.tolerance is not None:
         time["tolerance"] = scene.time.tolerance * steps ** (order_in_time(scene) + 1)
-    mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), 100.0)
+    mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), MESH_SIZES[1])
     return changed(scene, numerics={"mesh_size": mesh_size}, time=time)

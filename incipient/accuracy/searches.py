@@ -18,7 +18,7 @@ from ..planning.layout import coarse_sizes
 from ..planning.wall_cells import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import OF_SURFACE, OF_WALLS
+from ..scene.numerics import MESH_SIZES, OF_SURFACE, OF_WALLS, ORDERS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.beside import InTurn
@@ -32,11 +32,19 @@ from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
 from .errorbars import coarse_scenes, of_interaction, unit_of
 from .goal import relative
-from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
+from .next_mesh import (
+    AIM,
+    COARSEST,
+    UNKNOWNS,
+    WORK_POWER,
+    coarsest,
+    first_size,
+    highest_order,
+    next_order,
+)
 from .search import Attempt, Estimate, Search, SearchRecorder, computed_loads
 from .sizing import gathered, resized
 from .terms import (
-    COARSEST_IN_SPACE,
     OF_MESH,
     by_both,
     by_coarser_mesh,
@@ -49,7 +57,6 @@ CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the ne
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
 # Fraction left of an estimated error on cells smaller by `finish.COARSER_CELLS`: 1.5^-4.
 COMPARED = 0.2
-SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
 # The search ends after so many meshes with a smaller reduction of the error.
 LOOKED_AT, LEAST_FALL = 3, 0.8
 
@@ -145,7 +152,7 @@ class DualWeighted(Search):
 
     @property
     def _has_one_order(self) -> bool:
-        return self._highest == next_mesh.ORDERS[0]
+        return self._highest == ORDERS[0]
 
     @contextmanager
     def coarse_runs(self) -> Iterator[InTurn]:
@@ -171,9 +178,7 @@ class Uniform(Search):
 
     def first(self, failures: int = 0) -> Attempt:
         self._seen = []
-        most = COARSEST_IN_SPACE if self.scene.resolves_uneven_walls else LARGEST
-        size = 0.5**failures * COARSEST * self.numerics.mesh_size
-        return self._on(self.scene, min(size, most))
+        return self._on(self.scene, first_size(self.scene, failures))
 
     def _on(
         self, scene: Scene, mesh_size: float, unknowns: float = 0.0, work: float = 1.0
@@ -212,9 +217,9 @@ class Uniform(Search):
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
-        if mesh_size < SMALLEST:
+        if mesh_size < MESH_SIZES[0]:
             raise MeshError(
-                f"numerics.mesh_size would be below {SMALLEST:g}: use a larger numerics.accuracy"
+                f"numerics.mesh_size would be below {MESH_SIZES[0]:g}: use a larger numerics.accuracy"
             )
         more = COARSER_MESH**attempt.scene.gdim
         unknowns = more * self.trials[-1].unknowns

@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import OutputError
-from ..parallel import Comm, collectively
+from ..parallel import Comm, on_first
 
 
 def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
-    """Draw requested pictures and print their paths; a failed picture does not fail the command."""
-    with collectively(comm):
-        if comm.rank == 0 and wanted:
-            draw_and_tell(directory)
-        elif comm.rank == 0:
-            print(f"pictures            incipient show {directory}", flush=True)
+    """Draw requested pictures and print their paths, or how to draw them. Collective; raises as `draw_and_tell`."""
+    if wanted:
+        on_first(comm, draw_and_tell, directory)
+    elif comm.rank == 0:
+        print(f"pictures            incipient show {directory}", flush=True)
 
 
 def draw_and_tell(directory: Path) -> None:

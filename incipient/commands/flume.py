@@ -6,11 +6,9 @@ import argparse
 import json
 import re
 
-from ..errors import SceneError
-from ..files import reported, write_fully
+from ..files import opened_new, write_fully
 from ..flumes import flume as answer_of
 from ..flumes.answer import FlumeAnswer
-from ..parallel import Comm, collectively
 from ..scene.units import METRES
 
 _LENGTH = re.compile(r"([-+0-9.eE]+)\s*([a-z]*)")
@@ -31,15 +29,12 @@ def length(text: str) -> float:
         ) from None
 
 
-def flume(options: argparse.Namespace, comm: Comm) -> int:
+def flume(options: argparse.Namespace) -> None:
     """Print the answer; write the requested scene and picture."""
-    with collectively(comm):
-        if comm.rank == 0:
-            known = {name: getattr(options, name) for name in (*FLOW, *FLUID)}
-            answer = answer_of(options.diameter, options.density, **known)
-            print(json.dumps(answer.as_dict(), indent=2) if options.json else answer.text())
-            _write(options, answer)
-    return 0
+    known = {name: getattr(options, name) for name in (*FLOW, *FLUID)}
+    answer = answer_of(options.diameter, options.density, **known)
+    print(json.dumps(answer.as_dict(), indent=2) if options.json else answer.text())
+    _write(options, answer)
 
 
 def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
@@ -47,13 +42,8 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
         from ..flumes.scene import flume_scene
 
         text = flume_scene(answer)
-        with reported(options.scene):
-            try:
-                file = options.scene.open("xb", buffering=0)
-            except FileExistsError:
-                raise SceneError(f"{options.scene}: already exists; choose another name") from None
-            with file:
-                write_fully(file, text.encode())
+        with opened_new(options.scene) as file:
+            write_fully(file, text.encode())
         print(f"{options.scene}: a scene of one such grain; next: incipient run {options.scene}")
     if options.curve is not None:
         from ..pictures.charts.shields import draw_flume

@@ -16,7 +16,6 @@ from ..judging.motion import FlowThreshold
 from ..judging.openfoam import read_forces
 from ..judging.series import judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
-from ..parallel import Comm, collectively
 from ..progress import telling
 from ..results.kinds import JUDGEMENT, SERIES, ResultKind
 from .drawing import draw_and_tell
@@ -30,23 +29,20 @@ OPTIONS_OF = {
 }
 
 
-def judge(options: argparse.Namespace, comm: Comm) -> int:
+def judge(options: argparse.Namespace) -> None:
     """Judge a case and print the verdict; write it with `--out`."""
-    with collectively(comm):
-        if comm.rank == 0:
-            _refuse_unread(options)
-            if options.forces is not None:
-                _judge_forces(options)
-            elif options.batch is not None:
-                _judge_batch(options)
-            elif options.case is None:
-                remedy = "give a case file, --batch FILE, or --forces with --grain"
-                raise SceneError(f"judge: there is no case; {remedy}")
-            elif options.series is not None:
-                _judge_series(options)
-            else:
-                _judge_case(options)
-    return 0
+    _refuse_unread(options)
+    if options.forces is not None:
+        _judge_forces(options)
+    elif options.batch is not None:
+        _judge_batch(options)
+    elif options.case is None:
+        remedy = "give a case file, --batch FILE, or --forces with --grain"
+        raise SceneError(f"judge: there is no case; {remedy}")
+    elif options.series is not None:
+        _judge_series(options)
+    else:
+        _judge_case(options)
 
 
 def _refuse_unread(options: argparse.Namespace) -> None:

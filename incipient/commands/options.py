@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
-from ..parallel import Comm, collectively
+from ..parallel import Comm
 
 BESIDE = object()  # directory option without a value: that of the case
 OF_SWEEPS = ("quantity", "against", "by")  # options of `show` for sweeps only
@@ -35,16 +35,12 @@ def alone(name: str, comm: Comm) -> None:
         raise SceneError(f"{name} starts processes of its own; call it without mpirun")
 
 
-def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
-    """Raise SceneError for a directory without files of an earlier command. Collective."""
-    with collectively(comm):
-        if comm.rank == 0 and not any((directory / name).is_file() for name in names):
-            why = (
-                "is not the directory of a run"
-                if directory.is_dir()
-                else "there is no such directory"
-            )
-            raise SceneError(f"{directory}: {why}; give the directory that a run was written to")
+def require_left_by(directory: Path, names: Sequence[str]) -> None:
+    """Raise SceneError for a directory without files of an earlier command."""
+    if not any((directory / name).is_file() for name in names):
+        there = directory.is_dir()
+        why = "is not the directory of a run" if there else "there is no such directory"
+        raise SceneError(f"{directory}: {why}; give the directory that a run was written to")
 
 
 def no_options(parser: argparse.ArgumentParser) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import incipient
 
-from ..parallel import Comm
+from ..parallel import Comm, on_first
 from ..progress import Silent, telling
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..results.result import Result
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
 
 def resume(options: argparse.Namespace, comm: Comm) -> int:
     """Continue an interrupted run."""
-    require_left_by(options.directory, ("scene.toml",), comm)
+    on_first(comm, require_left_by, options.directory, ("scene.toml",))
     with telling(comm.rank) as voice:
         result = incipient.resume(options.directory, options.overrides, comm, voice)
     _tell(result, options.directory, comm, options.verbose)

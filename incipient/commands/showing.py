@@ -7,7 +7,6 @@ import argparse
 import incipient
 
 from ..errors import OutputError, SceneError
-from ..parallel import Comm, collectively
 from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart
 from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
@@ -15,30 +14,24 @@ from .options import OF_SWEEPS, require_left_by
 RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 
 
-def show(options: argparse.Namespace, comm: Comm) -> int:
+def show(options: argparse.Namespace) -> None:
     """Draw or animate results."""
     if options.directory.suffix == ".toml":
         remedy = "run it, then give the directory of the results"
         raise SceneError(f"{options.directory}: is a scene, not results; {remedy}")
     if options.directory.is_file():
-        return _show_sweep(options, comm)
+        _show_sweep(options)
+        return
     for name in OF_SWEEPS:
         if getattr(options, name) is not None:
             raise SceneError(
                 f"--{name} applies to the file of a sweep; leave it out for {options.directory}"
             )
-    require_left_by(options.directory, RECORDS, comm)
+    require_left_by(options.directory, RECORDS)
     if options.field is not None and not options.animate:
         raise SceneError("--field: needs --animate; add it")
     if options.out is not None and not options.animate:
         raise SceneError("--out: needs --animate; add it")
-    with collectively(comm):
-        if comm.rank == 0:
-            _show_one(options)
-    return 0
-
-
-def _show_one(options: argparse.Namespace) -> None:
     if options.animate:
         print(animate_apart(options.directory, options.out, options.field or "velocity"))
     else:
@@ -52,20 +45,14 @@ def _name(drawn: Drawn) -> None:
         raise OutputError(drawn.complaint)
 
 
-def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
+def _show_sweep(options: argparse.Namespace) -> None:
     if options.animate or options.out is not None or options.field is not None:
         why = "is the file of a sweep, which is not animated"
         raise SceneError(f"{options.directory}: {why}; leave the option out")
-    with collectively(comm):
-        if comm.rank == 0:
-            asked = {name: getattr(options, name) for name in OF_SWEEPS}
-            _name(draw_sweep_apart(options.directory, **asked))
-    return 0
+    asked = {name: getattr(options, name) for name in OF_SWEEPS}
+    _name(draw_sweep_apart(options.directory, **asked))
 
 
-def report(options: argparse.Namespace, comm: Comm) -> int:
+def report(options: argparse.Namespace) -> None:
     """Write the page of results and print its path."""
-    with collectively(comm):
-        if comm.rank == 0:
-            print(incipient.report(options.path, options.out), flush=True)
-    return 0
+    print(incipient.report(options.path, options.out), flush=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import SceneError
 from ..output.ownership import refuse_foreign
-from ..parallel import Comm, collectively
+from ..parallel import Comm, on_first
 from ..progress import telling
 from ..results.kinds import POSES, SURVEY
 from ..survey.orientations import Poses, survey_poses
@@ -46,9 +46,7 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         compute = partial(
             survey_poses, options.bed, options.overrides, poses, directory, comm, sweep
         )
-    with collectively(comm):
-        if comm.rank == 0:
-            refuse_foreign(directory, kind.files, read)
+    on_first(comm, refuse_foreign, directory, kind.files, read)
     with telling(comm.rank) as voice:
         result = compute(voice)
     if comm.rank == 0:

@@ -9,7 +9,6 @@ from collections.abc import Set
 from pathlib import Path
 
 from ..files import csv_text
-from ..parallel import Comm, collectively
 from ..scene import Scene
 from ..scene.section import is_number, unit_of
 from ..sweep import table as tables
@@ -20,20 +19,18 @@ WIDE = 160  # width of a table without a terminal, in characters
 FIRST = 300  # number of cases printed
 
 
-def table(options: argparse.Namespace, comm: Comm) -> int:
+def table(options: argparse.Namespace) -> None:
     """Print or write the cases of a sweep, one per row."""
-    with collectively(comm):
-        if comm.rank == 0 and options.parquet is not None:
-            tables.write_parquet(options.file, options.parquet)
-            print(options.parquet)
-        elif comm.rank == 0 and options.size_classes is not None:
-            classes = size_classes(options.file, options.size_classes, options.size)
-            print(csv_text(HEADS, classes), end="", flush=True)
-        elif comm.rank == 0 and options.csv:
-            print(tables.as_csv(tables.rows(options.file)), end="", flush=True)
-        elif comm.rank == 0:
-            _print(options.file)
-    return 0
+    if options.parquet is not None:
+        tables.write_parquet(options.file, options.parquet)
+        print(options.parquet)
+    elif options.size_classes is not None:
+        classes = size_classes(options.file, options.size_classes, options.size)
+        print(csv_text(HEADS, classes), end="", flush=True)
+    elif options.csv:
+        print(tables.as_csv(tables.rows(options.file)), end="", flush=True)
+    else:
+        _print(options.file)
 
 
 def _print(file: Path) -> None:

@@ -104,7 +104,7 @@ class TurbulentFlow(RunPart):
         """
         fluid, loads = self._fluid, self._loads(run)
         scene = self._scene
-        tolerance = of_turbulent(scene.numerics.tolerance)
+        tolerances = of_turbulent(scene.numerics.tolerance, scene.gdim)
         self._take(fluid, factor)
         for from_inflow in (False, True) if onwards else (True,):
             if from_inflow:
@@ -113,7 +113,7 @@ class TurbulentFlow(RunPart):
                 outcome = self.continued = continued(
                     fluid,
                     self.fields,
-                    tolerance,
+                    tolerances,
                     loads,
                     lambda number, change: run.voice.iterate(1.0, number, change),
                 )

@@ -63,7 +63,7 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
     """The grain straight above (or below) `placement` whose smallest distance to the bed is `gap` >= 0."""
     if not (np.isfinite(gap) and gap >= 0.0):
         raise SceneError(f"the gap {gap} is not a distance; give a number that is not negative")
-    return proximity(grain, bed).lifted(placement, gap)
+    return proximity(grain, bed).lowered(placement, gap)
 
 
 def touching(

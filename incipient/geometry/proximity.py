@@ -62,29 +62,18 @@ class Proximity(ABC):
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """See `closest.touching`."""
 
-    def lowered(self, placement: Placement) -> Placement:
-        """The placement lowered (or raised) vertically until the grain touches the bed."""
-        placement = placement.raised(-self.drop(placement))
-        near = self.minima(placement, self.sampling)
+    def lowered(self, placement: Placement, gap: float = 0.0) -> Placement:
+        """The placement lowered (or raised) vertically until the least distance from the bed is a gap."""
+        placement = placement.raised(gap - self.drop(placement))
+        near = self.minima(placement, gap + self.sampling)
         for _ in range(MOST_LIFTS):
             if not len(near):
                 raise SceneError("the grain finds no bed below it; move it over the bed")
-            lift = float((-near.gaps / np.maximum(near.normals[:, -1], STEEPEST)).max())
+            lift = float(((gap - near.gaps) / np.maximum(near.normals[:, -1], STEEPEST)).max())
             placement = placement.raised(lift)
             if abs(lift) <= CONVERGED * self.size:
                 break
             near = self.tracked(placement, near)
-        return placement
-
-    def lifted(self, placement: Placement, gap: float) -> Placement:
-        """The placement straight above or below with a least distance from the bed (Newton's method)."""
-        placement = self.lowered(placement).raised(gap)
-        for _ in range(MOST_LIFTS if gap > 0.0 else 0):
-            distance, on_grain, on_bed = self.clearance(placement)
-            rise = max(float(on_grain[-1] - on_bed[-1]) / distance, STEEPEST)
-            placement = placement.raised((gap - distance) / rise)
-            if abs(gap - distance) <= CONVERGED * self.size:
-                break
         return placement
 
     def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Booleans, Floats
+from ..arrays import NO_EVENT, Booleans, Floats
 from ..contact.batch import Batch
 from ..errors import SceneError
 
 LAWS = {"U": 1.0, "U2": 2.0}  # powers of the velocity to which loads are proportional
 BATCHES = 20  # parts of the time whose means give the error of a mean
 FEWEST = 2 * BATCHES  # samples of a mean with an error
-NO_EVENT = (
-    3.0  # by Poisson's law as many events are expected of which none comes with a probability of 5%
-)
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 
 

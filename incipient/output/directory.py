@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import append_row, cut_after, make_directory, reported, sync, write_json
-from ..parallel import Comm, collectively
+from ..files import append_row, cut_after, make_directory, sync, write_json
+from ..parallel import Comm, collectively, on_first
 from ..planning.plan import Plan
 from ..results.result import Result
 from ..scene import Scene
@@ -23,6 +23,7 @@ from .ownership import (
     keep_complete_result,
     make_room,
     place_scene,
+    remove,
     remove_pictures,
 )
 
@@ -52,10 +53,7 @@ class ResultDirectory(Recorder):
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene, and open the field series if requested. A second call restarts."""
         self._output, self._series, self._surface = scene.output, None, None
-        with collectively(self.comm):
-            if self.comm.rank == 0:
-                self._make_ready()
-                place_scene(self.path, dumps(scene), FILES)
+        on_first(self.comm, self._make_ready, scene)
         self._overwrite = True  # later files belong to this run
         if not scene.output.fields:
             return
@@ -67,13 +65,14 @@ class ResultDirectory(Recorder):
             facets, stem = domain.facets_of("body"), self.path / "surface"
             self._surface = FieldSeries(stem, domain.mesh, self.comm, after, facets)
 
-    def _make_ready(self) -> None:
+    def _make_ready(self, scene: Scene) -> None:
         if self._resumed is None:
             make_directory(self.path)
             make_room(self.path, self._overwrite)
-            return
-        cut_after(self.path / HISTORY, self._resumed.time, self._resumed.progress.number)
-        cut_after(self.path / CONTACTS, self._resumed.time)
+        else:
+            cut_after(self.path / HISTORY, self._resumed.time, self._resumed.progress.number)
+            cut_after(self.path / CONTACTS, self._resumed.time)
+        place_scene(self.path, dumps(scene), FILES)
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """Whether the fields of a step are written: at the end, and at the scene's interval."""
@@ -81,15 +80,12 @@ class ResultDirectory(Recorder):
         return self._series is not None and (last or (every > 0 and number % every == 0))
 
     def step(self, row: dict[str, Any]) -> None:
-        with collectively(self.comm):
-            if self.comm.rank == 0:
-                append_row(self.path / HISTORY, row)
+        on_first(self.comm, append_row, self.path / HISTORY, row)
 
     def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
         with collectively(self.comm):
-            if self.comm.rank == 0:
-                for row in rows:
-                    append_row(self.path / CONTACTS, row)
+            for row in rows if self.comm.rank == 0 else ():
+                append_row(self.path / CONTACTS, row)
 
     def remeshed(self, domain: Domain) -> None:
         if self._series is not None:
@@ -106,27 +102,20 @@ class ResultDirectory(Recorder):
     def keep(self, checkpoint: Checkpoint) -> Path:
         from ..restart import checkpoint as checkpoints
 
-        with collectively(self.comm):
-            if self.comm.rank == 0:
-                sync(self.path / HISTORY)  # the checkpoint relies on its rows
+        on_first(self.comm, sync, self.path / HISTORY)  # the checkpoint relies on its rows
         checkpoints.write(self.path / CHECKPOINT, checkpoint, self.comm)
         return self.path
 
     def provisional(self, result: Result) -> Path:
-        with collectively(self.comm):
-            if self.comm.rank == 0:
-                self._write(result)
+        on_first(self.comm, self._write, result)
         return self.path
 
     def finish(self, result: Result) -> None:
         """Write result.json; keep the checkpoint of a complete run on the scene's request or if the grain ended it."""
-        with collectively(self.comm):
-            if self.comm.rank == 0:
-                self._write(result)
-                wanted = result.scene["output"]["checkpoint"] or result.ended_early
-                if result.status == "complete" and not wanted:
-                    with reported(self.path / CHECKPOINT):
-                        (self.path / CHECKPOINT).unlink(missing_ok=True)
+        on_first(self.comm, self._write, result)
+        wanted = result.scene["output"]["checkpoint"] or result.ended_early
+        if result.status == "complete" and not wanted:
+            on_first(self.comm, remove, [self.path / CHECKPOINT])
 
     def _write(self, result: Result) -> None:
         if self._resumed is not None:

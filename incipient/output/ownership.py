@@ -59,7 +59,7 @@ def make_room(directory: Path, overwrite: bool) -> None:
     """
     existing = _there(directory, FILES)
     if overwrite or not (directory / CHECKPOINT).exists():
-        _remove(existing)
+        remove(existing)
     else:
         _move(existing, directory, "the earlier run there, which can be resumed,")
 
@@ -88,7 +88,7 @@ def _name(path: Path) -> str:
 
 def remove_pictures(directory: Path) -> None:
     """Remove outdated pictures of a run; raises OutputError."""
-    _remove([directory / name for name in PICTURES])
+    remove([directory / name for name in PICTURES])
 
 
 def keep_complete_result(directory: Path) -> None:
@@ -111,7 +111,8 @@ def put_aside(path: Path) -> Path:
     return aside
 
 
-def _remove(paths: list[Path]) -> None:
+def remove(paths: Iterable[Path]) -> None:
+    """Remove files of this program, and directories but for other files in them; raises OutputError."""
     for path in paths:
         with reported(path):
             if not path.is_dir():

@@ -15,7 +15,7 @@ from ..errors import SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import reading
 from ..interrupt import one_at_a_time
-from ..parallel import Comm, collectively, world
+from ..parallel import Comm, on_first, world
 from ..progress import Silent
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..scene import Scene
@@ -44,21 +44,18 @@ def write(
     path: Path,
     scene: Scene,
     stored: Mapping[str, Any],
-    comm: Comm,
     columns: Sequence[str] = (),
     rows: Rows = (),
 ) -> None:
-    """Write a record, its scene, and a table for given columns to a directory. Collective.
+    """Write a record, its scene, and a table for given columns to a directory. Not collective.
 
     Results of another scene are moved to a numbered directory. Raises OutputError.
     """
-    with collectively(comm):
-        if comm.rank == 0:
-            make_directory(path)
-            place_scene(path, dumps(scene), kind.files)
-            write_json(path / kind.record, stored)
-            if columns:
-                write_text_atomically(path / f"{kind.name}.csv", csv_text(columns, rows))
+    make_directory(path)
+    place_scene(path, dumps(scene), kind.files)
+    write_json(path / kind.record, stored)
+    if columns:
+        write_text_atomically(path / f"{kind.name}.csv", csv_text(columns, rows))
 
 
 @dataclass(frozen=True)
@@ -103,7 +100,7 @@ def threshold(
     path = Path(directory)
 
     def keep(result: Threshold) -> Path:
-        write(THRESHOLD, path, scene, result.to_dict(), comm)
+        on_first(comm, write, THRESHOLD, path, scene, result.to_dict())
         return path
 
     with locked(path, comm, make=True):
@@ -143,7 +140,7 @@ def gusts(
         announce(point)
         if directory is not None:
             curve = GustCurve(scene, static, tuple(points)).to_dict()
-            write(GUSTS, Path(directory), scene, curve, comm, OF_GUSTS, curve["points"])
+            on_first(comm, write, GUSTS, Path(directory), scene, curve, OF_GUSTS, curve["points"])
 
     if directory is None:
         search.critical(durations, keep)
@@ -186,7 +183,7 @@ def entrainment(
     with locked(path, comm, make=True):
         result = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
         stored, rows = {**result.to_dict(), "data": measured}, [_row(one) for one in result.curve]
-        write(ENTRAINMENT, path, scene, stored, comm, OF_ENTRAINMENT, rows)
+        on_first(comm, write, ENTRAINMENT, path, scene, stored, OF_ENTRAINMENT, rows)
     return result
 
 

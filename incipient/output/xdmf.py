@@ -12,7 +12,7 @@ from dolfinx.fem import Function
 from mpi4py import MPI
 
 from .. import compat
-from ..parallel import NumberedRows, collectively, joined
+from ..parallel import NumberedRows, joined, on_first
 from .series_file import SeriesFile
 
 _XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
@@ -110,9 +110,7 @@ class FieldSeries:
     ):
         self.remeshed(mesh, facets)
         self._file = SeriesFile(stem, self._nodes.cell_type)
-        with collectively(comm):
-            if comm.rank == 0:
-                self._file.begin(after)
+        on_first(comm, self._file.begin, after)
 
     def remeshed(self, mesh: Any, facets: np.ndarray | None = None) -> None:
         """Continue on a new mesh of the same kind, or on its facets."""
@@ -129,8 +127,6 @@ class FieldSeries:
         if comm.allreduce(not still, op=MPI.LOR):
             mesh["geometry"] = nodes.coordinates()
         values = {name: nodes.values(function) for name, function in fields.items()}
-        with collectively(comm):
-            if comm.rank == 0:
-                self._file.add_step(time, values, mesh)
+        on_first(comm, self._file.add_step, time, values, mesh)
         if mesh:
             self._written = places.copy()

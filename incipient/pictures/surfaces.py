@@ -183,7 +183,8 @@ def elevation(run: StoredRun) -> Figure:
 def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) and straight triangles (m, 3) of the free surface: upward sides of the mesh but the grain's."""
     grid = run.grid.copy(deep=False)
-    grid["place"] = run.fields.points  # points in VTK may be of single precision
+    # Places in VTK are of single precision.
+    grid["node"] = np.arange(len(run.fields.points), dtype=float)
     grid["grain"] = np.zeros(len(run.fields.points))
     if run.surface is not None:
         reach = 1e-6 * float(np.ptp(run.surface.points, axis=0).max())
@@ -195,7 +196,8 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     used, rows = np.unique(
         triangles[upwards & (sides["grain"][triangles].min(axis=1) < 1.0)], return_inverse=True
     )
-    return np.asarray(sides["place"])[used], rows.reshape(-1, 3)
+    nodes = np.rint(sides["node"][used]).astype(int)
+    return run.fields.points[nodes], rows.reshape(-1, 3)
 
 
 def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:

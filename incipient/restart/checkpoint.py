@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..files import opened_hdf5, write_hdf5
-from ..parallel import Comm, collectively
+from ..parallel import Comm, collectively, on_first
 
 T = TypeVar("T")
 
@@ -150,9 +150,7 @@ def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
     """
     program = f"incipient {metadata.version('incipient')}"
     about = {"format": FORMAT, "version": VERSION, "program": program}
-    with collectively(comm):
-        if comm.rank == 0:
-            write_hdf5(path, dict(_datasets(checkpoint)), about)
+    on_first(comm, lambda: write_hdf5(path, dict(_datasets(checkpoint)), about))
 
 
 def read(path: Path, comm: Comm) -> Checkpoint:

@@ -55,7 +55,7 @@ def _rotation(stored: Mapping[str, Any]) -> list[float] | None:
     quaternion = at(stored, "grain.quaternion")
     if quaternion is None:
         return None
-    from scipy.spatial.transform import Rotation
+    from scipy.spatial.transform import Rotation  # takes long to import, for 3-D alone
 
     turned: list[float] = Rotation.from_quat(np.roll(quaternion, -1)).as_rotvec().tolist()
     return turned

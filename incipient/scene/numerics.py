@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from .section import SMALLEST, Positive, Section, allowed, is_number, key
 
 ORDERS = (2, 3, 4)
+MESH_SIZES = (0.01, 100.0)  # range of mesh_size
 
 # Quantities of a free surface: elevations in the course of the run, and at its end.
 OF_SURFACE = ("elevation", "level")
@@ -47,7 +48,10 @@ class Numerics(Section):
         "Order of curved cells, 1 to 3; default: chosen", None, ge=1, le=3, examples=[2]
     )
     mesh_size: float = key(
-        "Factor on the size of all cells; 0.5 halves them [-]", 1.0, ge=0.01, le=100.0
+        "Factor on the size of all cells; 0.5 halves them [-]",
+        1.0,
+        ge=MESH_SIZES[0],
+        le=MESH_SIZES[1],
     )
     max_cells: int = key("Largest expected number of triangles of a mesh", 1_000_000, ge=1)
     convection: Literal["implicit", "extrapolated"] = key(

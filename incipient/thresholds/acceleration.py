@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..arrays import Floats
-from ..contact import Contacts, Load
+from ..contact import Load
 from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..parallel import Comm
@@ -47,23 +47,14 @@ def load_of_growth(setup: Setup, comm: Comm) -> Floats:
 class CriticalStrength:
     """Critical strength of a growing or fading flow. Near the critical flow the load is a power of the strength.
 
-    factor, load, power: of the critical steady flow
+    threshold: the critical steady flow
     of_growth: (6,) load at growth of the strength by one in unit time
     """
 
-    factor: float
-    load: Load
-    power: float
+    threshold: Threshold
     of_growth: Floats
-    contacts: Contacts
     law: Law
     _known: dict[tuple[float, bool], float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, threshold: Threshold, of_growth: Floats, law: Law) -> CriticalStrength:
-        assert threshold.steepness is not None
-        steady = threshold.factor, threshold.load, threshold.steepness
-        return cls(*steady, of_growth, threshold.contacts, law)
 
     def near(self, growth: float, relative: bool) -> float:
         """As `at`, interpolated between neighbours for an absolute growth, which differs between mean flows."""
@@ -82,7 +73,8 @@ class CriticalStrength:
         return self._known[key]
 
     def _solved(self, growth: float, relative: bool) -> float:
-        low, high = self.factor / FARTHEST, self.factor * FARTHEST
+        factor = self.threshold.factor
+        low, high = factor / FARTHEST, factor * FARTHEST
         if self._logarithm(low, growth, relative) <= 0.0:
             return low
         if self._logarithm(high, growth, relative) >= 0.0:
@@ -90,10 +82,12 @@ class CriticalStrength:
         return float(brentq(self._logarithm, low, high, args=(growth, relative), xtol=1e-8 * low))
 
     def _logarithm(self, strength: float, growth: float, relative: bool) -> float:
-        ratio = (strength / self.factor) ** self.power
+        threshold = self.threshold
+        assert threshold.steepness is not None
+        steady, ratio = threshold.load, (strength / threshold.factor) ** threshold.steepness
         added = growth * (strength if relative else 1.0) * self.of_growth
-        force, torque = ratio * self.load.flow_force, ratio * self.load.flow_couple
-        load = Load(force + added[:3], torque + added[3:], self.load.weight, self.load.centre)
-        value = safety_factor(load, self.contacts, self.law).value
+        force, torque = ratio * steady.flow_force, ratio * steady.flow_couple
+        load = Load(force + added[:3], torque + added[3:], steady.weight, steady.centre)
+        value = safety_factor(load, threshold.contacts, self.law).value
         bound = math.exp(LARGEST_LOGARITHM)
         return math.log(min(max(value, 1.0 / bound), bound))

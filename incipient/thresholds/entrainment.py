@@ -117,7 +117,6 @@ class Entrainment:
     assumed: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for entrainment.json."""
         named = ("factor", "shields", "shear_reynolds", "mode", "errors")
         return {
             "schema_version": SCHEMA_VERSION,
@@ -196,7 +195,7 @@ def find_entrainment(
     growing, without = None, _without_growth(setup, gusts, threshold)
     if not without:
         growth = load_of_growth(setup, comm)
-        growing = CriticalStrength.of(threshold, growth, scene.contact.law)
+        growing = CriticalStrength(threshold, growth, scene.contact.law)
     motion = Motion(gusts, flow, threshold, threshold.factor, growing, weakest)
     points = tuple(motion.quantile(probability) for probability in wanted)
     if not strengths:

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import NO_EVENT, Floats
 from ..errors import SceneError
-from .laws import NONE_FOUND, Events, Law, Measured
+from .laws import Events, Law, Measured
 
 PER_MICROSCALE = 16  # points of a generated series
 MOST_POINTS = 4_000_000
@@ -150,5 +150,5 @@ def rate_of_lasting(
         static = min(weakest.static, float(levels[0]))
         counts.append(series.moving(levels / strength, durations, static / strength))
     low, high = min(counts), max(counts)
-    least, most = max(low - math.sqrt(low), 0.0), high + math.sqrt(high) if high else NONE_FOUND
+    least, most = max(low - math.sqrt(low), 0.0), high + math.sqrt(high) if high else NO_EVENT
     return RateOfLasting(*(count / series.duration for count in (counts[0], least, most)))

@@ -16,13 +16,10 @@ from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from ..arrays import Floats
+from ..arrays import NO_EVENT, Floats
 from ..errors import SceneError
 
 SHORTEST = 20.0  # least duration of a series, in integral times
-NONE_FOUND = (
-    3.0  # expected number of gusts of which none is observed with a probability of 5% (Poisson)
-)
 
 
 @dataclass(frozen=True)
@@ -163,7 +160,7 @@ class Measured:
     def spread(self, probability: float) -> float:
         """Standard error of a fraction of the time, from the number of independent samples."""
         if not 0.0 < probability < 1.0:
-            return NONE_FOUND / self.independent
+            return NO_EVENT / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)
 
 
@@ -206,7 +203,7 @@ class Events:
     def spread(self, probability: float) -> float:
         """Standard error of a fraction of the time, for independent gusts (Poisson)."""
         if not probability > 0.0:
-            return NONE_FOUND * float(self.lengths.mean()) / self.duration
+            return NO_EVENT * float(self.lengths.mean()) / self.duration
         count = int(np.searchsorted(self._fractions, probability)) + 1
         return math.sqrt(float((self.lengths[:count] ** 2).sum())) / self.duration
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..accuracy.goal import components, slopes
+from ..accuracy.goal import DIFFERENCE, components, slopes
 from ..accuracy.search import Attempt, Estimate
 from ..accuracy.searches import DualWeighted
 from ..arrays import Floats
@@ -31,7 +31,6 @@ from .bars import factor_range
 from .path import flow_of
 from .search import CriticalFlow, CriticalSearch, OwnMesh
 
-DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
 CHANGED = 1.1  # largest ratio of the wall cells of two flows on a common mesh
 MOST_MESHES = 6
 DIFFERING = (
@@ -176,6 +175,6 @@ def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
 
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
-    """Whether a mesh made for one flow does not serve for another; both are factors of the scene's."""
+    """Whether a mesh made for one flow is unsuitable for another; both are factors of the scene's."""
     ratio = setup.faster(made_for).walls.nearest / setup.faster(factor).walls.nearest
     return max(ratio, 1.0 / ratio) > CHANGED

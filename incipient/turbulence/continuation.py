@@ -23,8 +23,6 @@ from .fields import TurbulenceFields
 # Courant numbers of the first step, the smallest and the largest; factors from step to step at the most.
 FIRST, SMALLEST, LARGEST = 5.0, 1e-2, 1e8
 SHRINKS, GROWS = 0.1, 2.0
-# Wanted changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration.
-WANTED = 1.0, 0.1
 # Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many
 # last ones give the mean of the loads and its spread.
 MOST_ITERATIONS, STAGNANT = 150, 40
@@ -49,13 +47,13 @@ class Continued:
 def continued(
     fluid: Fluid,
     turbulence: TurbulenceFields,
-    tolerance: float,
+    tolerances: tuple[float, float],
     loads: Callable[[], Floats] | None = None,
     watch: Callable[[int, float], None] = lambda number, change: None,
 ) -> Continued:
     """Find the steady flow with its turbulence from their present states. Collective.
 
-    It has converged when flow and logarithms of the turbulence change by less than the tolerance in an iteration.
+    It has converged when flow and logarithms of the turbulence change by less than their `tolerances` in an iteration.
     `loads` returns those on the grain, or on the bed (m,), in units of a force.
 
     Raises:
@@ -71,7 +69,7 @@ def continued(
             changes.append(_step(system, fluid, turbulence))
             watch(len(changes), max(changes[-1]))
             turbulence.look()
-            if max(changes[-1]) <= tolerance:
+            if all(a <= b for a, b in zip(changes[-1], tolerances, strict=True)):
                 return Continued(True, tuple(changes))
             if loads is not None:
                 seen.append(loads())
@@ -93,7 +91,7 @@ def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tu
         else:
             change = relative_change(fluid, of_flow), turbulence.usual_change(of_logarithms)
         if np.isfinite(sum(change)):
-            at_nodes = system.changes_of_cells(of_flow, of_logarithms, WANTED)
+            at_nodes = system.changes_of_cells(of_flow, of_logarithms, turbulence.wanted)
             system.carry_out(*bounded(fluid, of_flow, of_logarithms))
             factor = np.clip(1.0 / np.maximum(at_nodes, 1.0 / GROWS), SHRINKS, GROWS)
             system.courant[:] = np.clip(factor * system.courant, SMALLEST, LARGEST)

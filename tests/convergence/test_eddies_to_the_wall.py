@@ -147,7 +147,7 @@ def test_orders_in_space() -> None:
         fluid, fields = STEADY.joined(unit_box(2, cells), FlowModel(), 2)
         with fluid:
             fields.state.x.array[:] *= 0.9
-            assert continued(fluid, fields, 1e-8).converged
+            assert continued(fluid, fields, (1e-8, 1e-8)).converged
             found.append(errors_with_eddies(fluid, fields, STEADY))
     observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
     print(found[-1], observed)

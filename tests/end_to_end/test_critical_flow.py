@@ -275,7 +275,7 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
     changed = np.abs(fine - load_per_flow(coarse) * coarse.factor).sum()
     assert changed / 3.0 < np.concatenate([term.force, term.torque]).sum() < 3.0 * changed
     assert coarse.bars.low < coarse.factor < coarse.bars.high
-    write(THRESHOLD, tmp_path, on_bed(*STOKES), coarse.to_dict(), MPI.COMM_SELF)
+    write(THRESHOLD, tmp_path, on_bed(*STOKES), coarse.to_dict())
     assert_told(coarse, tmp_path)
 
 

@@ -6,14 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scenes import message
 from turbulent import channel
 
 import incipient
 from incipient import make_plan
-from incipient.accuracy.coarse_runs import coarse, comparisons, is_coarse
+from incipient.accuracy.coarse_runs import changed, coarse, comparisons, is_coarse
 from incipient.accuracy.errorbars import coarse_scenes
-from incipient.accuracy.first_mesh import planned
+from incipient.accuracy.first_mesh import first_mesh, planned
+from incipient.accuracy.searches import Uniform
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
@@ -21,6 +23,7 @@ from incipient.effects.turbulence import findings
 from incipient.errors import ConvergenceError
 from incipient.planning.discretisation import order_of, velocity_order
 from incipient.planning.wall_cells import coarsest
+from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.results.trajectory import place_words
 from incipient.results.wall_report import OF_MODEL, WallReport
@@ -38,6 +41,7 @@ from incipient.scene import (
     Turbulence,
 )
 from incipient.setup.setup import Setup
+from incipient.simulation.recorder import Recorder
 from incipient.sweep.table import in_words
 from incipient.sweep.worker import quantities
 from incipient.turbulence.continuation import Continued
@@ -369,6 +373,18 @@ def test_walls_in_space_that_are_no_planes_are_told_from_those_that_are():
     assert not channel(
         body=Disc(diameter=0.2, x=4.0, density=2.65), bed=Flat()
     ).resolves_uneven_walls
+
+
+def test_a_plan_counts_the_mesh_with_which_a_search_begins(monkeypatch):
+    """Four times the default cells would not resolve these walls: the search takes 3.2, the plan counted 4."""
+    counted = []
+    monkeypatch.setattr(
+        "incipient.accuracy.first_mesh.counted", lambda one: counted.append(one.numerics.mesh_size)
+    )
+    wanted = changed(in_space(1.0), numerics={"accuracy": 0.05})
+    first_mesh(wanted)
+    search = Uniform(wanted, MPI.COMM_SELF, Recorder(), Silent())
+    assert counted == [search.first().scene.numerics.mesh_size] == [3.2]
 
 
 def test_what_a_flow_still_changes_by_is_in_the_error_of_a_search():

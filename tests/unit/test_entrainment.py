@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -279,7 +280,8 @@ class TestAcceleration:
         )
         load = Load(push, [0, 0, 0], weight, [0, 0, 0])
         growth = np.concatenate([0.4 * push, np.zeros(3)])
-        critical = CriticalStrength(2.0, load, 2.0, growth, contacts, 0.3)
+        steady: Any = SimpleNamespace(factor=2.0, load=load, steepness=2.0, contacts=contacts)
+        critical = CriticalStrength(steady, growth, 0.3)
         assert critical.at(0.0, relative=False) == pytest.approx(2.0, rel=1e-6)
         # (x/2)^2 + 0.4 = 1, and (x/2)^2 + 0.4 x = 1.
         assert critical.at(1.0, relative=False) == pytest.approx(2.0 * math.sqrt(0.6), rel=1e-6)
@@ -392,7 +394,7 @@ class TestEntrainment:
         scene = loads(POCKET + "microscale = 1000.0\n")
         assert scene.gusts is not None and scene.contact is not None
         growth = load_of_growth(Setup(scene), MPI.COMM_WORLD)
-        growing = CriticalStrength.of(found.threshold, growth, 0.6)
+        growing = CriticalStrength(found.threshold, growth, 0.6)
         flow = MeanFlow(Setup(scene), scene.gusts)
         motion = Motion(scene.gusts, flow, found.threshold, found.threshold.factor, growing)
         assert motion.strength(0.01) == pytest.approx(found.quantiles[1].strength, rel=1e-4)

@@ -135,10 +135,6 @@ class Grain(Shape):
 
     def drawn(self) -> tuple[Curve, ...]:
         """The outline as it is meshed."""
-        return self._drawn
-
-    @cached_property
-    def _drawn(self) -> tuple[Curve, ...]:
         return self.chain.curves
 
     @cached_property
@@ -251,8 +247,7 @@ class Smooth(Grain):
             Spline(self.trace(np.linspace(k, k + 1.0, CLOSE) * 0.5 * pi)) for k in range(4)
         )
 
-    @cached_property
-    def _drawn(self) -> tuple[Curve, ...]:
+    def drawn(self) -> tuple[Curve, ...]:
         """Splines of the quarters, cut in blunt corners so that no piece turns by more than TURN."""
         cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
         if all(len(quarter) == 2 for quarter in cuts):
@@ -406,8 +401,7 @@ class Polygon(Grain):
         corners = self.vertices
         return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
 
-    @cached_property
-    def _drawn(self) -> tuple[Curve, ...]:
+    def drawn(self) -> tuple[Curve, ...]:
         """Short sides in a row are one smooth curve through their vertices."""
         corners, short = self.chain.starts, self.chain.lengths < SHORT * self.size
         turns = _turns(corners, self.chain.lengths, self.size)
@@ -422,7 +416,7 @@ class Polygon(Grain):
     @property
     def smoothed(self) -> "Polygon | None":
         """The grain with the outline that is meshed; None where that is its own."""
-        return None if self._drawn == self.chain.curves else _Smoothed(self.vertices)
+        return None if self.drawn() == self.chain.curves else _Smoothed(self.vertices)
 
 
 class _Smoothed(Polygon):

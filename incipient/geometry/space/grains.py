@@ -346,17 +346,13 @@ class Triangulated(Solid):
     def cores(self) -> tuple[SphereSwept, ...]:
         return (SphereSwept(self.vertices, self.triangles),)
 
-    @property
-    def _triangles(self) -> Triangles:
-        return self.cores[0].search
-
     def _outward(self, points: Floats) -> tuple[Floats, Floats]:
         """Vectors (n, 3) from the nearest points of the surface, and the normals (n, 3) there.
 
         At edges and corners the angle-weighted mean, whose side of the surface is that of the points (Baerentzen and
         Aanaes 2005).
         """
-        feet, row, triangle = self._triangles.nearest(points, 1e-12 * self.size)
+        feet, row, triangle = self.cores[0].search.nearest(points, 1e-12 * self.size)
         corners = self._surface.corners[triangle]
         to, after = corners - feet[row, None], np.roll(corners, -1, axis=1) - feet[row, None]
         sines = np.linalg.norm(cross(to, after), axis=2)
