@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 from ..scene.model import WIDE_GAP
 from ..setup.setup import Setup
-from ..turbulence.wall_law import SMOOTH_TO
 from .discretisation import velocity_order
 from .meshing_in_space import cut_at_inflow
 
@@ -72,6 +71,8 @@ def _turbulence(setup: Setup) -> Iterator[str]:
     """What is to be known of the model and of the walls in a scene."""
     if not setup.is_averaged:
         return
+    from ..turbulence.wall_law import SMOOTH_TO
+
     walls, scene = setup.walls, setup.scene
     grain, bed, thick = scene.grain, scene.bed_shape, walls.distance("body")
     if not walls.is_resolved and grain is not None:
