@@ -3,8 +3,9 @@
 Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey
 Signorini's and Coulomb's laws with the velocities at the end of the step, and act on the effective mass with the
 fluid's added mass. Contacts are those at which the body would penetrate the bed in the step, and with cohesion those
-of the last step, which open where their tension exceeds it. Impulses along the mean of a contact's normals at both ends conserve energy in rolling along a curved bed. Remaining gaps and overlaps are
-corrected in the position, not in the velocities.
+of the last step, which open where their tension exceeds it. Impulses along the mean of a
+contact's normals at both ends conserve energy in rolling along a curved bed. Remaining gaps and overlaps are corrected
+in the position, not in the velocities.
 """
 
 from __future__ import annotations
