@@ -49,6 +49,8 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
 
 def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
     """The wall time of runs of the same kind in the results directory, scaled to this one's size, as a line."""
+    if plan.estimate is None:
+        return []
     own = _work(plain(plan.to_dict()), scene.model_dump(mode="json"))
     times = []
     for path in _newest(Path("results")):
