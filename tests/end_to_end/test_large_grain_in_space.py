@@ -299,5 +299,5 @@ def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
         done = mpirun(ranks, textwrap.dedent(script).format(path=str(tmp_path / "scene.toml")))
         assert done.returncode == 0, done.stderr
         found.append([float(word) for word in done.stdout.split()])
-    assert found[1] == pytest.approx(found[0], rel=1e-3)
+    assert found[1] == pytest.approx(found[0], rel=1e-5)
     assert found[0][:2] != pytest.approx(found[0][2:4], rel=0.02)
