@@ -211,7 +211,8 @@ def developed(re_tau: float, roughness: float = 0.0) -> DevelopedChannel:
     """
     column = _Column(re_tau)
     smooth = column.profiles(column.solve(column.guess()))
-    return smooth.shifted(shift(roughness * re_tau) / re_tau) if roughness else smooth
+    away = shift(roughness * re_tau) / re_tau
+    return smooth.shifted(away) if away > SLIGHT else smooth
 
 
 def of_discharge(reynolds: float, roughness: float = 0.0) -> DevelopedChannel:

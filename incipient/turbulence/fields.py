@@ -165,11 +165,14 @@ class TurbulenceFields(Holder):
     def _thicknesses(self, away: Floats) -> Floats:
         """(nodes,) of the thinnest cell at a surface that has the node, zero away from surfaces. Collective."""
         dofs = compat.cell_dofs(self._distance.function_space)[self._at]
-        thickness = dolfinx.fem.Function(self._distance.function_space)
-        thickness.x.array[:] = np.inf
-        np.minimum.at(thickness.x.array, dofs, away[dofs].max(axis=1, keepdims=True))
-        thickness.x.scatter_forward()
-        return np.where(np.isfinite(thickness.x.array), thickness.x.array, 0.0)
+        inverse = dolfinx.fem.Function(self._distance.function_space)
+        np.maximum.at(inverse.x.array, dofs, 1.0 / away[dofs].max(axis=1, keepdims=True))
+        view = compat.vec_view(inverse)  # a rank has not all cells of its nodes
+        view.ghostUpdate(addv=PETSc.InsertMode.MAX_VALUES, mode=PETSc.ScatterMode.REVERSE)
+        view.destroy()
+        inverse.x.scatter_forward()
+        near = inverse.x.array > 0.0
+        return np.divide(1.0, inverse.x.array, where=near, out=np.zeros(len(near)))
 
     # -- what the flow sees of it ------------------------------------------------------------------
 

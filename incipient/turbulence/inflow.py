@@ -14,7 +14,7 @@ from ..arrays import Floats
 from ..forms.k_omega_sst import BETA_STAR, INNER
 from ..scene import Turbulence
 from .developed import DevelopedChannel
-from .wall_law import CROSSING, WallLaw
+from .wall_law import CROSSING, WallLaw, smooth_profile
 
 if TYPE_CHECKING:
     from .walls import Walls
@@ -131,14 +131,26 @@ class Measured:
         within = np.log(np.clip(above, y[0], y[-1]))
         speed, slope = between(within), np.abs(between(within, 1)) / above
         near, far = above < y[0], above > y[-1]
-        speed[near], slope[near] = self._at_wall(float(first), above[near])
+        speed[near], slope[near] = self._at_wall(float(first), above[near], self._ends[0])
         slope[far] = 0.0
         if self.number == 2:
-            speed[far], slope[far] = self._at_wall(float(last), self._whole - above[far])
+            speed[far], slope[far] = self._at_wall(
+                float(last), self._whole - above[far], self._ends[1]
+            )
         return speed, slope
 
-    def _at_wall(self, shear_velocity: float, away: Floats) -> tuple[Floats, Floats]:
-        """Speeds and slopes (n,) by the law of the wall."""
+    def _at_wall(self, shear_velocity: float, away: Floats, end: float) -> tuple[Floats, Floats]:
+        """Speeds and slopes (n,) by the law of the wall, the next row being a distance `end` from it.
+
+        Next to smooth walls they are Reichardt's, scaled to the law there: with the slope of the viscous sublayer up to
+        y+ = 11 eddies would exert eight times the shear stress, and k would grow from the inflow on.
+        """
+        if not self.law.roughness:
+            unit = self.viscosity / shear_velocity
+            speed, slope = smooth_profile(away / unit)
+            law = self.law.velocity(shear_velocity, self.viscosity, end)
+            scale = shear_velocity * law / smooth_profile(end / unit)[0]
+            return scale * speed, scale / unit * slope
         speed = shear_velocity * self.law.velocity(shear_velocity, self.viscosity, away)
         in_sublayer = away * shear_velocity < CROSSING * self.viscosity
         outer = shear_velocity / (self.law.kappa * away)

@@ -91,18 +91,23 @@ class WallLaw:
         return ((u / outer) ** SHARP + (viscosity / distance) ** SHARP) ** (1 / SHARP)
 
 
+def smooth_profile(y: Any) -> tuple[Any, Any]:
+    """u+ at distances y+ from a smooth wall, from the viscous sublayer on, and its slope.
+
+    Source: Reichardt (1951, Z. Angew. Math. Mech. 31, 208).
+    """
+    kappa, inner, outer = WallLaw.kappa, np.exp(-y / 11.0), np.exp(-y / 3.0)
+    constant = WallLaw.offset - math.log(kappa) / kappa
+    speed = np.log1p(kappa * y) / kappa + constant * (1.0 - inner - y / 11.0 * outer)
+    return speed, 1.0 / (1.0 + kappa * y) + constant / 11.0 * (inner - outer + y / 3.0 * outer)
+
+
 def shift(roughness: float) -> float:
     """Distance [nu/u*] of a smooth wall from a rough one with the same flow, `roughness` being u* k_s/nu.
 
-    There the flow over the smooth wall has the velocity that roughness takes from it; its profile is that of Reichardt
-    (1951, Z. Angew. Math. Mech. 31, 208).
+    There the flow over the smooth wall has the velocity that roughness takes from it.
     """
-    law = WallLaw(roughness)
-    lost = -law.by_roughness(1.0, 1.0, NUMPY)[0]
-    constant = law.offset - math.log(law.kappa) / law.kappa
-
-    def excess(y: float) -> float:
-        bent = 1.0 - math.exp(-y / 11.0) - y / 11.0 * math.exp(-y / 3.0)
-        return math.log1p(law.kappa * y) / law.kappa + constant * bent - lost
-
-    return float(brentq(excess, 0.0, 1.0 + roughness)) if lost > 0.0 else 0.0
+    lost = -WallLaw(roughness).by_roughness(1.0, 1.0, NUMPY)[0]
+    if lost <= 0.0:
+        return 0.0
+    return float(brentq(lambda y: smooth_profile(y)[0] - lost, 0.0, 1.0 + roughness))
