@@ -1,7 +1,4 @@
-"""Batches of contact problems: safety factor and mode of each, with the kernels of a single case.
-
-Frictionless cases, coincident contacts and unconverged motions are evaluated one by one.
-"""
+"""Batches of contact problems; frictionless, coincident and unconverged cases are evaluated one by one."""
 
 from __future__ import annotations
 
@@ -72,14 +69,13 @@ class Cases:
         return len(self.force)
 
     def part(self, rows: Rows) -> Cases:
-        """Select cases."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         law = values.pop("law").part(rows)
         return Cases(law=law, **{name: value[rows] for name, value in values.items()})
 
     @property
     def contacts(self) -> Integers:
-        """Number of contacts (n,): up to the last that is not all NaN."""
+        """Number of contacts (n,), up to the last that is not all NaN."""
         there = ~np.isnan(np.concatenate([self.points, self.normals], axis=2)).all(axis=2)
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
@@ -117,7 +113,7 @@ class Batch:
 
 
 def judge_many(cases: Cases) -> Batch:
-    """Evaluate a batch of contact problems by the exact criterion. Not collective.
+    """Evaluate a batch of contact problems by the exact criterion.
 
     An invalid case fails with its reason and does not affect the others. Safety factors equal those
     of `safety_factor`, in 2-D to round-off, in 3-D to 1e-9.
@@ -192,7 +188,6 @@ def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
 def _together(
     problem: ContactProblem, mass: Floats, inertia: Floats
 ) -> tuple[Floats, Booleans, Integers]:
-    """Safety factors, whether held, and modes of `LABELS`, (n,); FAILED where unsolved."""
     balanced = intervals(problem)
     held, answered = balanced.held, balanced.state != UNANSWERED
     modes = np.where(answered, np.where(held, 0, 1), FAILED)

@@ -18,8 +18,7 @@ AT_ONCE = (
 class Kernel:
     """Function that numba compiles once it is called often, cached in `__pycache__`.
 
-    `interpreted`: rows with three equations before compilation; the first argument ends in a matrix
-    per row.
+    `interpreted`: number of rows with three equations before compilation.
     """
 
     def __init__(self, function: Callable[..., Any], interpreted: float = INTERPRETED) -> None:

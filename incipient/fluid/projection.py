@@ -16,11 +16,10 @@ from .flow import Fluid
 
 
 class Projection(Holder):
-    """Replace velocities by the nearest discretely divergence-free ones on a moving mesh.
+    """Nearest discretely divergence-free velocities on a moving mesh. Every method is collective.
 
     With a multiplier p and prescribed values kept, (v - v*, w) - (p, div w) = 0, (q, div v) = 0 for
-    all w, q; walls contribute as in continuity. GMRES reuses the first factorisation. Every method
-    is collective.
+    all w, q; walls contribute as in continuity. GMRES reuses the first factorisation.
     """
 
     def __init__(self, fluid: Fluid):

@@ -34,8 +34,7 @@ class Away:
     """Condition on the axis through the centre of mass along the torque, and the nearest admissible axis.
 
     `levers` (n,): lengths, negative where the contact opens. `nearest` (3,): pivot by the paper's
-    principle of least action, on the edge of the nearest region that no normal excludes; None, at
-    infinite `distance`, if all axes along the torque are excluded.
+    principle of least action; None, at infinite `distance`, if all axes are excluded.
     """
 
     direction: Floats
@@ -46,7 +45,7 @@ class Away:
 
 
 def levers(points: Floats, direction: Floats, contacts: Contacts) -> Floats:
-    """Levers (k, n) of all contacts for rotation about axes through `points` (k, 3) along a unit vector (3,)."""
+    """Levers (k, n) of all contacts for axes through `points` (k, 3) along a unit vector (3,)."""
     about_origin = cross(contacts.points, contacts.normals) @ direction
     return np.asarray(about_origin[None] - points @ cross(contacts.normals, direction).T)
 
@@ -69,8 +68,7 @@ def nearest_axis(
 ) -> Floats | None:
     """Point (3,) nearest to the centre with an admissible axis along `direction`; None if there is none.
 
-    Points admitted are an intersection of half-planes, one per contact, wider than `tolerance` (a
-    length).
+    Admitted points are an intersection of half-planes, wider than `tolerance` (a length).
     """
     inward = cross(contacts.normals, direction)
     length = np.linalg.norm(inward, axis=1)

@@ -22,17 +22,15 @@ class Mode(Enum):
 
     @property
     def label(self) -> str:
-        """The name in words."""
         return self.name.lower().replace("_", " ")
 
     @property
     def moves(self) -> bool:
-        """Whether the grain begins to move."""
         return self is not Mode.NO_INCIPIENT_MOTION
 
 
 class Category(Enum):
-    """Item of the paper's list of possible modes, which has two kinds of sliding and pivoting."""
+    """Item of the paper's list of possible modes, with two kinds of sliding and pivoting."""
 
     TRANSLATION_ONLY = ("1", "translation only (lifting or sliding)")
     SLIDING_WITH_AWAY_ROTATION = (

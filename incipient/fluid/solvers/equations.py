@@ -53,7 +53,6 @@ class Equations:
         return self.held()[: self.space.mixed.dofmap.index_map.size_local]
 
     def measure(self) -> Any:
-        """Cell measure of preconditioning operators."""
         degree = {"quadrature_degree": 2 * self.space.order}
         return ufl.dx(domain=self.space.mixed.mesh, metadata=degree)
 
@@ -89,8 +88,7 @@ class LinearStatistics:
 class LinearSolver(Owner, ABC):
     """Solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
 
-    `matrix` is None where A is known by its action alone; `regular`: A must be regular, with a
-    pinned pressure in closed flow.
+    `matrix`: None where A is an action; `regular`: needs a pinned pressure in closed flow.
     """
 
     matrix: Any
