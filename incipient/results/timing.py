@@ -1,4 +1,4 @@
-"""Cost of a run: wall time and memory by stage and by effect, Newton updates by effect.
+"""Cost of a run: wall time and memory by stage and effect, Newton updates by effect.
 
 Stages nest; time counts for the innermost stage and its effect. A steady linear flow needs one Newton update, a time
 step two (the second confirms the reused LU factorisation): further updates and the continuation count for inertia,
@@ -63,7 +63,7 @@ class Ledger:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the block's wall time to the stage, without that of nested stages. Not collective."""
+        """Add the block's wall time to the stage, without nested stages."""
         self._settle()
         self._open.append([name, EFFECT_OF_STAGE.get(name, name)])
         try:
@@ -73,14 +73,13 @@ class Ledger:
             self._open.pop()
 
     def lap(self, effect: str) -> Share:
-        """Cost of an effect since its last lap. Not collective."""
+        """Cost of an effect since its last lap."""
         self._settle()
         now, before = self.effects.get(effect, Share()), self._laps.get(effect, Share())
         self._laps[effect] = Share(now.wall_time, now.memory_mib)
         return Share(now.wall_time - before.wall_time, now.memory_mib - before.memory_mib)
 
     def transfer(self, source: str, target: str, share: Share) -> None:
-        """Transfer a cost to another effect. Not collective."""
         for effect, sign in ((source, -1), (target, 1)):
             of_effect = self.effects.setdefault(effect, Share())
             of_effect.wall_time += sign * share.wall_time
@@ -105,7 +104,7 @@ class Ledger:
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
-        """Add the times of an earlier session, by stage and in total; stages count for their default effects."""
+        """Add an earlier session's times, by stage and in total."""
         for name, taken in wall_time.items():
             self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
             effect = EFFECT_OF_STAGE.get(name, name)
@@ -128,7 +127,7 @@ class Ledger:
 def peak_memory_mib() -> float:
     """Peak resident memory of this process [MiB].
 
-    /proc is preferred: the value of `getrusage` includes the memory of the parent process.
+    /proc is preferred: `getrusage` includes the memory of the parent process.
     """
     # Called several times a step: parsing the whole table takes five times as long.
     with suppress(OSError, IndexError), Path("/proc/self/status").open("rb", buffering=0) as status:
@@ -153,7 +152,6 @@ class Corrections:
 
     @contextmanager
     def begun(self) -> Iterator[None]:
-        """Record the Newton updates of the block. Not collective."""
         self._ledger.lap(EffectName.FLOW)
         self._laps = []
         yield
@@ -165,17 +163,16 @@ class Corrections:
     def watched_by(
         self, watch: Callable[[float, int, float], Any]
     ) -> Callable[[float, int, float], None]:
-        """A callback for the updates of a steady solve that also calls `watch`."""
+        """Callback for the updates of a steady solve that also calls `watch`."""
 
         def record_and_pass_on(share: float, iteration: int, size: float) -> None:
-            """Record the update, then call `watch`."""
             self.record(iteration, size)
             watch(share, iteration, size)
 
         return record_and_pass_on
 
     def book_steady(self, steps: Sequence[Step]) -> None:
-        """Attribute the updates of a steady solve: the first one at the last order belongs to the flow."""
+        """Attribute the updates of a steady solve: the first at the last order belongs to the flow."""
         before = sum(step.report.iterations for step in steps if step.order != steps[-1].order)
         laps, self._laps = self._laps, []
         for number, (_, share) in enumerate(laps):
@@ -193,7 +190,7 @@ class Corrections:
 
 
 def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:
-    """Cost of each effect as text, the costliest first; shares below a thousandth are omitted."""
+    """Cost of each effect as text, the costliest first; fractions below a thousandth are omitted."""
     total = sum(share["wall_time"] for share in effects.values()) or 1.0
     dearest = sorted(effects.items(), key=lambda item: -item[1]["wall_time"])
     return [

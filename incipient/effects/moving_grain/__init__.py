@@ -31,7 +31,7 @@ def _new_meshes(stored: Mapping[str, Any]) -> int:
 
 
 class FreeBodyEffect(Effect):
-    """The motion of a rigid grain by flow and weight, or by prescription."""
+    """Free or prescribed motion of a rigid grain."""
 
     name = EffectName.FREE_BODY
     quantities = (
@@ -60,7 +60,6 @@ class FreeBodyEffect(Effect):
     def part_in_time(
         self, setup: Setup, stage: Stage, kept: Checkpoint | None
     ) -> MovingGrain | None:
-        """The moving grain."""
         if not setup.scene.moves:
             return None
         state = (
