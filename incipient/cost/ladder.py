@@ -29,7 +29,6 @@ class Rung:
 
     @property
     def name(self) -> str:
-        """Name such as "P3-P2, mesh_size 0.5, step 0.01"."""
         step = "" if self.step is None else f", step {self.step:.4g}"
         return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}"
 

@@ -46,13 +46,12 @@ class MeasuredRun:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Numbers of all quantities."""
         every = (quantity.numbers.items() for quantity in self.quantities.values())
         return {name: value for numbers in every for name, value in numbers}
 
 
 def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
-    """Run a rung in a separate process, twice if forms were compiled. Not collective."""
+    """Run a rung in a separate process, twice if forms were compiled."""
     try:
         text = dumps(rung.of(scene))
     except SceneError as error:

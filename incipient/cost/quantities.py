@@ -34,7 +34,6 @@ class Quantity:
     scale: float
 
     def error(self, numbers: Mapping[str, float]) -> float:
-        """Relative error of `numbers` against this reference."""
         differences = [numbers[name] - value for name, value in self.numbers.items()]
         return float(np.linalg.norm(differences)) / self.scale
 
@@ -74,7 +73,7 @@ def _of_flow(result: Result) -> Quantities:
 
 
 def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Elevations at the stations at equally spaced times, interpolated by a cubic spline."""
+    """Elevations at the stations at equally spaced times, by a cubic spline."""
     from scipy.interpolate import CubicSpline
 
     assert scene.time is not None

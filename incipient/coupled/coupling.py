@@ -1,4 +1,4 @@
-"""Fluid and moving parts, solved together in each step by iteration on the parts' velocities."""
+"""Iteration of fluid and moving parts in each step, on the parts' velocities."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Coupling:
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> InterfaceReport:
-        """Continue the iteration of a converged step, with its report, after other changes of the flow."""
+        """Continue the iteration of a converged step after other changes of the flow."""
         assert isinstance(before, InterfaceReport)
         return self._iterate(length, order, tolerance, before.residuals)
 

@@ -201,9 +201,7 @@ class SurfacePart:
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def _raised(self) -> Floats:
-        """Rate of elevation (local nodes,) by the flow, without an open end corrected to the volume
-        of the inflow.
-        """
+        """Rate of elevation (local nodes,), without an open end corrected to the volume of the inflow."""
         compat.vector_of(self._flux, self._vector)
         if self._drift is None:
             elevation = self.mesh.elevation_of(self._vector)

@@ -1,6 +1,6 @@
-"""Result files of incipient in a directory, their removal or renaming, and one run there at a time.
+"""Result files in a directory, their removal or renaming, and one run there at a time.
 
-No other file is replaced or removed. Not collective except `locked`.
+No foreign file is replaced or removed.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ RESULTS = FILES.union(*(kind.files for kind in KINDS if kind.has_scene))
 def make_room(directory: Path, overwrite: bool) -> None:
     """Remove an earlier run, or without `overwrite` move a resumable one to a numbered directory.
 
-    Only files of runs are affected; the scene stays, and a copy is moved. Raises OutputError.
+    Only files of runs are affected; a copy of the scene is moved. Raises OutputError.
     """
     existing = _there(directory, FILES)
     if overwrite or not (directory / CHECKPOINT).exists():
@@ -67,9 +67,7 @@ def make_room(directory: Path, overwrite: bool) -> None:
 def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None:
     """Write the scene of results; results of another scene are first moved to a numbered directory.
 
-    names: results that are not moved, because they are replaced
-
-    Raises OutputError.
+    names: results that are not moved, because they are replaced. Raises OutputError.
     """
     path = directory / SCENE
     others = _there(directory, RESULTS - {*names})
@@ -112,7 +110,7 @@ def put_aside(path: Path) -> Path:
 
 
 def remove(paths: Iterable[Path]) -> None:
-    """Remove files of this program, and directories but for other files in them; raises OutputError."""
+    """Remove files of this program, and directories without other files; raises OutputError."""
     for path in paths:
         with reported(path):
             if not path.is_dir():
@@ -159,7 +157,7 @@ def refuse_foreign(
 def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
     """Lock a directory against other runs during the block; with `make` create it. Only entering is collective.
 
-    Raises OutputError on all ranks: the directory is locked, a file is not of a run, or the mark is not writable.
+    Raises OutputError on all ranks: the directory is locked, has a foreign file, or is not writable.
     """
     with ExitStack() as held:
         with collectively(comm):

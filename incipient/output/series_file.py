@@ -1,6 +1,7 @@
-"""Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF index; independent of dolfinx.
+"""Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF index.
 
-`fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell) in VTK's order, `geometry` (nodes, 3)
+`fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell) in VTK's order, `geometry`
+(nodes, 3)
 and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry are links to an earlier step.
 """
 
@@ -46,7 +47,7 @@ class StoredStep:
 
 
 class SeriesFile:
-    """Writes a series step by step, readable at any time. Not collective.
+    """Writes a series step by step, readable at any time.
 
     stem:      path without suffix
     cell_type: XDMF's name of the cells, such as "Triangle_6"
@@ -62,10 +63,7 @@ class SeriesFile:
     def begin(self, after: float = -math.inf) -> None:
         """Start the series after a time; later steps are removed, unreadable ones are renamed.
 
-        The next step must include a mesh.
-
-        Raises:
-            OutputError: the directory is not writable.
+        The next step must include a mesh. Raises OutputError.
         """
         own(self._stem)
         make_directory(self._stem, self._stem)
@@ -103,7 +101,6 @@ class SeriesFile:
         write_text_atomically(self._xdmf, "".join([head, *self._grids, _END]))
 
     def _grid(self, path: Path) -> str:
-        """The XML of a stored step; raises Unreadable."""
         grid = ElementTree.Element("Grid", Name=self._stem.name, GridType="Uniform")
         with _opened(path) as file:
             ElementTree.SubElement(grid, "Time", Value=repr(float(file.attrs["time"])))
@@ -130,12 +127,12 @@ class SeriesFile:
 
 
 def times(stem: Path) -> list[float]:
-    """Times of the steps of a series, in order. Raises Unreadable without steps. Not collective."""
+    """Times of the steps of a series, in order. Raises Unreadable without steps."""
     return [_time_of(path) for path in _stored(stem)]
 
 
 def read_step(stem: Path, index: int = -1) -> StoredStep:
-    """One step (default: the last) of a series. Raises Unreadable for a missing or damaged step. Not collective."""
+    """One step (default: the last) of a series. Raises Unreadable for a missing or damaged step."""
     with _opened(_stored(stem)[index]) as file:
         stored = {name: file[name][()] for name in file}
         cells, points = (stored.pop(name) for name in MESH)

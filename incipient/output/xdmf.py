@@ -1,4 +1,4 @@
-"""Series of fields on quadratic nodes for ParaView and pyvista, on any number of ranks."""
+"""Series of fields on quadratic nodes for ParaView and pyvista."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
 
 
 class QuadraticNodes:
-    """The P2 nodes of a distributed mesh, or of some of its facets, numbered contiguously over all ranks.
+    """P2 nodes of a distributed mesh, or of some of its facets, numbered contiguously over all ranks.
 
-    They represent P2 velocity and quadratic geometry exactly. The constructor and every method are collective; results
+    They represent P2 velocity and quadratic geometry exactly. The constructor and every method are collective;
+    results
     are complete on rank 0 and empty on the others. topology: (cells or facets, nodes each) in VTK's order.
     """
 
@@ -46,7 +47,7 @@ class QuadraticNodes:
     def values(self, function: Any) -> np.ndarray:
         """Nodal values of a Lagrange function, (nodes,) or (nodes, 3).
 
-        Vectors in 2-D get a third component of zero. At a jump between cells one side is taken.
+        2-D vectors get a third component of zero; at a jump between cells one side is taken.
         """
         shape = tuple(function.ufl_shape)
         if shape not in ((), (1,), (2,), (3,)):

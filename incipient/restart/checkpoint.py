@@ -1,4 +1,4 @@
-"""The checkpoint file of a run: HDF5 with arrays, JSON texts and dataclasses as groups, written atomically."""
+"""Checkpoint file of a run: HDF5 with arrays, JSON texts and dataclasses as groups."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ ANEW = "start a new run with: incipient run"
 class Progress:
     """Time reached by a run, and its cost.
 
-    number:      number of completed time steps
-    next_length: length of the next step, for adaptive steps
-    error:       error of the last step, which sets the tolerance of the next; None: not known
+    number:      of completed time steps
+    next_length: of the next step, for adaptive steps
+    error:       of the last step, which sets the tolerance of the next, or None
     total:       wall time of all sessions [s]
     """
 
@@ -80,12 +80,12 @@ class StoredValues:
 
 @dataclass(frozen=True, eq=False)
 class StoredBody:
-    """A moving grain, its coupling to the fluid and its mesh. States are place, angle or quaternion, velocities.
+    """A moving grain, its coupling and its mesh. States are place, angle or quaternion, velocities.
 
     made, weights: initial node positions (nodes, 3), and weights of the grain's motion (nodes, gdim + 1)
     made_for: state at meshing
     states, times: of the grain, present and previous (n, 6 or 13), (n,); places: of the nodes then (nodes, n, 3)
-    mean_load: in the last step (k,), None before the first; load, flow_load: at its end (k,)
+    mean_load: in the last step (k,), or None; load, flow_load: at its end (k,)
     velocities: of the grain, one row for each past state of the flow
     on_bed: contacts with the bed and the motion there; None if contact ends the run
     """
@@ -143,10 +143,9 @@ class Checkpoint:
 
 
 def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
-    """Write the checkpoint of rank 0, replacing the old file atomically. Collective.
+    """Write the checkpoint of rank 0 atomically. Collective.
 
-    Raises:
-        OutputError: on all ranks, writing failed; the old file is unchanged.
+    Raises OutputError on all ranks; the old file is unchanged.
     """
     program = f"incipient {metadata.version('incipient')}"
     about = {"format": FORMAT, "version": VERSION, "program": program}
@@ -156,8 +155,7 @@ def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
 def read(path: Path, comm: Comm) -> Checkpoint:
     """Read a checkpoint on every rank. Collective.
 
-    Raises:
-        OutputError: on all ranks, the file is missing, damaged, incomplete or of another version.
+    Raises OutputError on all ranks: the file is missing, damaged, incomplete or of another version.
     """
     with collectively(comm):
         if not path.is_file():

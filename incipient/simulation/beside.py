@@ -1,4 +1,4 @@
-"""Coarse runs for the error bars of a steady flow, if possible on the moved mesh of the run."""
+"""Coarse runs for the error bars of a steady flow."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Beside:
 class InTurn:
     """Loads of coarse runs in sequence; a context manager, callable. Collective.
 
-    In steady 3-D flow the first scene is meshed, and its mesh moved for the others. `prepare`:
+    In steady 3-D flow the first scene is meshed, and its mesh moved for the others. `prepare`
     creates the meshed run; None: from the scene.
     """
 
@@ -101,7 +101,7 @@ class InTurn:
         return self._beside(scene)
 
     def handed_over(self, wanted: Scene) -> tuple[Run, ExitStack] | None:
-        """The solved run of a scene and its exit stack, if it was meshed last. Not collective."""
+        """The solved run of a scene and its exit stack, if it was meshed last."""
         if self._run is None or self._run.scene != wanted:
             return None
         run, self._run, self._beside = self._run, None, None

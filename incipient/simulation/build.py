@@ -111,7 +111,7 @@ def _load_libraries(comm: Comm, draws: bool) -> None:
 
 
 def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
-    """Flow model with the terms of a plan's effects. Not collective."""
+    """Flow model with the terms of a plan's effects."""
     from ..fluid import FlowModel
 
     model = FlowModel(order=plan.order, inertia=False, solver=plan.solver.name)

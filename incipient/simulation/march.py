@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 class March:
     """Time integration of a run, from its start or a checkpoint. Every method is collective.
 
-    coupling: of flow and moving boundaries, which precede the run's other parts; None without any.
-    transient: time stepper.
+    coupling: of flow and moving boundaries, which precede the run's other parts, or None.
     """
 
     def __init__(self, run: Run, checkpoint: Checkpoint | None):

@@ -78,9 +78,10 @@ class TimeLoop:
             self._start_from(inertia=start == "steady")
 
     def _start_within_oscillation(self) -> None:
-        """Set the state to the oscillating base flow and a disturbance that is at rest on walls, without an impulse.
+        """Set the state to the oscillating base flow and a disturbance at rest on walls, without an impulse.
 
-        The disturbance is that of one backward difference over 1/w in which the base flow u(0) has its rate of change,
+        The disturbance is that of one backward difference over 1/w in which the base flow u(0) has its rate of
+        change,
         u'(0) = w u(T/4): the step begins at u(0) - u'(0)/w, and without a grain it ends at u(0).
         """
         run, fluid, flow = self._run, self._run.fluid, self._run.scene.flow
@@ -151,9 +152,7 @@ class TimeLoop:
         self._interruption.armed = False
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
-        """Record a step, with a checkpoint if due or `kept` (to resume a run ended at contact), and
-        stop on an interrupt.
-        """
+        """Record a step, with a checkpoint if due or `kept`, and stop on an interrupt."""
         run = self._run
         self._recorder.step(row)
         self._recorder.contacts([] if run.grain is None else run.grain.contact_rows())
