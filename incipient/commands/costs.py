@@ -76,7 +76,6 @@ def _newest(directory: Path) -> list[Path]:
 def _work(
     plan: dict[str, Any], scene: dict[str, Any], unknowns: int = 0
 ) -> tuple[list[Any], float]:
-    """Determinants of a run's cost, and its unknowns times its steps."""
     time, numerics, turbulence = scene["time"], scene["numerics"], scene["turbulence"]
     kind = [plan[key] for key in ("scheme", "order", "convection")]
     kind += [
@@ -117,7 +116,6 @@ def cost(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _exact(settings: Sequence[str]) -> dict[str, float]:
-    """Exact values by name, from settings such as force_x=9.4. Raises SceneError."""
     try:
         return {name: float(value) for name, value in (text.split("=") for text in settings)}
     except ValueError as error:

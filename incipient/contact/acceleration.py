@@ -1,8 +1,4 @@
-"""Accelerations of a grain released from rest under Coulomb's law.
-
-2-D motions are enumerated, from cells of accelerations with fixed admissible forces; in 3-D
-Newton's method solves the equations of `impulses` from several starts.
-"""
+"""Accelerations of a grain released from rest under Coulomb's law: enumerated in 2-D, by Newton's method in 3-D."""
 
 import math
 from contextlib import suppress
@@ -117,7 +113,6 @@ class IncipientMotion:
 
     @property
     def moves(self) -> bool:
-        """Whether rest is no solution."""
         return self.first.mode is not Mode.REST
 
     @property
@@ -142,7 +137,6 @@ class ReleaseProblem:
 
     @classmethod
     def of(cls, contacts: ContactProblem, mass: Floats, inertia: Floats) -> "ReleaseProblem":
-        """Build from masses (n,) and central inertias (n, 3, 3)."""
         wrench, size = contacts.wrench(1.0)
         left = np.sqrt((wrench * wrench).sum(axis=1))
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
@@ -196,7 +190,6 @@ class ReleaseProblem:
 
     @cached_property
     def coulomb(self) -> CoulombLaw:
-        """Coulomb's law of a single case."""
         gained, friction = self.inverse[0] @ self.columns[0], float(self.contacts.law.moving[0])
         return CoulombLaw.of(self.columns[0].T @ gained, self.wrench[0] @ gained, friction)
 
@@ -274,7 +267,6 @@ def motion_of(
 
 
 def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
-    """Accelerations (s, m) and forces (s, k, 3), rest first, and whether the set is complete."""
     law, scale, held = case.contacts.law, case.scale[0], None
     if may_rest or law.is_frictionless:
         free = _frictionless(case)
@@ -309,7 +301,7 @@ def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
 def _families(
     case: ReleaseProblem, accelerations: Floats, forces: Floats
 ) -> tuple[bool, list[int]]:
-    """Whether there is a continuous family, and the solutions to keep: the ends of a family."""
+    """Whether there is a continuous family, and the solutions to keep: its ends."""
     law, moving = case.coulomb, [i for i in range(len(forces)) if accelerations[i].any()]
     if case.planar:
         pairs = [(i, j) for j in moving for i in moving if i < j]
@@ -449,7 +441,6 @@ def motion_rows(
 
 
 def _search(case: Case) -> int:
-    """Count the motions from no force, frictionless sliding, and each contact alone."""
     width = case.columns.shape[1]
     gained = case.inverse @ case.columns
     gain, b = case.columns.T @ gained, case.wrench @ gained

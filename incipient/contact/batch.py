@@ -75,12 +75,10 @@ class Cases:
 
     @property
     def contacts(self) -> Integers:
-        """Number of contacts (n,), up to the last that is not all NaN."""
         there = ~np.isnan(np.concatenate([self.points, self.normals], axis=2)).all(axis=2)
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
     def case(self, number: int) -> tuple[Load, Contacts, FrictionCone, MassAndInertia | None]:
-        """Arguments of `judged` for a single case; raises SceneError."""
         acting = [getattr(self, name)[number] for name in ("force", "torque", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])
@@ -102,7 +100,6 @@ class Batch:
 
     @property
     def mode_names(self) -> list[str]:
-        """Modes in words, "" if a case fails."""
         return ["" if mode == FAILED else self.labels[mode] for mode in self.modes.tolist()]
 
     def complete(self) -> Batch:
@@ -144,7 +141,6 @@ def judge_many(cases: Cases) -> Batch:
 
 
 def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem]]:
-    """Indices from `start`, and problems, of cases with equal numbers of contacts and equations."""
     counts = cases.contacts
     for count in np.unique(counts[counts > 0]).tolist():
         places = np.flatnonzero(counts == count)

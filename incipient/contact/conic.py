@@ -408,7 +408,6 @@ def _determinant(x: Floats, i: int) -> float:
 
 
 def _factorise(rows: Floats, lower: Floats) -> None:
-    """rows (m, n) = lower (m, m) q, by modified Gram-Schmidt."""
     for i in range(len(rows)):
         lower[i], after, before = 0.0, length(rows[i]), np.inf
         while after < 0.5 * before:  # reorthogonalise after cancellation

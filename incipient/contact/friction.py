@@ -122,7 +122,6 @@ class FrictionCone:
         return np.where(outside[..., None], along[..., None] * edge, local)
 
     def mobilised(self, pressure: Floats, shear: Floats) -> Floats:
-        """Fraction (..., k) of the shear that friction balances."""
         limit = self.coefficient[..., None] * pressure
         sticks = limit >= shear
         return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))

@@ -37,7 +37,6 @@ class Kernel:
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
-    """Compile the function and its callees at the first call; None without numba."""
     try:
         from numba import njit  # takes a third of a second
     except ImportError:

@@ -177,7 +177,6 @@ class ContactProblem:
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:
-        """Local forces (n, k, 3) of multipliers (n, h) of `cone_columns`."""
         parts = factors.reshape(len(self), self.arms.shape[1], -1)
         if self.generators is None:
             return np.asarray(parts * self.law.scaling[:, None])
@@ -247,7 +246,7 @@ def plain(value: Any) -> Any:
 
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
-    """Indices of distinct contacts; the distinct contact of each contact, and its fraction of the force."""
+    """Indices of distinct contacts; the distinct contact of each contact, and its fraction."""
     count, near = len(arms), SAME_PLACE * np.abs(arms).max()
     same = np.abs(arms[:, None] - arms).max(axis=2) <= near
     if np.count_nonzero(same) > count:

@@ -182,7 +182,6 @@ def _contains(interval: Interval | None, factor: float) -> bool:
 
 
 def _extent(interval: Interval | None) -> float:
-    """Length of an interval of s / (1 + s)."""
     return 0.0 if interval is None else 1.0 / (1.0 + interval[0]) - 1.0 / (1.0 + interval[1])
 
 
@@ -221,7 +220,6 @@ class StandardErrors:
         return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
 
     def box(self, centre: Floats) -> ErrorBox:
-        """Loads and frictions with every input within two standard errors."""
         ways = WITHIN * np.diag(np.concatenate([self.flow_force, self.flow_couple]))
         ways[3:, :3] = np.cross(self.arm(centre), ways[:3, :3].T).T
         return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)

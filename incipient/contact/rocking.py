@@ -1,7 +1,6 @@
 """Rocking of a grain in its pocket: its rest position, continued from the weight to larger flow loads.
 
-Contacts with a reserve hold up to their capacity, otherwise the grain settles again
-(`geometry.settle`) in short steps; force and torque about the centre of mass stay constant.
+Contacts with a reserve hold up to their capacity, otherwise the grain settles again in short steps.
 """
 
 import math
@@ -73,7 +72,6 @@ class Rocking:
         return math.dist(rest.placement.centre, self.rests[0].placement.centre)
 
     def drift(self, rest: Rest) -> float:
-        """Estimated relative change of the flow's load by displacement and rotation."""
         return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
 
     def way(self, rest: Rest) -> str:
@@ -172,7 +170,6 @@ class _Pocket:
         return Load(flow, torque, self.load.weight, spatial(placement.centre))
 
     def rest(self, factor: float, start: Placement) -> Rest | None:
-        """Stable rest in the pocket of `start`, or None."""
         acting = self.load_at(factor, start)
         force, torque = acting.force, acting.flow_couple
         if self.grain.gdim == 2:

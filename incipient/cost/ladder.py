@@ -33,7 +33,6 @@ class Rung:
         return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}"
 
     def finer(self, times: int) -> Rung:
-        """Refine cells and steps `times` times; negative: coarsen."""
         step = None if self.step is None else self.step / 2.0**times
         return Rung(self.order, self.mesh_size / RATIO**times, step)
 

@@ -1,4 +1,4 @@
-"""Cost and results of a rung, run in a separate process that isolates time and memory.
+"""Cost and results of a rung, in a separate process that isolates time and memory.
 
 `python -m incipient.cost.measurement TASK` reads a scene as TOML and prints a line of JSON.
 """
@@ -61,7 +61,6 @@ def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
 
 
 def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
-    """Run a rung once; also whether it compiled forms."""
     # -P: no modules from the working directory. In a new session interrupts reach the parent alone.
     began = time.perf_counter()
     done = subprocess.run(

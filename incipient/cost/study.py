@@ -66,8 +66,7 @@ class Study:
     """Completed runs of a ladder, compared with the last of them or with exact values.
 
     judged: cheapest first. own: the scene's resolution, None if it failed. frontier: runs with an
-    error at least a tenth smaller than all cheaper ones, cheapest first. law: CPU time against
-    error along it, or None.
+    error at least a tenth smaller than all cheaper ones. law: CPU time against error along it, or None.
 
     Raises ConvergenceError if fewer than two runs succeeded, SceneError for exact values of unknown
     quantities.
@@ -126,7 +125,6 @@ class Study:
         )
 
     def _price(self, error: float, own_time: float) -> str:
-        """Time for an error as text, of the cheapest run or from the fitted law."""
         reached = [judged.run for judged in self.judged if judged.error <= error]
         if reached:
             return f"takes {seconds(reached[0].cpu)} ({reached[0].rung.name})"
@@ -251,7 +249,6 @@ def run_ladder(
 
 
 def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRun]:
-    """Stored runs of a scene's study; creates a missing directory. Raises OutputError."""
     source, kept = directory / STUDY, directory / SCENE
     refuse_foreign(directory, {*COST.files, SCENE})
     if not (source.exists() and kept.exists()):

@@ -40,11 +40,8 @@ class Coupling:
     """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is collective.
 
     Args:
-        fluid: with `FlowModel.moving_mesh`.
         motion: mesh motion, at the parts' last states.
-        tolerance: of the parts' equations of motion, relative to their loads; None: that of the
-            step.
-        stage: context managers by name, for timing.
+        tolerance: of the parts' equations of motion, relative to their loads; None: the step's.
     """
 
     def __init__(
@@ -164,7 +161,6 @@ class Coupling:
         return np.concatenate([part.velocities() for part in self.parts])
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
-        """History columns of a step: updates, residual, worst cell."""
         assert isinstance(report, InterfaceReport)
         return {
             "interface": report.corrected,
@@ -173,7 +169,6 @@ class Coupling:
         }
 
     def quality_ahead(self, length: float, order: int) -> MeshQuality:
-        """Mesh quality after another step, with extrapolated motion."""
         for part in self.parts:
             part.predict(length, order)
         return self.motion.quality(self._places())

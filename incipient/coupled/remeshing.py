@@ -1,7 +1,6 @@
 """Remeshing during a run, with transfer of fields, past states and past mesh positions.
 
-The new mesh takes present and past values, and the path, of the old mesh at its points; velocities get boundary
-values and are projected onto divergence-free ones, each on the mesh of its time.
+Transferred velocities get boundary values and are projected onto divergence-free ones, each on the mesh of its time.
 """
 
 from __future__ import annotations
@@ -91,7 +90,6 @@ def _body_of(coupling: Coupling) -> RigidPart:
 def _admissible(
     part: RigidPart, body: BodyState, state: Floats, projection: Projection
 ) -> tuple[Floats, float]:
-    """Divergence-free state with the body's boundary values, and its relative change."""
     fluid = part.fluid
     fluid.state.x.array[:] = state
     fluid.constraints.update(body.time)

@@ -1,10 +1,9 @@
 """Rigid body in a fluid, with the derivative of the traction with respect to the body's velocity.
 
-A segregated exchange of forces and velocities diverges for light bodies, whose added mass
-dominates; here A_u = R^T A (R - A_0^-1 A R) is added to the mass, with the rigid motions R of the
-boundary, the flow's Jacobian A, and A_0 with the boundary fixed. Mesh displacement enters A R by
-finite differences, Broyden's updates correct A_u between iterations, and with a law of the wall A_u
-follows from the change of its load.
+A segregated exchange diverges for light bodies, whose added mass dominates; here A_u = R^T A (R - A_0^-1 A R)
+is added to the mass, with the rigid motions R of the boundary, the flow's Jacobian A, and A_0 with the boundary
+fixed. Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between iterations, and
+with a law of the wall A_u follows from the change of its load.
 """
 
 from __future__ import annotations
@@ -64,11 +63,9 @@ class RigidPart:
     """A rigid body as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
-        fluid: with `FlowModel.moving_mesh` and `Carried` or moving `Friction` on the boundary.
-        state: position and velocities at the fluid's time.
+        fluid: with `Carried` or moving `Friction` on the boundary.
         load: force and torque (k,) of a state other than the flow's, such as weight.
         room: clearance [length] of a state; None: unlimited.
-        stage: context managers by name, for timing.
     """
 
     name = "body"
@@ -213,7 +210,7 @@ class RigidPart:
             return improved, self._relative(missed / length, resistance)
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
-        """End of a step under a mean load (k,), with an added mass (k, k) linearised about velocities (k,)."""
+        """End of a step under a mean load (k,), with an added mass (k, k) about velocities `guess` (k,)."""
         self._motion = self.body.motion(self.state, length, mean, added, guess)
         return self._motion.end
 

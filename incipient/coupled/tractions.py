@@ -204,7 +204,6 @@ class TractionProbe:
         return points, tractions
 
     def _across_symmetry(self) -> np.ndarray:
-        """Global numbers of owned velocity components normal to a plane of symmetry."""
         domain, space = self.fluid.domain, self.fluid.space.velocity
         if not domain.halved:
             return np.empty(0, dtype=PETSc.IntType)

@@ -54,8 +54,7 @@ class RunPart:
     """Unknowns of an effect solved with the flow in each step. Every method is collective.
 
     A part is made for a mesh, enters the fluid on it (`joined`), and moves the mesh by what `moving` returns.
-    On a new
-    mesh another part takes over (`on`, then `joined` with the part before).
+    On a new mesh another part takes over (`on`, then `joined` with the part before).
     """
 
     effect: EffectName

@@ -14,7 +14,6 @@ from .effect import Effect, SlowestFlow, Solved
 
 
 def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Ends of the error bar of u* at the outflow, or None."""
     error, u = at(stored, "error_bars.shear_velocity.0"), stored["turbulence"]["at_outflow"]
     return None if error is None or not u else (max(u - error, 0.0), u + error)
 

@@ -77,13 +77,11 @@ class TurbulentFlow(RunPart):
     # -- in the flow --------------------------------------------------------------------------------
 
     def within(self, model: FlowModel) -> FlowModel:
-        """Add the eddy viscosity to the flow model."""
         fields = self.fields
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
         return replace(model, solver="direct", **eddies)
 
     def joined(self, fluid: Fluid, before: TurbulentFlow | None = None) -> None:
-        """Couple the turbulence with its fluid; both are freed together."""
         fluid.holding(self.fields)
         velocity, _ = ufl.split(fluid.state)
         self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
@@ -157,7 +155,6 @@ class TurbulentFlow(RunPart):
         return distances(domain, self._setup.walls.names, places)
 
     def _take(self, fluid: Fluid, factor: float) -> None:
-        """Set viscosity, inflow and walls of a flow faster by a factor."""
         setup = self._of_run if factor == 1.0 else self._of_run.faster(factor)
         scene = setup.scene
         if scene == self._scene:
@@ -171,7 +168,6 @@ class TurbulentFlow(RunPart):
         fluid.let_in(new)
 
     def around(self, interface: Interface | None) -> InTime:
-        """The unsteady flow with its turbulence and its moving parts."""
         moving = cast("Moving | None", interface)
         self.in_time = InTime(self._fluid, self.fields, self._timed, moving)
         return self.in_time

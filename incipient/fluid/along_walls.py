@@ -25,8 +25,8 @@ ROUNDING = 1e-6  # relative to the length of a wall: distance of coincident posi
 class AlongWall:
     """Flow along a wall at nodes (n,), by ascending x, on all ranks.
 
-    places (n, gdim); normals (n, gdim) out of the fluid, means of the facets'; lengths (n,) of wall per node;
-    velocities (n, gdim), relative to the wall; shear_velocities (n,) from k; edges (m, 2): node numbers.
+    places, velocities relative to the wall (n, gdim); normals (n, gdim) out of the fluid, means of the facets';
+    lengths (n,) of wall per node; shear_velocities (n,) from k; edges (m, 2): node numbers.
     """
 
     places: np.ndarray
@@ -135,7 +135,7 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
 
 
 def _edges(domain: Domain, boundary: str, corners: np.ndarray) -> np.ndarray:
-    """Numbers (m, 2) of the corners (n, gdim) at the ends of each edge of a boundary's facets. Collective."""
+    """Edges (m, 2) of a boundary between corners (n, gdim). Collective."""
     gdim = domain.gdim
     ends = places_on_facets(domain, [boundary])[:, [0, -1] if gdim == 2 else [0, 1, 2]]
     numbers = cKDTree(corners).query(ends)[1]
@@ -151,10 +151,9 @@ def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
 
 
 def along_no_slip_wall(fluid: Fluid, boundary: str) -> AlongWall:
-    """Read the shear stress along a named no-slip wall in 2-D. Collective.
+    """Read the shear stress along a named no-slip wall in 2-D, without its ends. Collective.
 
-    `velocities` give the direction of the shear stress. Stresses are consistent nodal tractions, averaged over two
-    facets because of the triangles' orientation; the ends of the wall are left out.
+    `velocities` give the direction of the shear stress. Stresses are nodal tractions averaged over two facets.
     """
     domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
     nodes = _owned_nodes(space, domain, boundary)
@@ -183,7 +182,6 @@ def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:
 
 
 def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
-    """Forms of the length, or area, per boundary node (first component), and of its normal."""
     w, n = ufl.TestFunction(space), ufl.FacetNormal(fluid.domain.mesh)
     one = ufl.as_vector([1.0] + [0.0] * (len(w) - 1))
     measure = fluid.domain.measure(boundary)

@@ -33,7 +33,7 @@ class Friction:
 
     distance: of the wall beyond the boundary. drag: friction over velocity, of speed, shear velocity from
     k, 1/Re and distance (UFL). axis: normal of a plane boundary at that distance; None: any boundary at the wall
-    itself. moves: whether the wall moves as a rigid body (`friction.WallLoad.carry`).
+    itself. moves: as a rigid body (`friction.WallLoad.carry`).
     """
 
     boundary: str

@@ -67,7 +67,6 @@ class Constraints:
 
     @property
     def backflow(self) -> Any:
-        """Prescribed velocity of backflow, or None."""
         return self._values if self._returns else None
 
     @property
@@ -100,7 +99,6 @@ class Constraints:
             entry.update(t)
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
-        """Replace the prescribed velocities from the next `update` on."""
         self._prescribed = [
             (c.velocity, boundary_blocks(self.space.velocity, self._domain.facets_of(c.boundary)))
             for c in conditions
@@ -147,7 +145,7 @@ class Constraints:
 
 
 def _first_node(space: Any) -> int:
-    """Global number of the node with the lowest coordinates, independent of the number of ranks."""
+    """Global number of the node with the lowest coordinates."""
     index_map = space.dofmap.index_map
     points = space.tabulate_dof_coordinates()
     comm = space.mesh.comm
@@ -165,8 +163,6 @@ def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
 
 class Entry:
     """Prescribed discharge through an end, with the velocity profile stretched with the depth. Collective.
-
-    No-slip boundaries `walls` prevail in corners.
 
     Attributes:
         space, values: one velocity component, with values on the boundary.

@@ -70,7 +70,6 @@ class Fluid(Holder, FlowEquations):
         self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
 
     def at_order(self, order: int) -> Fluid:
-        """Copy in elements of another order; the caller destroys it. Collective."""
         model = replace(
             self.model, order=order, solver="block" if self.coarse else self.model.solver
         )
@@ -146,7 +145,6 @@ class Fluid(Holder, FlowEquations):
         return report
 
     def correct(self) -> float:
-        """Apply one Newton update with a fresh factorisation; returns its relative size."""
         self.constraints.update(self.time)
         self._lift = True
         return self.correction(fresh=True)

@@ -34,7 +34,7 @@ class FlowEquations:
         conditions: where boundaries meet the later one applies.
         reynolds: one over the molecular viscosity, in scene units.
         level: whether to pin an otherwise undetermined pressure.
-        coarse: the same flow in lower-order elements, with synchronised parameters.
+        coarse: the same flow in lower-order elements.
     """
 
     def __init__(
@@ -69,7 +69,6 @@ class FlowEquations:
         self._kept: dict[str, Any] = {}
 
     def let_in(self, conditions: Sequence[Condition]) -> None:
-        """Replace prescribed velocities, by conditions of the same kinds on the same boundaries."""
         self.conditions = tuple(conditions)
         self.constraints.prescribe(conditions)
         if self._below is not None:

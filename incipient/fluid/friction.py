@@ -80,11 +80,9 @@ class WallLoad:
     def carry(
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
     ) -> None:
-        """Set the rigid motion of a wall, see `WallMotion.give`."""
         self._motions[boundary].give(velocity, spin, place)
 
     def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
-        """Velocities (n, gdim) of a wall at positions (n, gdim)."""
         motion = self._motions.get(boundary)
         return np.zeros_like(places) if motion is None else motion.at(places)
 

@@ -33,7 +33,6 @@ class FlowModel:
     convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
     body_force:    per unit mass, of position and time (UFL), without gravity
     reference_map: map of a fixed reference domain; None: renewed at each step
-    moving_mesh:   straight cells remain straight
     stabilisation: of convection on coarse cells (`forms.terms.grad_div`)
     upwind:        streamline upwinding (`forms.terms.streamline_upwind`), which `Block` needs
     exact:         upwinding in the Jacobian alone
@@ -65,7 +64,6 @@ class FlowModel:
 
     @property
     def polynomial(self) -> bool:
-        """Whether integrands are polynomial on cells that are and remain straight."""
         stay = self.reference_map is None
         forced = self.body_force is not None or self.driven is not None
         return stay and not self.stabilisation and not forced and self.viscosity is None

@@ -83,7 +83,7 @@ def solve(
 ) -> NewtonReport:
     """Iterate until the remaining error, about d r/(1 - r) with r = d/d_previous, is below `tolerance`. Collective.
 
-    A Jacobian and its factorisation are renewed at the start if `fresh` and when an update exceeds
+    Jacobian and factorisation are renewed at the start if `fresh` and when an update exceeds
     `WORST_CONTRACTION` times the previous one. With the `contraction` of earlier solves a single
     update may suffice. With `inexact` every update has a new Jacobian, and the preconditioner is
     renewed after an update above `MUCH`.

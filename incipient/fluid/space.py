@@ -31,7 +31,6 @@ class TaylorHood:
 
     @property
     def unknowns_at_nodes(self) -> np.ndarray:
-        """Velocity unknowns (n, gdim) at local nodes."""
         return self.velocity_map.reshape(-1, self.gdim)
 
     @property
@@ -39,7 +38,6 @@ class TaylorHood:
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
     def constant(self, value: float) -> Any:
-        """UFL constant that may change without recompilation."""
         return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
 
     def velocity_nodes(self) -> int:
@@ -77,7 +75,6 @@ class TaylorHood:
         return 2 * (compat.geometry_degree(self.mixed.mesh) - 1)
 
     def cells_at(self, blocks: np.ndarray) -> np.ndarray:
-        """Local cells with a velocity node among `blocks`, ascending."""
         return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(
             np.int32
         )

@@ -49,7 +49,6 @@ class SurfaceLoad:
         self._sponge = None if condition.sponge is None else _Sponge(flow, condition.sponge)
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
-        """Momentum residual tested with w, in UFL."""
         residual = load(v, w, self.place, self.normal, self._acting()) * self.measure
         if carrier is not None:
             brought = v if self._wave is None else v - self._wave

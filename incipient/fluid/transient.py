@@ -175,7 +175,6 @@ class Transient:
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
-        """Continue with a fluid on another mesh, with transferred present and `past` states."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
         self._new_mesh = fluid.time
 

@@ -1,7 +1,4 @@
-"""Result files in a directory, their removal or renaming, and one run there at a time.
-
-No foreign file is replaced or removed.
-"""
+"""Result files in a directory, and one run there at a time; no foreign file is replaced."""
 
 from __future__ import annotations
 

@@ -194,7 +194,6 @@ def _row(one: OfStrength) -> dict[str, Any]:
 
 
 def _stored(path: Path) -> dict[str, Any]:
-    """Content of a gusts.json. Raises SceneError without one."""
     remedy = "give the directory that incipient gust has written"
     with reading(path, remedy, name=f"--gusts: {path}"):
         stored = json.loads(path.read_text(encoding="utf-8"))
@@ -204,7 +203,6 @@ def _stored(path: Path) -> dict[str, Any]:
 
 
 def _points(path: Path) -> list[Point]:
-    """Measured Shields numbers and probabilities; raises SceneError."""
     try:
         points = read_points(path, 1, "data")
     except ValidationError as error:

@@ -1,8 +1,7 @@
 """Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF index.
 
 `fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell) in VTK's order, `geometry`
-(nodes, 3)
-and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry are links to an earlier step.
+(nodes, 3) and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry link to an earlier step.
 """
 
 from __future__ import annotations

@@ -22,8 +22,7 @@ class QuadraticNodes:
     """P2 nodes of a distributed mesh, or of some of its facets, numbered contiguously over all ranks.
 
     They represent P2 velocity and quadratic geometry exactly. The constructor and every method are collective;
-    results
-    are complete on rank 0 and empty on the others. topology: (cells or facets, nodes each) in VTK's order.
+    results are complete on rank 0. topology: (cells or facets, nodes each) in VTK's order.
     """
 
     def __init__(self, mesh: Any, facets: np.ndarray | None = None):
@@ -93,8 +92,8 @@ class QuadraticNodes:
 class FieldSeries:
     """Writes Lagrange functions on quadratic nodes of a mesh, or of part of its boundary, step by step.
 
-    Every method is collective; rank 0 writes (`SeriesFile`). Topology is written once for each mesh, coordinates
-    after each motion. Raises OutputError on all ranks if writing fails; earlier steps stay readable.
+    Every method is collective; rank 0 writes (`SeriesFile`). Raises OutputError on all ranks if writing fails;
+    earlier steps stay readable.
 
     Args:
         after: stored steps after this time are removed; default: all.
@@ -114,7 +113,6 @@ class FieldSeries:
         on_first(comm, self._file.begin, after)
 
     def remeshed(self, mesh: Any, facets: np.ndarray | None = None) -> None:
-        """Continue on a new mesh of the same kind, or on its facets."""
         self._nodes, self._written = QuadraticNodes(mesh, facets), None
 
     def write(self, time: float, fields: Mapping[str, Any]) -> None:

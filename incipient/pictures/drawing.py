@@ -1,7 +1,4 @@
-"""Drawing a judged grain: contact forces in friction cones, load, incipient motion.
-
-In 3-D VTK renders the surfaces of grain and bed below the marks.
-"""
+"""Drawing a judged grain: contact forces in friction cones, load, incipient motion."""
 
 from __future__ import annotations
 
@@ -181,7 +178,6 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
 
 
 def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
-    """Forces from the centre, to one scale, and an arc in the sense of the torque."""
     centre, torque, forces = case.load.centre, case.load.flow_couple, case.acting
     if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
         _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
@@ -314,7 +310,6 @@ def _across(direction: np.ndarray) -> np.ndarray:
 
 
 def _circle(normal: np.ndarray) -> np.ndarray:
-    """Unit circle (n, 3) about a normal."""
     first, angles = _across(normal), np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
     return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
 

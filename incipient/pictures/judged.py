@@ -90,7 +90,6 @@ class Judged:
 
     @property
     def largest(self) -> float:
-        """Largest of all forces, the scale of arrows; one without any."""
         every = [*self.forces, *self.acting.values()]
         return float(np.linalg.norm(every, axis=1).max()) or 1.0
 
@@ -163,7 +162,6 @@ def _forces(
 
 
 def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | None:
-    """Smallest contact forces (n, 3) that balance the load, or None."""
     reach = float(np.linalg.norm(contacts.points - load.centre, axis=1).max())
     try:
         rest = incipient_motion(load, contacts, friction, 1.0, reach**2 * np.eye(3))
@@ -173,7 +171,6 @@ def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | 
 
 
 def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:
-    """States of forces (n, 3) in their cones."""
     normal, tangential = pressed(forces, contacts.normals)
     sizes = np.linalg.norm(forces, axis=1)
     states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(

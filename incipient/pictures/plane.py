@@ -66,7 +66,6 @@ class Plane:
         return x0, x1, y0, y1
 
     def triangulation(self, view: View | None = None) -> Triangulation:
-        """matplotlib's triangulation of the triangles that touch a rectangle, or of all."""
         triangles = self.sheet.regular_faces
         if view is not None:
             corners = self.points[triangles]
@@ -89,7 +88,6 @@ class Plane:
         return [whole, (max(near[0], x0), min(near[1], x1), max(near[2], floor), min(near[3], y1))]
 
     def at(self, points: np.ndarray, name: str) -> np.ma.MaskedArray:
-        """A field at points (n, 2), masked outside the fluid."""
         samples = pyvista_off_screen().PolyData(spatial(points)).sample(self.sheet)
         values = np.asarray(samples[name])
         outside = np.asarray(samples["vtkValidPointMask"]) == 0

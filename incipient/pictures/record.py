@@ -61,7 +61,6 @@ class StoredRun:
         return None if centre is None else self.placement(centre)
 
     def placement(self, centre: Any) -> Placement:
-        """Placement with a centre and the grain's final orientation."""
         turned = self.value("grain", "quaternion")
         if turned is None:
             return Placement(tuple(centre), self.value("grain", "angle", 0.0))
@@ -92,7 +91,6 @@ class StoredRun:
         return np.asarray(self.plane.sheet[name])
 
     def setting(self, section: str, key: str) -> Any:
-        """A value of the resolved scene, None if absent."""
         return (self.scene.get(section) or {}).get(key)
 
     @property
@@ -100,12 +98,10 @@ class StoredRun:
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
-        """A value of the result, or `otherwise` if absent or null."""
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
 
     def vector(self, section: str, key: str) -> np.ndarray:
-        """A vector of the result, (3,); zero if absent."""
         return np.array(self.value(section, key, (0.0, 0.0, 0.0)), dtype=float)
 
     @property

@@ -93,7 +93,6 @@ def _show_arrows(
 def _show_components(
     axes: Axes, arms: np.ndarray, tractions: np.ndarray, normals: np.ndarray
 ) -> None:
-    """Components along normal and surface against the direction (n,) from the centre."""
     angles = np.degrees(np.arctan2(arms[:, 1], arms[:, 0])) % 360
     order = np.argsort(angles)
     apart = np.diff(angles[order])

@@ -119,7 +119,6 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
 
 
 def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
-    """Positions (n, 3) on a grain's outline, in 3-D its surface with triangles; sketched without a shape."""
     flat = np.empty((0, 3), dtype=int)
     if shape is None:
         points, triangles = sketched(case)

@@ -46,10 +46,8 @@ class Progress:
 class StoredMesh:
     """A mesh with its named boundaries.
 
-    nodes:  (n, gdim) positions
-    cells:  (cells, nodes per cell) rows of `nodes`, in the library's order within a cell
-    facets: (facets, gdim) rows of `nodes`, ascending: the vertices of each named facet
-    tags:   (facets,) indices of their names
+    nodes: (n, gdim) positions; cells: (cells, nodes per cell) rows of `nodes`, in the library's order
+    facets: (facets, gdim) rows of `nodes`, ascending: the vertices of each named facet; tags: their names' indices
     """
 
     degree: int
@@ -87,7 +85,7 @@ class StoredBody:
     states, times: of the grain, present and previous (n, 6 or 13), (n,); places: of the nodes then (nodes, n, 3)
     mean_load: in the last step (k,), or None; load, flow_load: at its end (k,)
     velocities: of the grain, one row for each past state of the flow
-    on_bed: contacts with the bed and the motion there; None if contact ends the run
+    on_bed: contacts and motion on the bed; None if contact ends the run
     """
 
     made: Floats
@@ -191,7 +189,6 @@ def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _got(kind: type[T], group: Any, path: Path) -> T:
-    """A dataclass from its stored fields. Raises OutputError for a missing one."""
     parts: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         if name not in group:

@@ -25,7 +25,6 @@ class Trial:
 
     @property
     def parts(self) -> str:
-        """Contributions of step and mesh as text; empty for steady flow."""
         if self.of_step is None or self.of_mesh is None:
             return ""
         return f"of the step {self.of_step:.1e}, of the mesh {self.of_mesh:.1e}"

@@ -259,7 +259,6 @@ class SafetyBar:
         return asdict(self) | {"sentence": self.sentence()}
 
     def sentence(self) -> str:
-        """Consequence of the error bars for the verdict, as a sentence."""
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
             from ..contact.robustness import held_words

@@ -22,7 +22,6 @@ class _OfFlow:
         return self.flow if self.computed is None else self.computed
 
     def corrected(self, change: Floats) -> Self:
-        """Add a change (3,) to the computed value."""
         return replace(self, flow=self.plain + change, computed=self.plain)  # type: ignore[type-var]
 
 
@@ -166,7 +165,6 @@ class Elevations:
         return np.abs(self.values[-1] - other.values[-1])
 
     def at(self, times: Floats) -> Floats:
-        """Interpolated elevations (k, stations) at times (k,)."""
         if len(self.times) == 1:
             return np.repeat(self.values, len(times), axis=0)
         from scipy.interpolate import CubicSpline

@@ -62,7 +62,6 @@ class OutputQuantity:
         return value
 
     def bar(self, stored: Mapping[str, Any]) -> tuple[float, float] | None:
-        """Ends of a number's error bar, or None."""
         if self.ends is not None:
             return self.ends(stored)
         value, error = self.value(stored), at(stored, self.error) if self.error else None

@@ -184,7 +184,6 @@ class Result:
         return replace(loads, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
-        """Content of result.json: everything but the fields."""
         kept = [one.name for one in fields(self) if one.metadata.get("stored", True)]
         stored = {name: as_stored(getattr(self, name)) for name in kept}
         stored["schema_version"] = SCHEMA_VERSION

@@ -63,7 +63,6 @@ class Ledger:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the block's wall time to the stage, without nested stages."""
         self._settle()
         self._open.append([name, EFFECT_OF_STAGE.get(name, name)])
         try:
@@ -73,7 +72,6 @@ class Ledger:
             self._open.pop()
 
     def lap(self, effect: str) -> Share:
-        """Cost of an effect since its last lap."""
         self._settle()
         now, before = self.effects.get(effect, Share()), self._laps.get(effect, Share())
         self._laps[effect] = Share(now.wall_time, now.memory_mib)
@@ -104,7 +102,6 @@ class Ledger:
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
-        """Add an earlier session's times, by stage and in total."""
         for name, taken in wall_time.items():
             self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
             effect = EFFECT_OF_STAGE.get(name, name)
@@ -163,8 +160,6 @@ class Corrections:
     def watched_by(
         self, watch: Callable[[float, int, float], Any]
     ) -> Callable[[float, int, float], None]:
-        """Callback for the updates of a steady solve that also calls `watch`."""
-
         def record_and_pass_on(share: float, iteration: int, size: float) -> None:
             self.record(iteration, size)
             watch(share, iteration, size)
@@ -180,7 +175,6 @@ class Corrections:
                 self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
 
     def book_step(self, number: int) -> None:
-        """Attribute the updates of a time step by its number, from one."""
         laps, self._laps = [*self._laps, (0, self._ledger.lap(EffectName.FLOW))], []
         for iteration, share in laps:
             if self._inertia and iteration >= LINEAR_CORRECTIONS:

@@ -51,8 +51,9 @@ class WallReport:
     along: in 2-D by wall: x ascending, y_plus, and friction 2 tau/V^2, negative in reverse flow
     roughness: equivalent sand roughness of the walls; iteration: of a steady flow
     mesh_size: the run's factor of all cells
-    coarse_along: the largest fraction of the stress's change along a smooth resolved wall that lies along edges of
-        cells where it changes too much; None: without such a wall, and between planes
+    coarse_along: largest fraction of the stress's change along a smooth resolved wall in edges along which it
+    changes
+        too much; None: without such a wall, and between planes
     judged_along: whether that decides, past 2-D bedforms without corners and without a grain. At the grain of
         demos/scenes/sand_in_turbulence.toml, with a fraction of 0.61, the stress was within 2% on average, and 2.3%
         at its peak, of that on cells of half the size
@@ -155,7 +156,6 @@ class WallReport:
         }
 
     def lines(self, errors: Floats | None = None, ends: Floats | None = None) -> list[str]:
-        """Text, with errors (2,) of both shear velocities and of `separated` where known."""
         text = (
             f"{self._unsteady}{self._coarse}y+ of the walls {self.least:.3g} to {self.largest:.3g}"
         )

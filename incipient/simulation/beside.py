@@ -24,12 +24,10 @@ ByItself = Callable[[Scene, Comm, float], Loads]
 class Beside:
     """Loads in scenes that differ from a solved run in gap or domain; callable. Collective.
 
-    In 3-D the moved mesh serves all scenes or none, since new meshes add differences and take most
-    of the time; otherwise each scene has its own run.
+    In 3-D the moved mesh serves all scenes or none; otherwise each scene has its own run.
 
     Args:
         run: solved; each call restores its mesh.
-        coarse: scenes of the coarse runs.
         by_itself: runs a scene on its own mesh, at a speed.
         speed: of the flow relative to the scene's.
     """
@@ -38,7 +36,6 @@ class Beside:
         self._run, self._coarse, self._by_itself, self._speed = run, coarse, by_itself, speed
 
     def serves(self, key: str) -> bool:
-        """Whether the moved mesh serves a scene, given by its JSON. Collective."""
         return key in self._meshes
 
     def __call__(self, scene: Scene) -> Loads:
@@ -49,7 +46,6 @@ class Beside:
 
     @cached_property
     def _meshes(self) -> dict[str, MovedMesh]:
-        """Moved mesh of each coarse scene by its JSON; empty if one needs another mesh."""
         run = self._run
         steady_in_space = run.scene.gdim == 3 and run.scene.time is None
         if not steady_in_space or run.setup.is_averaged or run.layout.placement is None:

@@ -46,7 +46,7 @@ def prepared(
         recorder: notified of the mesh.
         checkpoint: of an earlier session, which provides mesh and costs.
         sizing: changes the planned cell sizes.
-        speed: of the flow, relative to the scene's, for the mesh with a law of the wall.
+        speed: of the flow, relative to the scene's.
 
     Raises IncipientError on all ranks if planning or meshing fails.
     """

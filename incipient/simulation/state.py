@@ -53,7 +53,6 @@ class Accounts:
     spent: Callable[[], str] = lambda: ""
 
     def count(self, **numbers: int) -> None:
-        """Add to iteration counts by name."""
         for name, number in numbers.items():
             self.iterations[name] = self.iterations.get(name, 0) + number
 
@@ -62,8 +61,7 @@ class Run:
     """A scene, its plan, mesh, flow and progress.
 
     fluid, parts: on the newest mesh, parts with moving boundaries first. march: None for steady flow and before the
-    first step. steadiness: in a run until steady flow. first_motion: time at which a fixed grain in unsteady flow
-    would first move.
+    first step. first_motion: time at which a fixed grain in unsteady flow would first move.
     """
 
     def __init__(
@@ -91,7 +89,6 @@ class Run:
 
     @property
     def states(self) -> list[Any]:
-        """State functions of a steady flow and its turbulence."""
         turbulence = [] if self.turbulence is None else [self.turbulence.fields.state]
         return [self.fluid.state, *turbulence]
 
@@ -156,7 +153,6 @@ class Run:
         self.fluid, self._probe = fluid, probe
 
     def would_move(self, time: float | None) -> None:
-        """Record the first time at which the grain would move."""
         if self.first_motion is None:
             self.first_motion = time
 
@@ -164,7 +160,6 @@ class Run:
         self.accounts.count(**numbers)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """Report and time a stage."""
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)
 

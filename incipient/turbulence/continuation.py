@@ -78,7 +78,6 @@ def continued(
 
 
 def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tuple[float, float]:
-    """Make a step, shortened if it has no solution, and choose the next one; both changes."""
     for _ in range(MOST_FAILURES):
         try:
             of_flow, of_logarithms = system.correction()

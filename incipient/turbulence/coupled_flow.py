@@ -75,7 +75,6 @@ class CoupledFlow(Holder):
         return Direct(self._matrix)
 
     def _residual_forms(self) -> list[Any]:
-        """Both residuals in UFL, with the eddy viscosity limited by the present strain."""
         fluid, turbulence = self._fluid, self._turbulence
         flow = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
         return [turbulence.watching(flow, ufl.split(fluid.state)[0]), turbulence.form]
@@ -204,7 +203,6 @@ def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Float
 
 
 def _owned_nodes(fluid: Fluid, of_flow: Floats) -> Integers:
-    """Velocity unknowns (n, gdim) at nodes that this rank owns."""
     nodes = fluid.space.unknowns_at_nodes
     return np.asarray(nodes[nodes[:, -1] < len(of_flow)])
 

@@ -1,7 +1,7 @@
 """Developed flow over one wall by the 1-D k-omega SST model: the inflow of channels.
 
-Finite volumes for ln k and ln omega of `forms.k_omega_sst`, in units of u* and the depth. The shear stress falls
-linearly to zero on top. The flow over a rough wall is that over a smooth wall farther away.
+Finite volumes for ln k and ln omega of `forms.k_omega_sst`, in units of u* and the depth; the shear stress falls
+linearly to zero on top.
 """
 
 from __future__ import annotations
@@ -103,7 +103,6 @@ class _Column:
         return np.log(np.column_stack([k, omega]))
 
     def strain(self, k: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """dU/dy for the present stress, and nu_t/k."""
         nu, y = self.viscosity, self.centres
         viscous = 500.0 * nu / (y**2 * omega)
         argument = np.maximum(2.0 * np.sqrt(k) / (BETA_STAR * omega * y), viscous)
@@ -114,7 +113,6 @@ class _Column:
         return strain, 1.0 / np.maximum(omega, strain * limited / A_1)
 
     def rates(self, logarithms: Floats) -> Floats:
-        """(n, 2) dK/dt and dW/dt times the volumes."""
         nu, y = self.viscosity, self.centres
         k, omega = np.exp(logarithms).T
         strain, time = self.strain(k, omega)

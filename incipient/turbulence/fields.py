@@ -122,7 +122,6 @@ class TurbulenceFields(Holder):
         return f"k and {self.closure.second}"
 
     def constant(self, value: float) -> Any:
-        """Number on the mesh that needs no recompilation."""
         return dolfinx.fem.Constant(self.domain.mesh, PETSc.ScalarType(value))
 
     def _at_inflow(self, values: Values) -> list[Any]:
@@ -137,7 +136,6 @@ class TurbulenceFields(Holder):
     def give(
         self, values: Values, viscosity: float, walls: Mapping[str, float], least: float
     ) -> None:
-        """Set the inflow and the walls of a flow of another viscosity."""
         self._given.interpolate(values)
         self._molecules, self._least.value = viscosity, least
         for name, away in walls.items():
@@ -145,7 +143,6 @@ class TurbulenceFields(Holder):
         self.follow()
 
     def follow(self) -> None:
-        """Update the wall distances for a moved mesh."""
         if not self._walls or not isinstance(self.closure, KOmegaSST):
             return
         places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
@@ -181,7 +178,6 @@ class TurbulenceFields(Holder):
         return forms.shear_velocity(ufl.split(self.state), self.closure)
 
     def watch(self, fluid: Fluid) -> None:
-        """Set the flow whose strain limits the eddy viscosity."""
         self._fluid = fluid
         self.look()
 
@@ -206,7 +202,6 @@ class TurbulenceFields(Holder):
         return np.asarray(eddies / (self._molecules + eddies))
 
     def impose(self) -> None:
-        """Impose the prescribed values on the state."""
         compat.impose(self.state.x.array, self.conditions)
         self.state.x.scatter_forward()
         self._before.x.array[:] = self.state.x.array
@@ -340,11 +335,9 @@ class TurbulenceFields(Holder):
         return float("inf")
 
     def renew_factors(self) -> None:
-        """Request a new factorisation at the next step, on every rank."""
         self._rate_of_factors = np.inf
 
     def _correct(self, fresh: bool) -> float:
-        """Size of one Newton update, infinite if it fails."""
         conditions = self.conditions
         assert self.solver is not None
         with self._vector.localForm() as local:
@@ -385,6 +378,5 @@ class TurbulenceFields(Holder):
     # -- its values -----------------------------------------------------------------------------------
 
     def largest(self, values: np.ndarray) -> float:
-        """Largest magnitude over all ranks; infinite if one is not a number."""
         mine = float(np.abs(values).max(initial=0.0))
         return float(self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX))

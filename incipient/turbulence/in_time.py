@@ -53,7 +53,6 @@ class InTime:
         self._failed = False
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
-        """Solve a step from the last state, including the fluid's."""
         fluid, turbulence = self._fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         sizes: list[float] = []
@@ -78,7 +77,6 @@ class InTime:
     def _flow(
         self, length: float, order: int, tolerance: float, before: NewtonReport | None
     ) -> NewtonReport:
-        """Solve the flow, with moving parts, for given turbulence fields; `before`: the earlier report."""
         if self._moving is None:
             return self._fluid.solve(tolerance)
         if before is None:
@@ -104,7 +102,6 @@ class InTime:
             self.turbulence.follow()
 
     def forget(self) -> None:
-        """Discard factorisations and convergence data."""
         self.turbulence.renew_factors()
         if self._moving is not None:
             self._moving.forget()
@@ -113,7 +110,6 @@ class InTime:
         return np.empty(0) if self._moving is None else self._moving.velocities()
 
     def complaint(self) -> str:
-        """Reason and remedy of the last failed attempt."""
         if self._failed:
             return f"{self.turbulence.names} do not converge: use a smaller time.step"
         return (self._moving.complaint() if self._moving is not None else "") or NO_STEP

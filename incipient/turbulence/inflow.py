@@ -97,7 +97,6 @@ class Measured:
 
     @property
     def _ends(self) -> Floats:
-        """Distances (2,) of the outermost rows from their walls."""
         y = self.rows[:, 0]
         return np.array([y[0], self._whole - y[-1]])
 
@@ -134,7 +133,6 @@ class Measured:
         return speed, slope
 
     def _at_wall(self, shear_velocity: float, away: Floats) -> tuple[Floats, Floats]:
-        """Speeds and slopes (n,) by the law of the wall."""
         speed = shear_velocity * self.law.velocity(shear_velocity, self.viscosity, away)
         in_sublayer = away * shear_velocity < CROSSING * self.viscosity
         outer = shear_velocity / (self.law.kappa * away)
@@ -142,7 +140,6 @@ class Measured:
 
 
 def _uniform(number: int, depth: float) -> list[tuple[float, float]]:
-    """Rows of a uniform flow outside the wall layers."""
     near, whole = LAYER * depth * GROWTH ** np.arange(ROWS), number * depth
     far = whole - near[::-1] if number == 2 else [whole]
     return [(float(height), 1.0) for height in (*near, *far)]

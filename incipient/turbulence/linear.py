@@ -42,7 +42,6 @@ class CompressedFactors:
         self._factors: Any = None
 
     def assemble(self) -> None:
-        """Factorise the present matrix. Raises ConvergenceError."""
         self.destroy()
         self._factors = PETSc.PC().create(self._matrix.comm)
         self._factors.setOperators(self._matrix)
@@ -64,7 +63,6 @@ class CompressedFactors:
             )
 
     def apply(self, right: Any, left: Any) -> None:
-        """Solve approximately with the factorised matrix."""
         self._factors.apply(right, left)
 
     def destroy(self) -> None:
@@ -143,7 +141,6 @@ class BlockByBlock:
             x.set(np.inf)
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
-        """Apply the preconditioner; called by PETSc."""
         values, (flow, change) = right.array_r, self._flow
         left_fields, of_fields = self._turbulence
         number = flow.getLocalSize()
@@ -155,7 +152,6 @@ class BlockByBlock:
         left.setArray(np.concatenate([change.array_r, left_fields.array_r]))
 
     def destroy(self, _: Any = None) -> None:
-        """Free PETSc's memory."""
         if self._solver is None:  # PETSc frees the context of a preconditioner as well
             return
         solver, self._solver = self._solver, None

@@ -43,7 +43,6 @@ class WallLaw:
         return np.minimum(away, self._outer(shear_velocity, viscosity, distance, NUMPY))
 
     def _outer(self, shear_velocity: Any, viscosity: Any, distance: Any, functions: Any) -> Any:
-        """u+ of the logarithmic layer, constant below it."""
         away = functions.larger(distance * shear_velocity / viscosity, CROSSING)
         by_roughness, _ = self.by_roughness(shear_velocity, viscosity, functions)
         return functions.larger(
@@ -64,7 +63,6 @@ class WallLaw:
     def shear_velocity(
         self, speed: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
     ) -> Any:
-        """u* for a speed at a distance from the wall."""
         in_layer = self._in_layer(speed, viscosity, distance, functions)
         return functions.larger(in_layer, functions.sqrt(viscosity * speed / distance))
 

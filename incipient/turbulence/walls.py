@@ -101,7 +101,6 @@ class Walls:
         return self.plane or name in self.names[1 : self.number]
 
     def law(self, name: str) -> WallLaw:
-        """Law between a wall and the mesh."""
         return WallLaw(0.0 if name == "body" or self.is_resolved else self.roughness)
 
     @property
@@ -119,7 +118,6 @@ class Walls:
 
     @property
     def is_laminar(self) -> bool:
-        """Whether the inflow is laminar by the k-omega model."""
         return isinstance(self.profile, Developed) and self.profile.channel.is_laminar
 
     @property

@@ -300,10 +300,7 @@ def _obstacles(
     answer: dict[str, Any],
     scales: tuple[float, float],
 ) -> tuple[int, ...]:
-    """Contacts that the motion would penetrate, where the paper's assumption fails.
-
-    A grain with sticking x* turns about it, otherwise it follows F; any of several x* may be the pivot.
-    """
+    """Contacts that the motion would penetrate, where the paper's assumption fails."""
     if not mode.moves:
         return ()
     if (answer["C_friction"] < 1.0 - TOLERANCE).any():

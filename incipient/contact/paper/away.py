@@ -33,8 +33,8 @@ class Axis(Enum):
 class Away:
     """Condition on the axis through the centre of mass along the torque, and the nearest admissible axis.
 
-    `levers` (n,): lengths, negative where the contact opens. `nearest` (3,): pivot by the paper's
-    principle of least action; None, at infinite `distance`, if all axes are excluded.
+    `levers` (n,): lengths, negative where the contact opens. `nearest` (3,): pivot by the principle of least
+    action; None, at infinite `distance`, if all axes are excluded.
     """
 
     direction: Floats

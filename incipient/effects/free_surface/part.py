@@ -40,8 +40,7 @@ OUTLINE = 65  # points on each curve of a grain's outline
 class MovingSurface(RunPart):
     """Free surface above a fluid on a mesh with a level top. Every method is collective.
 
-    Above or below the still level the mesh moves by the elevation less the difference. Attributes:
-    `part`, set by `joined`; `readings` of elevations.
+    Attributes: `part`, set by `joined`; `readings` of elevations.
     """
 
     effect = EffectName.FREE_SURFACE
@@ -168,7 +167,6 @@ class MovingSurface(RunPart):
 
     @property
     def elevations(self) -> Elevations | None:
-        """Recorded elevations; None before the first step."""
         return Elevations.of(self.readings) if self.readings else None
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, float]:
@@ -207,7 +205,6 @@ class MovingSurface(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """Checkpoint data: present and past elevations, mesh positions."""
         from ...restart.checkpoint import StoredSurface
         from ...restart.redistribution import numbered_nodes
 

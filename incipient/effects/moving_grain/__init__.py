@@ -75,7 +75,6 @@ class FreeBodyEffect(Effect):
         return MovingGrain(setup, stage, state)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """A fixed grain that would have begun to move."""
         verdict = solved.verdict or {}
         since, rocking = verdict.get("first_motion"), verdict.get("rocking")
         if since is None:

@@ -194,7 +194,6 @@ class BedContact:
         return {"contacts": named, "course": asdict(self.course), "done": self.course.done}
 
     def restore(self, kept: dict[str, Any]) -> ActiveContacts:
-        """Restore the history from a checkpoint; returns the contacts."""
         course = kept["course"]
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)

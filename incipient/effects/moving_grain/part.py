@@ -44,7 +44,6 @@ class MovingGrain(RunPart):
     """Moving grain of a scene.
 
     Args:
-        stage: context managers by name, for timing.
         state: None: that of the scene.
         made_for: placement for which the mesh was built; None: that of the state.
 
@@ -98,7 +97,6 @@ class MovingGrain(RunPart):
     # -- solution ---------------------------------------------------------------------------------
 
     def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
-        """Enter a fluid, with the counts of `before`."""
         self._fluid, self.energy = fluid, EnergyBudget(fluid)
         free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
         made_for = self._made_for or self._start.placement
@@ -142,7 +140,6 @@ class MovingGrain(RunPart):
         self.interface_iterations.append(step.report.corrected)
 
     def contact_rows(self) -> list[dict[str, Any]]:
-        """Rows of contacts.csv after a step, one per contact."""
         return []
 
     @property
@@ -165,7 +162,6 @@ class MovingGrain(RunPart):
         return {}
 
     def energies(self) -> dict[str, float]:
-        """Number of meshes, and energies of fluid and grain."""
         with self._stage("tractions"):
             kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
             power = self.energy.power()
@@ -210,7 +206,6 @@ class MovingGrain(RunPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        """Distance from the nearest other boundary."""
         return self.surroundings.clearance(self.state.placement)
 
     def _room(self, state: BodyState) -> float:
@@ -218,7 +213,6 @@ class MovingGrain(RunPart):
         return self.obstacles.clearance(state.placement, 2.0 * gap).distance - gap
 
     def _weight(self) -> Floats:
-        """Submerged weight (gdim,)."""
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
 
     def _other_load(self, state: BodyState) -> Floats:

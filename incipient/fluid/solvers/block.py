@@ -28,10 +28,9 @@ ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
 class Block(LinearSolver):
     """GMRES with a block-triangular preconditioner (`triangle`), reused until iterations have grown by half.
 
-    Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains projected out.
-    A steady flow that GMRES fails on is solved by LU factorisation, memory permitting. In unsteady flow the
-    preconditioned residual, closer to the error, counts. PETSc prefixes: ``fluid_``, ``fluid_velocity_``,
-    ``fluid_pressure_``.
+    Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains projected out. A steady
+    flow on which GMRES fails gets an LU factorisation, memory permitting. PETSc prefixes: ``fluid_``,
+    ``fluid_velocity_``, ``fluid_pressure_``.
     """
 
     regular: ClassVar[bool] = False

@@ -96,7 +96,6 @@ class Direct(LinearSolver):
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
 
     def _applied(self, b: Any, x: Any, transposed: bool) -> float:
-        """Apply the factorisation once; returns the residual norm."""
         preconditioner, left = self._solver.getPC(), b.duplicate()
         if transposed:
             preconditioner.applyTranspose(b, x)

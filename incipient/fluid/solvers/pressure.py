@@ -1,7 +1,4 @@
-"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the Jacobian [[F, G], [B, 0]].
-
-Vectors are (owned pressures,).
-"""
+"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the Jacobian [[F, G], [B, 0]]."""
 
 from __future__ import annotations
 

@@ -64,7 +64,6 @@ class Triangle(Owner):
         left.setArray(z)
 
     def destroy(self, _: Any = None) -> None:
-        """Free PETSc's memory; called by PETSc."""
         super().destroy()
 
 
@@ -142,7 +141,6 @@ def _times(matrix: Any, vectors: list[Any], values: np.ndarray) -> np.ndarray:
 
 
 def _interpolations(equations: Equations) -> list[Any]:
-    """Interpolation from linear nodes to the free velocities of each component."""
     fine, rows = component_rows(equations.space)
     coarse = compat.space(fine.mesh, ("Lagrange", 1))
     whole = compat.interpolation_matrix(coarse, fine)
@@ -160,7 +158,6 @@ def _interpolations(equations: Equations) -> list[Any]:
 
 
 def _among(matrix: Any, rows: np.ndarray, columns: np.ndarray) -> Any:
-    """Submatrix of owned rows and columns. Collective."""
     starts = matrix.getOwnershipRange()[0], matrix.getOwnershipRangeColumn()[0]
     above, below = (
         PETSc.Mat().createAIJ(

@@ -40,8 +40,7 @@ class TwoLevel(LinearSolver):
 
     Search directions are smoothing steps (pressure mass over viscosity, symmetric relaxation of
     each velocity component), then a coarse solution. Residuals are measured in the dual of the
-    energy norm, in which the largest cells do not dominate. Eisenstat, Elman & Schultz (1983), SIAM
-    J. Numer. Anal. 20, 345 (GCR).
+    energy norm. Eisenstat, Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
 
     Args:
         times: product of A, or its transpose, with a vector (owned unknowns,).
@@ -203,7 +202,6 @@ class Relaxation(Owner):
         self._sweeps = {False: {k: self._swept(matrix) for k, matrix in self._matrices.items()}}
 
     def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
-        """Relax with the operators or their transposes, (owned rows of the mixed system,)."""
         transposed = transposed and self._convected
         if transposed not in self._sweeps:
             self._sweeps[True] = {
@@ -227,7 +225,6 @@ class Relaxation(Owner):
 
 
 def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
-    """First component with the same conditions as each, on all ranks. Collective."""
     same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=int)
     comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)
     return [int(number) for number in same.argmax(axis=1)]
