@@ -356,9 +356,8 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
 def inner_forces(
     case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats, forces: Floats
 ) -> tuple[Floats, bool]:
-    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether `forces` are the only ones.
-
-    The shortest, or those deepest inside the cones.
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, the shortest or deepest in the cones; and
+    whether unique.
     """
     problem, slides, stays = case.contacts, np.flatnonzero(kinds == 2), np.flatnonzero(kinds < 2)
     edges = problem.generators

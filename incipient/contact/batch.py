@@ -112,8 +112,8 @@ class Batch:
 def judge_many(cases: Cases) -> Batch:
     """Evaluate a batch of contact problems by the exact criterion.
 
-    An invalid case fails with its reason and does not affect the others. Safety factors equal those
-    of `safety_factor`, in 2-D to round-off, in 3-D to 1e-9.
+    An invalid case fails with its reason. Safety factors equal those of `safety_factor`, in 2-D to round-off, in
+    3-D to 1e-9.
     """
     count = len(cases)
     factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)

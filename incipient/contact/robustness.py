@@ -189,8 +189,7 @@ def _extent(interval: Interval | None) -> float:
 class StandardErrors:
     """Standard errors of the flow's force and torque (3,) and of the friction coefficient.
 
-    `about`: reference point (3,) of the torque, by default the centre of mass; errors of the force
-    also change the torque about the latter.
+    `about`: reference point (3,) of the torque, by default the centre of mass.
     """
 
     flow_force: Floats = field(default_factory=lambda: np.zeros(3))
@@ -358,10 +357,10 @@ def draw(
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
-    """Fraction of the variance of an output (n,) explained by each input (n,); empty for a constant output.
+    """Sobol's first index: the fraction of the variance of an output (n,) explained by each input (n,).
 
-    Sobol's first index of independent inputs, from means over equal classes of the input, corrected
-    for their number (epsilon squared).
+    From means over equal classes of the input, corrected for their number (epsilon squared); empty for a
+    constant output.
     """
     if np.ptp(output) <= 1e-12 * max(float(np.abs(output).max()), 1e-300):
         return {}

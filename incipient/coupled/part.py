@@ -14,8 +14,7 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 class Part(Protocol):
     """Moving part of the fluid's boundary. Every method is collective.
 
-    met: contact at the end of the last attempt. name, folded: in messages; the latter, with a
-    remedy, for a folded mesh.
+    met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy.
     """
 
     met: bool

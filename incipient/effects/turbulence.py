@@ -99,10 +99,7 @@ class TurbulenceEffect(Effect):
 
 
 def slowest_flow(setup: Setup) -> SlowestFlow | None:
-    """Slowest flow of a search, a laminar one; None without a model.
-
-    A 3-D search, with flows of minutes, begins at a low Shields number.
-    """
+    """Slowest flow of a search, a laminar one, in 3-D from a low Shields number; None without a model."""
     if not setup.is_averaged:
         return None
     walls = setup.walls

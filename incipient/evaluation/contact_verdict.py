@@ -42,7 +42,7 @@ def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load
 def followed(scene: Scene, load: Load) -> Rocking | None:
     """Equilibria of a scene's grain as the flow's load grows up to `load` and beyond; None without any.
 
-    The first is close to the scene's placement. A disc or sphere on a plane rolls under any load.
+    The first is close to the scene's placement.
     """
     body, contact, bed = scene.body, scene.contact, scene.bed
     assert body is not None and contact is not None and scene.placement is not None

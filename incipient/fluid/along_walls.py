@@ -72,10 +72,7 @@ class AlongWall:
         return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of x with reverse flow along nearly level parts of the wall.
-
-        Behind a falling face the interval begins at the face, despite corner eddies.
-        """
+        """Intervals of x with reverse flow along nearly level parts of the wall; they begin at falling faces."""
         level = self._level & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
@@ -106,7 +103,7 @@ def at_end(x: np.ndarray) -> np.ndarray:
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     """Read the flow along a named boundary at corners of cells, averaged over facets. Collective.
 
-    `shear_velocity` is UFL. Corners at both ends of the domain, where another condition holds, are left out.
+    `shear_velocity` is UFL. Corners at both ends of the domain are left out.
     """
     domain, gdim = fluid.domain, fluid.space.gdim
     space = compat.space(domain.mesh, ("Lagrange", 1), (gdim,))

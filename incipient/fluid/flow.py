@@ -124,8 +124,8 @@ class Fluid(Holder, FlowEquations):
     ) -> newton.NewtonReport:
         """Solve with the present parameters from the present state.
 
-        `watch` (default `Fluid.watch`) receives number and size of each Newton update. `keep_factors` reuses
-        factorisations in steady flow; `remember` also keeps their contraction.
+        `watch` receives number and size of each Newton update. `keep_factors` reuses factorisations in steady flow;
+        `remember` also keeps their contraction.
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
@@ -182,9 +182,8 @@ class Fluid(Holder, FlowEquations):
         self._aged = True
 
     def correction(self, fresh: bool, rtol: float | None = None) -> float:
-        """Subtract a Newton update (see `newton.System`); returns its relative size.
-
-        In steady flow the pressure also counts, relative to pressure plus squared speed.
+        """Subtract a Newton update (see `newton.System`); returns its relative size, in steady flow with the
+        pressure's.
         """
         renewed = self._jacobian is not None and (fresh or rtol is not None)
         if not renewed:
@@ -299,8 +298,7 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
 def enriched(fluid: Fluid) -> Fluid:
     """Copy of a solved flow in next-higher-order elements, to be destroyed first. Collective.
 
-    Its Jacobian is upwinded, its residual not: it consists of the discretisation error and the
-    effect of upwinding.
+    Its Jacobian is upwinded, its residual not.
     """
     order, model = fluid.model.order, fluid.model
     if isinstance(fluid.solver, Direct):

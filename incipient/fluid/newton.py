@@ -34,8 +34,7 @@ class System(Protocol):
 class Contraction:
     """Contraction of Newton updates with the present LU factorisation.
 
-    ratio: of the second to the first update, last measured; measured, solves: numbers of that and
-    the latest solve.
+    ratio: of the second to the first update; measured, solves: numbers of its measurement and the latest solve.
     """
 
     ratio: float = np.inf

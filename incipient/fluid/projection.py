@@ -36,10 +36,9 @@ class Projection(Holder):
         self._solver = self.holding(fluid.another_solver(self._matrix))
 
     def apply(self) -> float:
-        """Project the velocity of the fluid's state; returns the relative change in L2.
+        """Project the velocity of the fluid's state; returns the relative change in L2. Raises ConvergenceError.
 
-        Prescribed values are kept and, in a closed domain, need zero net flux. Raises
-        ConvergenceError.
+        Prescribed values are kept and, in a closed domain, need zero net flux.
         """
         self._solve()
         comm = self.fluid.domain.comm

@@ -108,7 +108,7 @@ def approach(
 ) -> tuple[Step, ...]:
     """Approach the fluid's Reynolds number in adaptive steps from a solution at the fraction `reached`. Collective.
 
-    Raises ConvergenceError below `smallest_step`; the fluid then holds the last converged state, or the start.
+    Raises ConvergenceError below `smallest_step`; the fluid holds the last converged state, or the start.
     """
     target, steps = fluid.reynolds, []
     path = _Path(fluid, reached)

@@ -139,7 +139,7 @@ def refuse_foreign(
 ) -> None:
     """Refuse a directory in which an output file is a link, a foreign file, or one of the input files `sources`.
 
-    names: output files; none: those of all commands with a scene. Raises OutputError naming the file.
+    names: output files, by default of all commands with a scene. Raises OutputError naming the file.
     """
     wanted = {*names} or {*RESULTS, SCENE}
     for path in sorted(directory.iterdir()) if directory.is_dir() else ():

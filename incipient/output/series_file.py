@@ -48,8 +48,7 @@ class StoredStep:
 class SeriesFile:
     """Writes a series step by step, readable at any time.
 
-    stem:      path without suffix
-    cell_type: XDMF's name of the cells, such as "Triangle_6"
+    stem: path without suffix; cell_type: XDMF's name of the cells, such as "Triangle_6"
     """
 
     def __init__(self, stem: Path, cell_type: str):

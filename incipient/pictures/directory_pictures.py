@@ -44,11 +44,8 @@ CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
 def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
     """Draw all pictures of the results in a directory, as PNG files beside them.
 
-    Args:
-        announce: called with the path of every finished picture.
-
-    Raises:
-        OutputError: without a result, or one is damaged, or a picture cannot be written; all others are drawn.
+    `announce` is called with the path of every finished picture. Raises OutputError without a result, for a
+    damaged one, or if a picture cannot be written; all others are drawn.
     """
     written: list[Path] = []
     failures: list[str] = []

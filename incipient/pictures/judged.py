@@ -45,7 +45,6 @@ class Judged:
     share: fraction of the flow's load that these forces balance, NaN without any
     significant: the paper's significant reaction surface, indices of contacts
     left: force and torque (3,) that reaction and friction leave unbalanced by the paper's criteria
-    sentences: of the exact criterion, and of the paper's with the agreement
     """
 
     load: Load

@@ -53,10 +53,7 @@ def placed_surface(grain: Any, placement: Any, spacing: float = _SPACING) -> Sol
 
 
 def sketched(case: Judged) -> Solid:
-    """A surface through the contacts: a sphere if it fits, otherwise a convex polyhedron.
-
-    The polyhedron includes their mirror images in the centre of mass; in 2-D there are points alone.
-    """
+    """A surface through the contacts: a sphere if it fits, otherwise a convex polyhedron; in 2-D points alone."""
     radius, centre = round_radius(case), case.load.centre
     if radius is not None:
         ball = sphere(_FINE)

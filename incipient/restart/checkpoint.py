@@ -111,9 +111,8 @@ class StoredBody:
 class StoredSurface:
     """A free surface and its mesh, the present state first.
 
-    made:       initial node positions (nodes, 3)
+    made, places: initial (nodes, 3), and present and previous (nodes, n, 3) node positions
     elevations: at the nodes, zero off the surface (nodes, states), at `times` (states,)
-    places:     present and previous node positions (nodes, n, 3)
     """
 
     made: Floats

@@ -8,7 +8,6 @@ class Trial:
     """One mesh tried.
 
     estimate: relative error of the quantity; None: not converged, or not compared yet
-    seconds: wall time of mesh, solution and estimate
     step: None for steady flow; of_step, of_mesh: contributions to the estimate
     note: changes besides the mesh, or the reason for a missing estimate
     """

@@ -69,7 +69,7 @@ class Loads:
     ) -> Loads:
         """Build from the results at the end; u* at walls without a grain alone.
 
-        size: of the grain; upstream: intervals of x of reverse laminar flow along the bed
+        upstream: intervals of x of reverse laminar flow along the bed
         """
         of_force, of_torque = (NO_GRAIN if one is None else one.plain for one in (force, torque))
         shear = None if walls is None or force is not None else walls.shear_velocities
@@ -136,8 +136,7 @@ class Term:
 
         Args:
             change: (6,) estimated correction of force and torque.
-            left: (6,) difference from a second estimate, the remaining error. The relative error of a component
-            is at
+            left: (6,) difference from a second estimate, the remaining error. A component's relative error is at
                 least that of its vector.
         """
         added, errors = np.zeros(6), np.concatenate([self.force, self.torque])

@@ -51,12 +51,11 @@ class WallReport:
     along: in 2-D by wall: x ascending, y_plus, and friction 2 tau/V^2, negative in reverse flow
     roughness: equivalent sand roughness of the walls; iteration: of a steady flow
     mesh_size: the run's factor of all cells
-    coarse_along: largest fraction of the stress's change along a smooth resolved wall in edges along which it
-    changes
-        too much; None: without such a wall, and between planes
+    coarse_along: largest fraction of the stress's change along a smooth resolved wall in edges along which
+        it changes too much; None: without such a wall, and between planes
     judged_along: whether that decides, past 2-D bedforms without corners and without a grain. At the grain of
-        demos/scenes/sand_in_turbulence.toml, with a fraction of 0.61, the stress was within 2% on average, and 2.3%
-        at its peak, of that on cells of half the size
+        demos/scenes/sand_in_turbulence.toml, with a fraction of 0.61, the stress was within 2% on average, and
+        2.3% at its peak, of that on cells of half the size
     """
 
     model: str

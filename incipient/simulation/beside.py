@@ -58,8 +58,7 @@ class Beside:
 class InTurn:
     """Loads of coarse runs in sequence; a context manager, callable. Collective.
 
-    In steady 3-D flow the first scene is meshed, and its mesh moved for the others. `prepare`
-    creates the meshed run; None: from the scene.
+    In steady 3-D flow the first scene is meshed, and its mesh moved for the others. `prepare` creates its run.
     """
 
     def __init__(

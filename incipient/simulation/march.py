@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class March:
     """Time integration of a run, from its start or a checkpoint. Every method is collective.
 
-    coupling: of flow and moving boundaries, which precede the run's other parts, or None.
+    coupling: of flow and moving boundaries, or None.
     """
 
     def __init__(self, run: Run, checkpoint: Checkpoint | None):

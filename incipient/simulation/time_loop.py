@@ -80,9 +80,8 @@ class TimeLoop:
     def _start_within_oscillation(self) -> None:
         """Set the state to the oscillating base flow and a disturbance at rest on walls, without an impulse.
 
-        The disturbance is that of one backward difference over 1/w in which the base flow u(0) has its rate of
-        change
-        u'(0) = w u(T/4): the step begins at u(0) - u'(0)/w, and without a grain it ends at u(0).
+        The disturbance is that of one backward difference over 1/w in which the base flow u(0) has its rate u'(0) =
+        w u(T/4): the step begins at u(0) - u'(0)/w, and without a grain it ends at u(0).
         """
         run, fluid, flow = self._run, self._run.fluid, self._run.scene.flow
         velocity, at = fluid.velocity, run.setup.base_flow.velocity

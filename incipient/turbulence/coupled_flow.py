@@ -30,8 +30,7 @@ MOST_CHANGE = 1.0, 0.3
 class CoupledFlow(Holder):
     """Flow and turbulence as one system of equations. Every method is collective.
 
-    The derivative has coarser quadrature than the residual. Holds PETSc objects: use it as a context manager, or
-    call `destroy`.
+    Holds PETSc objects: use it as a context manager, or call `destroy`.
 
     Attributes:
         courant: Courant numbers (local cells,).

@@ -53,14 +53,13 @@ class TurbulenceFields(Holder):
         surfaces: smooth walls resolved into the viscous sublayer: omega is prescribed in the cells at them.
         viscosity: molecular.
         k_epsilon: the closure; None: the k-omega SST model.
-        order_of_flow: of the velocity, whose strain limits the eddy viscosity of the k-omega SST model.
+        order_of_flow: of the velocity, whose strain limits the SST model's eddy viscosity.
         least: k below which that model destroys none.
         in_layers: whether layers of thin cells lie along curved walls.
         order: of the elements of both logarithms.
 
     Attributes:
         state: function (2,) of the logarithms.
-        closure: the model in UFL, see `forms.turbulence.residual`.
         form, of_molecules: residual in UFL, and molecular viscosity, after `carried_by`.
     """
 

@@ -32,13 +32,7 @@ class Moving(Interface, Protocol):
 class InTime:
     """Turbulence as the interface of an unsteady flow, see `fluid.transient.Interface`.
 
-    Flow and turbulence take the same backward difference, iterated in turn until the flow stays.
-
-    Args:
-        moving: a grain and the mesh with it, or None.
-
-    Attributes:
-        past: states (local unknowns,) of both logarithms, newest first.
+    Flow and turbulence take the same backward difference. `past`: states (local unknowns,), newest first.
     """
 
     def __init__(

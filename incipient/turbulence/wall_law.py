@@ -28,10 +28,9 @@ NUMPY = SimpleNamespace(log=np.log, larger=np.maximum, sin=np.sin, cos=np.cos, s
 class WallLaw:
     """u+ = ln(y+)/kappa + B + w (8.5 - B - ln(k+)/kappa), k+ of the equivalent sand roughness: Nikuradse's.
 
-    w is 0 on smooth walls, 1 on rough ones, and sin(pi/2 ln(k+/2.25)/ln(40)) between. Below the distance at
-    which the
-    law of a smooth wall meets it, u+ = y+. Functions take numbers, arrays, or UFL expressions with the functions
-    `log`, `larger`, `sin`, `cos` and `sqrt` of UFL.
+    w is 0 on smooth walls, 1 on rough ones, and sin(pi/2 ln(k+/2.25)/ln(40)) between; u+ = y+ below its
+    intersection with the law of a smooth wall. Functions take numbers, arrays, or UFL expressions with
+    UFL's functions `log`, `larger`, `sin`, `cos` and `sqrt`.
     """
 
     roughness: float = 0.0  # equivalent sand roughness k, 0: smooth [length]
@@ -92,8 +91,7 @@ class WallLaw:
 def shift(roughness: float) -> float:
     """Distance [nu/u*] of a smooth wall from a rough one with the same flow, `roughness` being u* k_s/nu.
 
-    There the smooth-wall profile of Reichardt (1951, Z. Angew. Math. Mech. 31, 208) has the velocity that roughness
-    removes.
+    By the smooth-wall profile of Reichardt (1951, Z. Angew. Math. Mech. 31, 208).
     """
     law = WallLaw(roughness)
     lost = -law.by_roughness(1.0, 1.0, NUMPY)[0]

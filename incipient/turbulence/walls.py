@@ -36,14 +36,13 @@ class Walls:
     depth:    of influence of a wall: of an open channel, or half the distance between two walls
     number:   of walls above each other at the inflow, one or two
     ground:   height of the lower side there: of the mesh past grains and bedforms, otherwise of the wall
-    mean:     reference velocity; viscosity: kinematic
     plane:    whether all walls are planes beyond the mesh: no bedforms, no grain
     names:    of the boundaries with a wall beyond them
     up:       axis of heights
     smooth:   distance of smooth walls from the mesh; past grains and bedforms in the law alone
     roughness: equivalent sand roughness of all walls but a grain; 0: smooth
     shear_velocity: u* of the inflow, of two walls the larger; bed_shear_velocity: at the lower wall
-    asked:    the section [turbulence]; profile: of the inflow
+    asked:    the section [turbulence]
     """
 
     depth: float
@@ -83,9 +82,7 @@ class Walls:
     def slip(self, name: str) -> float:
         """Slip length of the velocity next to a wall, by the law of friction.
 
-        A plane wall is beyond the mesh. At other walls, where the mesh ends, the slip vanishes with the
-        thickness of the
-        layer that the law represents.
+        Without a distance between mesh and wall it vanishes with the thickness of the layer that the law represents.
         """
         y = self.distance(name)
         return y if self.is_beyond(name) else y * min(1.0, y / (CROSSING * self.unit))

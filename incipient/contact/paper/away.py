@@ -66,10 +66,7 @@ def away(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 def nearest_axis(
     contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 ) -> Floats | None:
-    """Point (3,) nearest to the centre with an admissible axis along `direction`; None if there is none.
-
-    Admitted points are an intersection of half-planes, wider than `tolerance` (a length).
-    """
+    """Point (3,) nearest to the centre with an admissible axis along `direction`; `tolerance` is a length. Or None."""
     inward = cross(contacts.normals, direction)
     length = np.linalg.norm(inward, axis=1)
     if (length <= PARALLEL).any():

@@ -64,13 +64,7 @@ class Course:
 
 
 class BedContact:
-    """Contact of a moving grain with its bed.
-
-    Args:
-        gap: [length] of contact.
-        speed: reference velocity of the flow.
-        start: placement at time zero; weight: submerged (gdim,), possibly zero.
-    """
+    """Contact of a moving grain with its bed; `gap` [length] of contact, submerged `weight` (gdim,), possibly zero."""
 
     def __init__(
         self,

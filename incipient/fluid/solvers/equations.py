@@ -27,7 +27,7 @@ class Equations:
     viscosity:     None: no stresses, as in the projection onto divergence-free velocities
     rate:          coefficient a0 of the velocity in its time derivative; None: steady
     carrier:       convecting velocity relative to the mesh; None: no convection
-    upwind_size:   cell size over element order in the upwinding
+    upwind_size:   cell size over element order
     """
 
     space: TaylorHood
@@ -98,8 +98,7 @@ class LinearSolver(Owner, ABC):
     def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
         """Solve A x = b to a residual of `rtol` times b; `fresh` prepares first.
 
-        Raises UnsolvedError for singular or non-finite A or without convergence, otherwise
-        ConvergenceError.
+        Raises UnsolvedError for singular or non-finite A or without convergence, otherwise ConvergenceError.
         """
         if fresh:
             self.prepare()
