@@ -109,17 +109,21 @@ class IncipientMotion:
 
     @property
     def first(self) -> Solution:
+        """Rest, or the solution of least energy."""
         return self.solutions[0]
 
     @property
     def moves(self) -> bool:
+        """Whether rest is no solution."""
         return self.first.mode is not Mode.REST
 
     @property
     def residual(self) -> float:
+        """Largest residual of all solutions."""
         return max(solution.residual for solution in self.solutions)
 
     def to_dict(self) -> dict[str, Any]:
+        """JSON data: the first solution, and all in `solutions`."""
         return plain(self.first) | plain(self) | {"moves": self.moves}
 
 

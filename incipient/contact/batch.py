@@ -69,16 +69,19 @@ class Cases:
         return len(self.force)
 
     def part(self, rows: Rows) -> Cases:
+        """Select cases."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         law = values.pop("law").part(rows)
         return Cases(law=law, **{name: value[rows] for name, value in values.items()})
 
     @property
     def contacts(self) -> Integers:
+        """Number of contacts (n,)."""
         there = ~np.isnan(np.concatenate([self.points, self.normals], axis=2)).all(axis=2)
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
     def case(self, number: int) -> tuple[Load, Contacts, FrictionCone, MassAndInertia | None]:
+        """Arguments of `judged` for a single case; raises SceneError."""
         acting = [getattr(self, name)[number] for name in ("force", "torque", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])
@@ -100,6 +103,7 @@ class Batch:
 
     @property
     def mode_names(self) -> list[str]:
+        """Modes in words, "" if a case fails."""
         return ["" if mode == FAILED else self.labels[mode] for mode in self.modes.tolist()]
 
     def complete(self) -> Batch:

@@ -78,7 +78,6 @@ class FrictionCone:
 
     @cached_property
     def moving(self) -> Floats:
-        """Coefficient in the equations of motion, at most INFINITE."""
         return np.where(
             self.coefficient < FRICTIONLESS, 0.0, np.minimum(self.coefficient, INFINITE)
         )

@@ -56,6 +56,7 @@ class Load:
         return self.flow_force + self.weight
 
     def shifted(self, change: Floats) -> Load:
+        """Add a wrench (6,) to the flow's force and torque."""
         force, torque = self.flow_force + change[:3], self.flow_couple + change[3:]
         return Load(force, torque, self.weight, self.centre)
 
@@ -173,7 +174,6 @@ class ContactProblem:
 
     @property
     def linear(self) -> int:
-        """Number of merely non-negative multipliers of `cone_columns`: all or none."""
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:

@@ -212,10 +212,12 @@ class Verdict:
 
     @property
     def moves(self) -> bool:
+        """Whether the grain begins to move, by the exact criterion."""
         return self.equilibrium.moves
 
     @property
     def sentence(self) -> str:
+        """Both verdicts in words."""
         return f"{exact_sentence(self.equilibrium)}; {paper_sentence(self)}"
 
     def to_dict(self) -> dict[str, Any]:

@@ -48,7 +48,6 @@ class CostLaw:
 
     @property
     def digit(self) -> float:
-        """Factor on the time beyond the start for a tenfold smaller error."""
         return 10.0 ** (1.0 / self.power)
 
 

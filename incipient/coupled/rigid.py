@@ -174,7 +174,6 @@ class RigidPart:
         return self.end.state.velocities * self._unit()
 
     def predicted(self, length: float, order: int) -> BodyState:
-        """Body at the end of a step, with velocities extrapolated as the fluid's."""
         start, free = self.state, self.body.mask
         if not free.any():
             self._motion = self.body.motion(start, length, np.zeros(self.body.size))

@@ -32,7 +32,6 @@ class RigidPartOnBed(RigidPart):
         self.contacts = was.contacts
 
     def predicted(self, length: float, order: int) -> BodyState:
-        """Body at the end of a step, moved out of the bed."""
         return self.contact.kept_out(super().predicted(length, order))
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:

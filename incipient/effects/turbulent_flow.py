@@ -177,7 +177,7 @@ class TurbulentFlow(RunPart):
         return type(self)(self._of_run, domain, self._stage)
 
     def carry_over(self, before: TurbulentFlow) -> None:
-        """Transfer present and past logarithms from another mesh at its present position, by nearest values.
+        """Transfer present and past logarithms from another mesh at its present position, by local or nearest values.
 
         Both quantities stay positive.
         """
@@ -262,7 +262,6 @@ class TurbulentFlow(RunPart):
         return int(space.dofmap.index_map.size_global * space.dofmap.index_map_bs)
 
     def functions(self) -> dict[str, Any]:
-        """Both quantities and the eddy viscosity at the nodes, by file name."""
         logarithms = ufl.split(self.fields.state)
         expressions = {
             "k": ufl.exp(logarithms[0]),

@@ -72,7 +72,7 @@ class AlongWall:
         return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of x with reverse flow along nearly level parts of the wall; they begin at falling faces."""
+        """Intervals of x with reverse flow along nearly level parts of the wall, from falling faces on."""
         level = self._level & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)

@@ -116,7 +116,6 @@ class FieldSeries:
         self._nodes, self._written = QuadraticNodes(mesh, facets), None
 
     def write(self, time: float, fields: Mapping[str, Any]) -> None:
-        """Append named dolfinx functions (scalars or vectors, in scene units) at a time."""
         # The communicator of an earlier mesh is freed with that mesh.
         nodes, comm = self._nodes, self._nodes.mesh.comm
         places, mesh = nodes.mesh.geometry.x, {}

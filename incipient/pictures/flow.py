@@ -48,7 +48,6 @@ class Shown:
     extend: str = "both"
 
     def values(self, stored: np.ndarray) -> np.ndarray:
-        """Values to draw: speed, and in 3-D the y component of vorticity."""
         if self.name == "speed":
             return np.linalg.norm(stored, axis=-1)
         return stored if stored.ndim == 1 else stored[:, 1]

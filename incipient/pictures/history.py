@@ -52,7 +52,6 @@ class History:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """Coordinates (n, 2) of the grain's centre, along the flow and upwards."""
         return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
 
     @property

@@ -25,7 +25,6 @@ class DrawnMotion:
     angular: np.ndarray
 
     def at(self, arms: np.ndarray) -> np.ndarray:
-        """Accelerations (n, 3) at arms (n, 3) from the centre of mass."""
         return self.acceleration + np.cross(self.angular, arms)
 
 
@@ -63,7 +62,6 @@ class Judged:
 
     @property
     def planar(self) -> bool:
-        """Whether all points, normals, forces and torques are in the plane z = 0."""
         load, contacts = self.load, self.contacts
         vectors = (contacts.points, contacts.normals, load.flow_force, load.weight)
         return not any(v[..., 2].any() for v in vectors) and not load.flow_couple[:2].any()

@@ -75,7 +75,6 @@ class StoredRun:
 
     @cached_property
     def model(self) -> Scene:
-        """The resolved scene; raises OutputError as `of_this_version`."""
         with of_this_version(self.directory):
             return Scene(**self.scene)
 

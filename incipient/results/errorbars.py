@@ -168,7 +168,6 @@ class Term:
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
-        """Error as a fraction of the difference between two runs, including unconverged changes."""
         place = elevation = level = shear = separated = centreline = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
@@ -334,7 +333,6 @@ class ErrorBars:
 
     @property
     def doubtful(self) -> str:
-        """Name of the first term with a doubt, or empty."""
         return next((term.name for term in self.terms if term.doubt), "")
 
     def to_dict(self) -> dict[str, Any]:

@@ -66,6 +66,7 @@ class Steadied:
     asked: float
 
     def line(self) -> str:
+        """The outcome as text."""
         if self.reached:
             return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
         return (
@@ -170,9 +171,11 @@ class Result:
 
     @property
     def gdim(self) -> int:
+        """Dimension of the scene."""
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
 
     def loads_at_end(self) -> Loads:
+        """Loads and position at the end."""
         place, path = None, self.trajectory
         if path is not None:
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
@@ -184,6 +187,7 @@ class Result:
         return replace(loads, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
+        """Content of result.json."""
         kept = [one.name for one in fields(self) if one.metadata.get("stored", True)]
         stored = {name: as_stored(getattr(self, name)) for name in kept}
         stored["schema_version"] = SCHEMA_VERSION
@@ -199,6 +203,7 @@ class Result:
         return stored
 
     def text(self, details: bool = False) -> str:
+        """The outcome as text."""
         return "\n".join(_lines(self, details))
 
 

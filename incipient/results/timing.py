@@ -113,7 +113,6 @@ class Ledger:
         return {**self.wall_time, "total": self.total()}
 
     def by_effect(self, unknowns: dict[str, int]) -> dict[str, dict[str, Any]]:
-        """Wall time, growth of memory and unknowns of each effect with a cost."""
         self._settle()
         return {
             name: {**asdict(share), "unknowns": unknowns.get(name, 0)}
@@ -154,7 +153,6 @@ class Corrections:
         yield
 
     def record(self, iteration: int, size: float = 0.0) -> None:
-        """Record a Newton update by its number in the solve, from zero."""
         self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
 
     def watched_by(

@@ -131,7 +131,6 @@ class WallReport:
         return f"NOT RESOLVED: {text}, at most {100 * MOST_COARSE:g}% may; {remedy}; "
 
     def columns(self) -> dict[str, float]:
-        """Columns of the history; in 2-D with x of `separated`, NaN without."""
         columns = {
             "shear_velocity": self.at_outflow,
             "y_plus_min": self.least,

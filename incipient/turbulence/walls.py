@@ -102,7 +102,6 @@ class Walls:
 
     @property
     def is_resolved(self) -> bool:
-        """Whether cells at smooth walls are thin layers from the viscous sublayer on."""
         return self.smooth < CROSSING * self.unit
 
     @property
@@ -119,7 +118,6 @@ class Walls:
 
     @property
     def least_k(self) -> float:
-        """k below which none is destroyed."""
         least = LEAST_K * self.shear_velocity**2
         return max(least, LEAST_K_MEASURED * self.mean**2) if self.asked.profile else least
 

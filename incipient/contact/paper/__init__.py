@@ -133,9 +133,11 @@ class Classification:
 
     @property
     def moves(self) -> bool:
+        """Whether the grain begins to move."""
         return self.mode.moves
 
     def to_dict(self) -> dict[str, Any]:
+        """JSON data."""
         read = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves}
         derived = {"away": plain(self.away), "distributions": plain(self.distributions)}
         return read | plain(self) | derived

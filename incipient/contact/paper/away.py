@@ -66,7 +66,7 @@ def away(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 def nearest_axis(
     contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 ) -> Floats | None:
-    """Point (3,) nearest to the centre with an admissible axis along `direction`; `tolerance` is a length. Or None."""
+    """Point (3,) nearest to the centre with an admissible axis along `direction`, or None; `tolerance` is a length."""
     inward = cross(contacts.normals, direction)
     length = np.linalg.norm(inward, axis=1)
     if (length <= PARALLEL).any():

@@ -22,10 +22,12 @@ class Mode(Enum):
 
     @property
     def label(self) -> str:
+        """The name in words."""
         return self.name.lower().replace("_", " ")
 
     @property
     def moves(self) -> bool:
+        """Whether the grain begins to move."""
         return self is not Mode.NO_INCIPIENT_MOTION
 
 

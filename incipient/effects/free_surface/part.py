@@ -158,7 +158,6 @@ class MovingSurface(RunPart):
         self.begin()
 
     def change(self, depth: float) -> float:
-        """Root-mean-square displacement of the surface in the last step, over the depth."""
         return self.part.risen() / depth
 
     def begin(self) -> None:

@@ -105,7 +105,6 @@ class GrainOnBed(MovingGrain):
         }
 
     def contact_rows(self) -> list[dict[str, Any]]:
-        """Point, normal, mean force over the last step, and slip of each contact."""
         contacts, length, gdim = self.part.contacts, self.last_step(), self.scene.gdim
         if length is None:
             return []

@@ -41,7 +41,6 @@ class Equations:
     surface: SurfaceLoad | None = None
 
     def held(self) -> np.ndarray:
-        """Mask of constrained unknowns, (local unknowns,)."""
         index_map = self.space.mixed.dofmap.index_map
         is_held = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
         for condition in self.dirichlet:
@@ -49,7 +48,6 @@ class Equations:
         return is_held
 
     def owned_held(self) -> np.ndarray:
-        """Mask of constrained unknowns, (owned unknowns,)."""
         return self.held()[: self.space.mixed.dofmap.index_map.size_local]
 
     def measure(self) -> Any:

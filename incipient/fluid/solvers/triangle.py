@@ -105,7 +105,6 @@ class Blocks(Owner):
         ]
 
     def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
-        """Apply functions of PETSc vectors, one per component, to velocities (n,)."""
         results = np.empty_like(values)
         for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
             right.setArray(values[at])
