@@ -31,7 +31,7 @@ def _new_meshes(stored: Mapping[str, Any]) -> int:
 
 
 class FreeBodyEffect(Effect):
-    """The motion of a rigid grain by flow and weight, or by prescription."""
+    """Free or prescribed motion of a rigid grain."""
 
     name = EffectName.FREE_BODY
     quantities = (
@@ -71,7 +71,6 @@ class FreeBodyEffect(Effect):
     def part_in_time(
         self, setup: Setup, stage: Stage, kept: Checkpoint | None
     ) -> MovingGrain | None:
-        """The moving grain."""
         if not setup.scene.moves:
             return None
         state = (
@@ -87,7 +86,6 @@ class FreeBodyEffect(Effect):
         return MovingGrain(setup, stage, state)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """A fixed grain that would have begun to move."""
         verdict = solved.verdict or {}
         since, rocking = verdict.get("first_motion"), verdict.get("rocking")
         if since is None:
