@@ -6,10 +6,10 @@ Each equation is that of k or omega over k or omega itself:
     dW/dt + v . grad W = div(D_w grad W) + D_w |grad W|^2 + gamma S^2/omega - beta omega
                          + 2 (1 - F_1) sigma_w2 (k/omega) grad K . grad W
 
-with nu_t = k/max(omega, S F_2/a_1), S^2 = 2 D : D, P = min(nu_t S^2, 10 beta* k omega). Next to a smooth wall, where
-only molecules matter, omega = 6 nu/(beta_1 y^2) and k goes as y^n, n (n - 1) = 6 beta*/beta_1. Sources: Menter (1994),
-AIAA J. 32, 1598; constants and S instead of the vorticity: Menter, Kuntz & Langtry (2003), Turbulence, Heat and Mass
-Transfer 4, 625; logarithms: Ilinca & Pelletier (1998), Int. J. Thermal Sciences 38, 560.
+with nu_t = k/max(omega, S F_2/a_1), S^2 = 2 D : D, P = min(nu_t S^2, 10 beta* k omega). Next to a smooth wall omega = 6
+nu/(beta_1 y^2) and k goes as y^n, n (n - 1) = 6 beta*/beta_1. Sources: Menter (1994), AIAA J. 32, 1598; constants and S
+instead of the vorticity: Menter, Kuntz & Langtry (2003), Turbulence, Heat and Mass Transfer 4, 625; logarithms: Ilinca
+& Pelletier (1998), Int. J. Thermal Sciences 38, 560.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ LEAST_RATE = 1e-30  # of S^2, so that its root has a derivative
 class KOmegaSST:
     """The model with its constants.
 
-    distance: of a place from the next wall (UFL), above zero
-    least:    k at which no more of it is destroyed: far below any that matters
+    distance: of a point from the next wall (UFL), above zero
+    least:    k below which none is destroyed, far below relevant values
     second, eddies: see `turbulence.KEpsilon`
     """
 
@@ -51,11 +51,9 @@ class KOmegaSST:
     eddies = (0.0, 1.0, -1.0)
 
     def eddy_viscosity(self, logarithms: Any, flow: FlowFields) -> Any:
-        """nu_t = k/max(omega, S F_2/a_1)."""
         return ufl.exp(logarithms[0]) * self._time(logarithms, flow)
 
     def diffusivities(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
-        """Diffusivities of k and of omega, molecules and eddies together."""
         eddies, inner = (
             self.eddy_viscosity(logarithms, flow),
             self.inner_share(logarithms, flow.viscosity),
@@ -64,7 +62,6 @@ class KOmegaSST:
         return flow.viscosity + sigma_k * eddies, flow.viscosity + sigma_omega * eddies
 
     def sources(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
-        """What makes k and omega less what destroys them, over k and omega."""
         omega, square = ufl.exp(logarithms[1]), _square(flow.velocity)
         inner = self.inner_share(logarithms, flow.viscosity)
         made = ufl.min_value(
@@ -76,7 +73,6 @@ class KOmegaSST:
         return made - lost, _mixed(inner, 3) * square / omega - _mixed(inner, 2) * omega + cross
 
     def _time(self, logarithms: Any, flow: FlowFields) -> Any:
-        """nu_t/k."""
         strain = ufl.sqrt(_square(flow.velocity) + LEAST_RATE)
         return 1 / ufl.max_value(
             ufl.exp(logarithms[1]), strain * self.limited_share(logarithms, flow.viscosity) / A_1
@@ -99,25 +95,21 @@ class KOmegaSST:
         return ufl.tanh(ufl.min_value(argument, LARGEST_ARGUMENT) ** 2)
 
     def powers_at_wall(self, eddies: Any) -> tuple[Any, Any]:
-        """Powers of the distance from a wall as which k and omega go; `eddies` is nu_t/nu there."""
+        """Powers of the distance from a wall of k and omega; `eddies` is nu_t/nu there."""
         of_omega = sum(part / (1 + eddies / half) for part, half in OMEGA_AT_WALL)
         return EXPONENT / (1 + eddies) ** 1.5, -(1 + of_omega)
 
     def _turbulent(self, k: Any, w: Any) -> Any:
-        """sqrt(k)/(beta* omega d)."""
         return ufl.exp(k / 2 - w) / (BETA_STAR * self.distance)
 
     def _viscous(self, w: Any, viscosity: Any) -> Any:
-        """500 nu/(d^2 omega)."""
         return 500 * viscosity * ufl.exp(-w) / self.distance**2
 
 
 def _square(velocity: Any) -> Any:
-    """S^2 = 2 D : D."""
     strain = ufl.sym(ufl.grad(velocity))
     return 2 * ufl.inner(strain, strain)
 
 
 def _mixed(inner: Any, number: int) -> Any:
-    """A constant of both models by its number, blended."""
     return inner * INNER[number] + (1 - inner) * OUTER[number]

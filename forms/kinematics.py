@@ -1,6 +1,6 @@
 """The reference description: x = X + d(X, t), and derivatives with respect to x taken on X.
 
-Where the reference is renewed at each step, F is UFL's identity and J is one: both drop out when a form is compiled.
+Where the reference is renewed at each step, F and J drop out when a form is compiled.
 """
 
 from __future__ import annotations
@@ -29,13 +29,12 @@ class ReferenceMap:
 
     @classmethod
     def of(cls, displacement: Any, velocity: Any) -> ReferenceMap:
-        """The map of a displacement and a mesh velocity, UFL expressions on the reference domain."""
         F = ufl.Identity(len(displacement)) + ufl.grad(displacement)
         return cls(displacement, velocity, F, ufl.inv(F), ufl.det(F))
 
     @classmethod
     def renewed(cls, gdim: int) -> ReferenceMap:
-        """The reference renewed at each step: X is the present place."""
+        """The reference renewed at each step: X is the present position."""
         still, identity = ufl.zero(gdim), ufl.Identity(gdim)
         return cls(still, still, identity, identity, ufl.as_ufl(1))
 
@@ -67,7 +66,7 @@ def weighted(expression: Any, reference_map: ReferenceMap) -> Any:
 
 
 def surface_vector(n: Any, reference_map: ReferenceMap) -> Any:
-    """Spatial normal times the spatial area of a unit of reference area, J F^-T N (Nanson)."""
+    """Spatial normal times spatial area per unit of reference area, J F^-T N (Nanson)."""
     return reference_map.J * ufl.dot(reference_map.inverse.T, n)
 
 

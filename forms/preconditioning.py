@@ -1,4 +1,4 @@
-"""Scalar operators that stand for blocks of the flow's Jacobian in preconditioners."""
+"""Scalar operators that approximate blocks of the flow's Jacobian in preconditioners."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ def component(
     """Momentum of one velocity component u, tested with w: nu grad u . grad w + a0 u w + (c . grad u) w.
 
     `rate` is a0, `carrier` the velocity c (None: absent); with the `size` of cells convection is stabilised as by
-    `terms.streamline_upwind`. By Korn's inequality the symmetric gradient, which couples components, is equivalent to
-    the plain one.
+    `terms.streamline_upwind`. By Korn's inequality the coupled symmetric gradient is equivalent to the plain one.
     """
     integrand = 0 * u * w if rate is None else rate * u * w
     if viscosity is not None:

@@ -1,7 +1,7 @@
 """The load of a free surface on the fluid, and the weak kinematic condition (337), for a graph.
 
 n is the outward normal of the surface, on which the last coordinate is the still level plus the elevation. Its area
-times n . up is the area below it, which does not change in time.
+times n . up is the area below it, constant in time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class SurfaceTerms:
     known:     contribution of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
     elevation: of the present mesh
     pressure:  above the fluid, over the fluid's density; None: none
-    unfelt:    what of a pinned surface's elevation has no weight; None: the surface is not pinned
+    unfelt:    weightless part of a pinned surface's elevation; None: not pinned
     """
 
     gravity: Any
@@ -37,10 +37,10 @@ class SurfaceTerms:
 
 
 def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
-    """Minus the power of what acts on the surface in the velocity w, as in the residual of momentum.
+    """Minus the power, in the velocity w, of what acts on the surface, as in the residual of momentum.
 
-    The hydrostatic part is g h - b . (x - x0) along the level, with h as the velocity makes it in this step, known +
-    v . n/(a0 n . up): gravity resists the velocity with g/a0 (v . n)(w . n)/(n . up), the surface's added mass.
+    The hydrostatic part is g h - b . (x - x0) along the level, with h as the velocity makes it in this step, known + v
+    . n/(a0 n . up): gravity resists the velocity with g/a0 (v . n)(w . n)/(n . up), the surface's added mass.
     """
     up = len(v) - 1
     rise = surface.known + ufl.dot(v, n) / (surface.rate * n[up])
@@ -55,8 +55,8 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
 def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:
     """The surface's term in the Laplacian that approximates a0 times the pressure's Schur complement: a0 p q/m.
 
-    A pressure p on the surface raises it at the rate p/m: m has the added mass g/a0 and the inertia a0 size of a
-    layer of cells. For preconditioners.
+    A pressure p raises the surface at the rate p/m: m has the added mass g/a0 and the inertia a0 size of a layer of
+    cells. For preconditioners.
     """
     up = len(n) - 1
     return surface.rate**2 * n[up] / (-surface.gravity[up] + LAYER * surface.rate**2 * size) * p * q
@@ -73,7 +73,6 @@ def below(h: Any, q: Any, n: Any) -> Any:
 
 
 def _slope(h: Any, axis: int, n: Any) -> Any:
-    """n . up times the slope of a function on the surface along a horizontal axis."""
     up = len(n) - 1
     return n[up] * h.dx(axis) - n[axis] * h.dx(up)
 
@@ -84,7 +83,7 @@ def carried(h: Any, q: Any, u: Any, n: Any) -> Any:
 
 
 def levelled(h: Any, q: Any, u: Any, n: Any, zone: Any) -> Any:
-    """k grad h . grad q (n . up), k = |u| `zone` u along the level: a zone makes an elevation level."""
+    """k grad h . grad q (n . up), k = |u| `zone` u along the level: a zone that levels the elevation."""
     horizontal = range(len(n) - 1)
     return (
         zone

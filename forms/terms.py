@@ -1,4 +1,4 @@
-"""One function a term of the weak momentum and continuity equations (338), (339).
+"""Terms of the weak momentum and continuity equations (338), (339), one a function.
 
 Each returns the integrand, tested with w (velocity) or q (pressure), over the reference domain, as on the left-hand
 side. The kinematic `viscosity` (fluid density one) is any UFL expression.
@@ -30,7 +30,7 @@ def stress(v: Any, p: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
 
 
 def inertia(rate: Any, w: Any, reference_map: ReferenceMap) -> Any:
-    """J dv/dt|_X . w, where `rate` stands for the time derivative at fixed X."""
+    """J dv/dt|_X . w, where `rate` is the time derivative at fixed X."""
     return weighted(ufl.inner(rate, w), reference_map)
 
 
@@ -50,9 +50,9 @@ def grad_div(
 ) -> Any:
     """J gamma div(v) div(w), gamma = nu P^3/(P0^2 + P^2) with the Reynolds number of cells P = |c| size/nu.
 
-    Consistent, since the exact flow is free of divergence, and dissipative. `size` is a cell's over the order of the
-    velocity, on the domain of X. Source: Olshanskii, Lube, Heister & Loewe (2009), Comput. Methods Appl. Mech. Engrg.
-    198, 3975; the dependence on P is measured (docs/contribute/defaults.md).
+    Consistent and dissipative. `size` is a cell's over the order of the velocity, on the domain of X. Source:
+    Olshanskii, Lube, Heister & Loewe (2009), Comput. Methods Appl. Mech. Engrg. 198, 3975; the dependence on P is
+    measured (docs/contribute/defaults.md).
     """
     carrier = carrier - reference_map.velocity
     size = size * reference_map.J ** (1 / len(v))
@@ -71,10 +71,10 @@ def streamline_upwind(
     size: Any,
     reference_map: ReferenceMap,
 ) -> Any:
-    """J delta r . (c . grad w): the residual r of momentum tested along streamlines as well (SUPG).
+    """J delta r . (c . grad w): the residual r (`strong`) of momentum also tested along streamlines (SUPG).
 
-    `strong` is r; delta is `streamline_time` with the `size` of cells over the order. Source: Brooks & Hughes (1982),
-    Comput. Methods Appl. Mech. Engrg. 32, 199.
+    delta is `streamline_time` with the `size` of cells over the order. Source: Brooks & Hughes (1982), Comput. Methods
+    Appl. Mech. Engrg. 32, 199.
     """
     carrier = carrier - reference_map.velocity
     size = size * reference_map.J ** (1 / len(carrier))
@@ -104,7 +104,7 @@ def momentum(
 
 
 def streamline_time(carrier: Any, viscosity: Any, size: Any) -> Any:
-    """h/(2 |c|) (1 - 1/Pe) where the cell's Peclet number Pe = |c| h/(2 nu) is above one, else zero.
+    """h/(2 |c|) (1 - 1/Pe) where the cell's Peclet number Pe = |c| h/(2 nu) is above one, otherwise zero.
 
     Source: Elman, Silvester & Wathen (2014), Finite Elements and Fast Iterative Solvers, section 6.3.2.
     """
@@ -126,7 +126,7 @@ def continuity(v: Any, q: Any, reference_map: ReferenceMap) -> Any:
 
 
 def body_force(b: Any, w: Any, reference_map: ReferenceMap) -> Any:
-    """-J b . w with b standing for (X/V^2) b, a force per unit mass."""
+    """-J b . w, b being (X/V^2) b, a force per unit mass."""
     return -weighted(ufl.inner(b, w), reference_map)
 
 
@@ -134,8 +134,7 @@ def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: Referen
     """-nu (grad(v)^T n - div(v) n) . w on an open boundary, so that a parallel flow leaves it undisturbed.
 
     The natural condition then is -p n + nu dv/dn = 0 instead of sigma n = 0, which bends streamlines (Heywood,
-    Rannacher & Turek 1996). The vanishing div v keeps the Stokes operator symmetric: without it half an order of the
-    velocity is lost.
+    Rannacher & Turek 1996). Without the vanishing div v half an order of the velocity is lost.
     """
     normal = surface_vector(n, reference_map)
     shear = ufl.dot(gradient(v, reference_map).T, normal) - divergence(v, reference_map) * normal
@@ -146,8 +145,8 @@ def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistan
     """-(n . sigma(v, p) n) w . n - (n . sigma(w, q) n) v . n + b v . n w . n on a wall of any shape.
 
     Nitsche's method (1971, Abh. Math. Sem. Hamburg 36, 9), for slip as Freund & Stenberg (1995, Proc. 9th Int. Conf.
-    Finite Elements in Fluids, 327). The resistance b is a velocity: that of the flow, so that leakage brings no
-    energy, plus nu/h with a factor that grows with the square of the elements' order.
+    Finite Elements in Fluids, 327). The resistance b is the flow's velocity, so that leakage brings no energy, plus
+    nu/h with a factor that grows with the square of the elements' order.
     """
     of_flow, of_tests = (
         2 * viscosity * ufl.inner(ufl.dot(ufl.grad(one), n), n) - pressure
@@ -160,9 +159,8 @@ def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistan
 def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
     """-min(c . n, 0) v . w where fluid enters through an end, its velocity along n being given.
 
-    With `open_boundary` (c . n) v = nu dv/dn across n: the inflow brings no momentum across the flow, and so no
-    kinetic energy, as fluid that comes back through an open boundary does (Braack & Mucha 2014, J. Comput. Math. 32,
-    507).
+    With `open_boundary` (c . n) v = nu dv/dn across n: the inflow brings no momentum across the flow, and so no kinetic
+    energy (Braack & Mucha 2014, J. Comput. Math. 32, 507).
     """
     inwards = ufl.conditional(ufl.lt(ufl.dot(carrier, n), 0), ufl.dot(carrier, n), 0)
     return -inwards * ufl.inner(v, w)

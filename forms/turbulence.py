@@ -1,8 +1,8 @@
 """Transport of turbulence in logarithms, as weak forms, and the k-epsilon model in K = ln k and E = ln epsilon.
 
-A model is a closure: it says what diffuses, makes and destroys both quantities (`KEpsilon`; `k_omega_sst.KOmegaSST`).
-With k = exp(K) and epsilon = exp(E) both are positive on any mesh and at any step, and the logarithmic layer, where
-epsilon falls as 1/y, is smooth in E. Each equation is that of k or epsilon over k or epsilon itself:
+A model is a closure (`KEpsilon`; `k_omega_sst.KOmegaSST`). With k = exp(K) and epsilon = exp(E) both are positive on
+any mesh and at any step, and the logarithmic layer, where epsilon falls as 1/y, is smooth in E. Each equation is that
+of k or epsilon over k or epsilon itself:
 
     dK/dt + v . grad K = div(D_k grad K) + D_k |grad K|^2 + P/k - epsilon/k,
     dE/dt + v . grad E = div(D_e grad E) + D_e |grad E|^2 + C_1 P/k - C_2 epsilon/k
@@ -36,19 +36,18 @@ STEEPEST = 3.0
 
 @dataclass(frozen=True)
 class FlowFields:
-    """What carries and makes the turbulence: the velocity, viscosity of the molecules, and measure of the cells.
+    """Velocity, viscosity and other fields that transport and produce turbulence.
 
     size:  that of a cell over the order of the elements, for upwinding along streamlines; None: without
-    known: logarithms of an earlier state, whose eddies decide on upwinding: it then is no matter of Newton's method
-    added: (2,) what else makes both quantities, over these quantities themselves
-    carrier: the velocity less that of the mesh, where that is moved; None: the velocity
-    reach: function of a direction that is a cell's size along it over the order of the elements; upwinding is
-        then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v
-    across: function of a slope that is the square of the change from node to node; where that of ln k is large, D
+    known: logarithms of an earlier state, whose eddies decide on upwinding, outside of Newton's method
+    added: (2,) further production of both quantities, over these quantities themselves
+    carrier: the velocity less that of the mesh, if moved; None: the velocity
+    reach: function of a direction: a cell's size along it over the order of the elements; upwinding then follows
+        v - 2 D grad K, the carrier of a change of a logarithm, which next to walls is not v; None: along v
+    across: function of a slope: the square of the change from node to node; where that of ln k is large, D
         |grad K|^2 is bounded; None: nowhere
-    balanced: whether upwinding lasts no longer than what is made or destroyed takes to change a quantity by its own
-        size: where omega of a start is a millionth of what the strain makes, upwinding of that source else throws
-        other nodes about
+    balanced: whether upwinding is limited to the time in which sources change a quantity by its own size: where
+        omega of a start is a millionth of its production, upwinding otherwise disturbs other nodes
     per_step: factor of the newest state in its rate, about one over the time step; 0 in a steady flow
     """
 
@@ -81,15 +80,13 @@ class KEpsilon:
 
     @property
     def eddies(self) -> tuple[float, float, float]:
-        """nu_t = C_mu k^2/epsilon."""
         return math.log(self.c_mu), 2.0, -1.0
 
     def eddy_viscosity(self, logarithms: Any, flow: FlowFields) -> Any:
-        """nu_t."""
         return unlimited(logarithms, self)
 
     def diffusivities(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
-        """Diffusivities of k and of epsilon, molecules and eddies together."""
+        """Molecular plus turbulent diffusivities of k and epsilon."""
         eddies = unlimited(logarithms, self)
         return (
             flow.viscosity + eddies / self.sigma_k,
@@ -97,19 +94,19 @@ class KEpsilon:
         )
 
     def sources(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
-        """What makes k and epsilon less what destroys them, over k and epsilon."""
+        """Production less destruction of k and epsilon, over k and epsilon."""
         strain, lost = ufl.sym(ufl.grad(flow.velocity)), ufl.exp(logarithms[1] - logarithms[0])
         made = self.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
         made = ufl.min_value(made, MOST_PRODUCED * lost)
         return made - lost, self.c_1 * made - self.c_2 * lost
 
     def powers_at_wall(self, eddies: Any) -> tuple[Any, Any]:
-        """Powers of the distance from a wall as which k and epsilon go: those of a logarithmic layer."""
+        """Powers of the distance from a wall of k and epsilon: those of a logarithmic layer."""
         return 0, -1
 
 
 def unlimited(logarithms: Any, closure: Any) -> Any:
-    """nu_t by both quantities, where no strain limits it."""
+    """nu_t of both quantities, where no strain limits it."""
     constant, of_k, of_second = closure.eddies
     return ufl.exp(constant + of_k * logarithms[0] + of_second * logarithms[1])
 
@@ -117,11 +114,8 @@ def unlimited(logarithms: Any, closure: Any) -> Any:
 def residual(logarithms: Any, rate: Any, tests: Any, flow: FlowFields, closure: Any) -> Any:
     """Weak residual of both equations; `rate` (2,) is the time derivative, None in a steady flow.
 
-    On a mesh that is moved it is that at its nodes. Nothing is conserved by the form itself, each equation being that
-    of a quantity over that quantity: what is uniform stays so, whatever the mesh does. The closure has the methods of
-    `Closure`.
-
-    Boundaries let nothing of both quantities diffuse through; see `at_wall` for what epsilon does at a wall.
+    On a moving mesh it is that at its nodes. The form conserves nothing itself, but uniform values stay so on any mesh.
+    The closure has the methods of `KEpsilon`. The natural condition is no diffusive flux; see `at_walls` for epsilon.
     """
     carrier = flow.velocity if flow.carrier is None else flow.carrier
     diffusivities, sources = (
@@ -155,9 +149,8 @@ def residual(logarithms: Any, rate: Any, tests: Any, flow: FlowFields, closure: 
 def _square(slope: Any, across: Any) -> Any:
     """|grad K|^2, bounded where K changes by more than `STEEPEST` from node to node, see `FlowFields`.
 
-    div(D grad K) lowers a peak at one node in proportion to its height, D |grad K|^2 raises it in proportion to the
-    square of that: a peak of ln k higher than about two would grow for ever, which k itself never does. Valleys need
-    the whole of it: without, omega of a single node stays too small.
+    D |grad K|^2 raises a peak with the square of its height, div(D grad K) lowers it linearly: one of ln k above about
+    two would grow for ever. Valleys need the whole term: otherwise omega of a single node stays too small.
     """
     square = ufl.inner(slope, slope)
     return square if across is None else square / (1 + (across(slope) / STEEPEST**2) ** 4) ** 0.25
@@ -166,9 +159,9 @@ def _square(slope: Any, across: Any) -> Any:
 def at_walls(logarithms: Any, tests: Any, distance: Any, flow: FlowFields, closure: Any) -> Any:
     """-D p/y b: the fluxes of both logarithms where a wall is a distance y beyond the boundary, for any y.
 
-    Each quantity goes as a power p of the distance: in a logarithmic layer k does not change, and epsilon and omega go
-    as 1/y (Kuzmin, Mierka & Turek 2007, Int. J. Computing Science and Mathematics 1, 193); in the viscous sublayer
-    and in the buffer layer powers are those of the closure, by the eddy viscosity over the viscosity.
+    Each quantity is a power p of the distance: in a logarithmic layer k is constant, epsilon and omega go as 1/y
+    (Kuzmin, Mierka & Turek 2007, Int. J. Computing Science and Mathematics 1, 193); in the viscous sublayer and the
+    buffer layer powers are those of the closure, by nu_t/nu.
     """
     eddies = unlimited(logarithms, closure)
     powers, diffusivities = (
@@ -180,5 +173,5 @@ def at_walls(logarithms: Any, tests: Any, distance: Any, flow: FlowFields, closu
 
 
 def shear_velocity(logarithms: Any, closure: Any) -> Any:
-    """C_mu^(1/4) sqrt(k): u* of a logarithmic layer that has this k."""
+    """C_mu^(1/4) sqrt(k): u* of a logarithmic layer with this k."""
     return closure.c_mu**0.25 * ufl.exp(logarithms[0] / 2)

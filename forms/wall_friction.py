@@ -1,4 +1,4 @@
-"""Terms of walls that resist the flow by a law of the wall."""
+"""Terms of walls with a law of the wall."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def __getattr__(name: str) -> Any:
 
 
 def report(path: Path | str, target: Path | str | None = None) -> Path:
-    """Write one self-contained HTML page of results; returns its path. Not collective.
+    """Write one self-contained HTML page of results; returns its path.
 
     Args:
         path: a result directory, or the file of a sweep.

@@ -1,4 +1,4 @@
-"""Types of arrays and operations on arrays of vectors. Not collective."""
+"""Types of arrays and operations on arrays of vectors."""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -38,7 +38,7 @@ def decimal(text: str) -> float:
 
 
 def number(cell: Any) -> float:
-    """Number in a cell of a table, NaN if empty. Raises ValueError for times, booleans and bytes."""
+    """Number in a cell of a table, NaN if empty. Raises ValueError for other types."""
     if cell is None or cell == "":
         return float("nan")
     if isinstance(cell, str):
@@ -72,7 +72,7 @@ def planar_cross(a: Floats, b: Floats) -> Floats:
 
 
 def determinants(a: Floats) -> Floats:
-    """Determinants (...) of matrices (d, d, ...), d = 2 or 3; far faster than by factorisation."""
+    """Determinants (...) of matrices (d, d, ...), d = 2 or 3, faster than by factorisation."""
     if len(a) == 2:
         return np.asarray(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
     (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = a
@@ -82,7 +82,7 @@ def determinants(a: Floats) -> Floats:
 
 
 def unordered_keys(rows: Integers, base: int) -> Integers:
-    """Keys (n,) of rows (n, k) of numbers below a base, independent of the order within a row."""
+    """Keys (n,) of rows (n, k) of numbers below a base, whatever the order within a row."""
     keys = np.zeros(len(rows), dtype=np.int64)
     for column in np.sort(rows, axis=1).T:
         keys = keys * base + column
@@ -110,7 +110,7 @@ def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) 
 
 
 def percentile(values: ArrayLike, share: float) -> Floats:
-    """Percentile (...) of values (n, ...), which may be infinite: the least that `share` per cent do not exceed."""
+    """Percentile (...) of values (n, ...), possibly infinite: the least that `share` per cent do not exceed."""
     numbers = np.asarray(values, dtype=float)
     return np.asarray(np.quantile(numbers, share / 100.0, axis=0, method="inverted_cdf"))
 

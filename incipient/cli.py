@@ -188,7 +188,6 @@ def _later(module: str, name: str) -> Command:
 
 
 def _guarded(arguments: Sequence[str] | None) -> int:
-    """Run the command; convert errors to one line and an exit code on all ranks, without deadlock."""
     comm = ranks_there_are()
     meeting = Meeting(comm)
     try:
@@ -271,7 +270,6 @@ def _listen(level: str) -> None:
 
 
 def _leave(comm: Comm, code: int) -> int:
-    """Exit; end all ranks, which may wait for this one."""
     sys.stdout.flush()
     sys.stderr.flush()
     if comm.size > 1:

@@ -1,4 +1,4 @@
-"""Differences between the supported versions of dolfinx (0.5.2 to 0.11), chosen by features, not by version number."""
+"""Differences between the supported versions of dolfinx (0.5.2 to 0.11), chosen by features."""
 
 from __future__ import annotations
 
@@ -79,11 +79,7 @@ def space(mesh: Any, degree: tuple[str, int], shape: tuple[int, ...] = ()) -> An
 
 
 def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
-    """Compile a UFL form. Collective; cached on disk.
-
-    Raises:
-        MissingError: no working C compiler.
-    """
+    """Compile a UFL form. Collective; cached on disk. Raises MissingError without a C compiler."""
     keyword = "form_compiler_options"
     if keyword not in inspect.signature(dolfinx.fem.form).parameters:
         keyword = "form_compiler_params"
@@ -109,7 +105,7 @@ def interpolate(function: Any, expression: Any) -> None:
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Suppress logs and warnings of the form and C compilers. Not collective."""
+    """Suppress logs and warnings of the form and C compilers."""
     loggers = [logging.getLogger(name) for name in COMPILING]
     level = logging.getLogger().level  # changed by builds
     for logger in loggers:
@@ -166,7 +162,7 @@ def gmsh_order(gdim: int, nodes: int) -> np.ndarray:
 
 
 def vtk_order(dimension: int, nodes: int) -> np.ndarray:
-    """Positions (nodes,) in the library's order of VTK's nodes of an interval, triangle or tetrahedron."""
+    """Positions (nodes,) in dolfinx's order of VTK's nodes of an interval, triangle or tetrahedron."""
     types = dolfinx.mesh.CellType
     cell = (types.interval, types.triangle, types.tetrahedron)[dimension - 1]
     return np.argsort(dolfinx.cpp.io.perm_vtk(cell, nodes))
@@ -226,7 +222,7 @@ def _table(links: Any, mesh: Any) -> np.ndarray:
 
 
 def coordinate_element(mesh: Any) -> Any:
-    """UFL element of the mesh's geometry, whose nodes are equispaced, unlike high-order Lagrange spaces."""
+    """UFL element of the mesh's geometry, with equispaced nodes unlike high-order Lagrange spaces."""
     return mesh.ufl_domain().ufl_coordinate_element()
 
 
@@ -258,14 +254,14 @@ def interpolation_points(function_space: Any) -> np.ndarray:
 
 
 def tabulate(function_space: Any, reference: np.ndarray) -> np.ndarray:
-    """Shape functions (n, nodes) of a scalar space, or of a component, at reference points; nodes as in `cell_dofs`."""
+    """Shape functions (n, nodes) of a scalar space, or a component, at reference points; nodes as in `cell_dofs`."""
     return function_space.element.basix_element.tabulate(0, reference)[0, :, :, 0]
 
 
 def nodes_on(spaces: Any, facets: np.ndarray) -> Any:
-    """Local nodes (blocks) of a space on facets; of two spaces their pairs. Collective.
+    """Local nodes (blocks) of a space on facets, shared nodes included; of two spaces their pairs. Collective.
 
-    Ranks agree on shared nodes. The cells at the facets must be known: only 0.5.2 determines them itself.
+    The cells at the facets must be known: only 0.5.2 determines them itself.
     """
     topology = (spaces[0] if isinstance(spaces, tuple) else spaces).mesh.topology
     dimension = topology.dim - 1
@@ -316,7 +312,7 @@ def owned_entries(compiled: Any) -> np.ndarray:
 
 
 def set_zero(vector: Any, conditions: list[Any]) -> None:
-    """Zero a PETSc vector at Dirichlet conditions. Not collective.
+    """Zero a PETSc vector at Dirichlet conditions.
 
     The factor is positional: its name is `scale` in 0.5.2 and `alpha` later.
     """

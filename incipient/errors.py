@@ -1,4 +1,4 @@
-"""Errors that a user can remedy: one line each, with an exit code; other exceptions are defects of the program."""
+"""Errors that a user can remedy: one line each, with an exit code."""
 
 
 class IncipientError(Exception):
@@ -26,7 +26,7 @@ class ConvergenceError(IncipientError):
 
 
 class UnsolvedError(ConvergenceError):
-    """A linear system was not solved; another state, or a shorter time step, may succeed."""
+    """A linear system was not solved; another state or a shorter time step may succeed."""
 
 
 class OutputError(IncipientError):

@@ -1,4 +1,4 @@
-"""Atomic writing of files, on one rank inside `incipient.parallel.collectively`; errors with cause and remedy."""
+"""Atomic writing of files, on one rank inside `incipient.parallel.collectively`."""
 
 from __future__ import annotations
 
@@ -111,8 +111,7 @@ def opened_mark(directory: Path) -> Iterator[io.FileIO]:
 def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
     """Lock an open file until it is closed; without effect on file systems without locks.
 
-    Raises:
-        OutputError: another process holds the lock; message from `busy`.
+    Raises OutputError, with the message from `busy`, if another process holds the lock.
     """
     with suppress(OSError):
         try:
@@ -156,8 +155,7 @@ def require_ending(path: Path, ending: str) -> None:
 def write_text_atomically(path: Path, text: str) -> None:
     """Write a UTF-8 file atomically; after a failure the old file is unchanged.
 
-    Raises:
-        OutputError: writing failed, or the file is not this program's.
+    Raises OutputError if writing failed, or the file is not this program's.
     """
     write_bytes_atomically(path, text.encode(errors="backslashreplace"))
 
@@ -176,7 +174,7 @@ def write_hdf5(
     attributes: Mapping[str, Any],
     links: Mapping[str, str] | None = None,
 ) -> None:
-    """Write arrays with checksums to an HDF5 file atomically, from an image in memory.
+    """Write arrays with checksums to an HDF5 file atomically.
 
     links: other files in the directory with datasets of these names
     """
@@ -212,9 +210,7 @@ def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> 
 def write_json(path: Path, data: Any) -> None:
     """Write data atomically as strict JSON; infinite numbers and NaN become null.
 
-    Raises:
-        OutputError: writing failed.
-        TypeError: data without a counterpart in JSON.
+    Raises OutputError, or TypeError for data without a counterpart in JSON.
     """
     text = json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False)
     write_text_atomically(path, text + "\n")
@@ -262,7 +258,7 @@ def make_directory(path: Path, wanted: Path | None = None) -> None:
 
 @contextmanager
 def opened_new(path: Path) -> Iterator[io.FileIO]:
-    """A new file for writing, unbuffered. Raises SceneError for one that exists, OutputError where writing fails."""
+    """A new file for writing, unbuffered. Raises SceneError if it exists, otherwise OutputError."""
     with reported(path):
         try:
             file = path.open("xb", buffering=0)
@@ -275,11 +271,8 @@ def opened_new(path: Path) -> Iterator[io.FileIO]:
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
     """Append a row to a CSV file, with a header in a new file.
 
-    The row survives the end of the program; a crash of the machine only after `sync`. On a full disk an incomplete row
-    is removed.
-
-    Raises:
-        OutputError: writing failed, or the file has other columns.
+    The row survives a crash of the machine only after `sync`. On a full disk an incomplete row is removed. Raises
+    OutputError, also for a file with other columns.
     """
     header, line = _csv_line(row.keys()), _csv_line(row.values())
     require_own(path)
@@ -310,8 +303,7 @@ def sync(path: Path) -> None:
 def cut_after(path: Path, time: float, least: int = 0) -> None:
     """Cut an existing CSV file after the last row whose first number is at most `time`.
 
-    Raises:
-        OutputError: fewer than `least` rows are left, rows do not begin with numbers, or writing failed.
+    Raises OutputError if fewer than `least` rows are left, rows do not begin with numbers, or writing failed.
     """
     with reported(path, (ValueError,)):
         content = path.read_bytes() if path.exists() else b""

@@ -1,6 +1,6 @@
 """Cache of compiled forms on disk, each compiled in a private folder that is renamed when complete.
 
-After a killed process the form compiler would wait ten seconds for the mark that it left, and fail.
+In a shared folder the compiler would wait ten seconds for the mark of a killed process, and fail.
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
         name: unique name of the form.
         build: compiles into a folder or loads from it; collective.
 
-    Raises:
-        OutputError: on some rank the folder is not writable or the disk is full.
+    Raises OutputError if on some rank the folder is not writable or the disk is full.
     """
     root, name = from_first(comm, lambda: (root, name))  # environments may differ between ranks
     if all(comm.allgather(_is_whole(root / name))):
@@ -61,7 +60,6 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
 
 
 def _begun(root: Path, name: str) -> Path:
-    """New folder for compilation, or that completed by another process."""
     if _is_whole(root / name):
         return root / name
     try:
@@ -76,7 +74,6 @@ def _begun(root: Path, name: str) -> Path:
 
 
 def _require_writable(folder: Path) -> None:
-    """Raise OutputError for a folder that this rank, possibly on another machine, cannot access."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK):
@@ -87,7 +84,6 @@ def _require_writable(folder: Path) -> None:
 
 
 def _finish(folder: Path, final: Path) -> None:
-    """Rename a folder; after a failure the form is compiled again next time."""
     with suppress(OSError):
         (folder / WHOLE).write_bytes(_checksum(folder))
         # Content is flushed before the name: a power cut would otherwise leave zeros.

@@ -1,4 +1,4 @@
-"""Reading of regular input files, with errors in one line. Not collective."""
+"""Reading of regular input files, with errors in one line."""
 
 from __future__ import annotations
 
@@ -26,15 +26,14 @@ def reading(
     error: type[IncipientError] = SceneError,
     name: str = "",
 ) -> Iterator[None]:
-    """Convert errors of reading in the block to one line. Pipes and devices are refused: reading may not end.
+    """Convert errors of reading in the block to one line. Refuse pipes and devices: reading may not end.
 
     Args:
         largest: size [MiB].
         error: OutputError for files of the program.
         name: prefix of the message; default: "PATH:".
 
-    Raises:
-        IncipientError: of the type `error`; those of the block pass unchanged.
+    Raises IncipientError of the type `error`; those of the block pass unchanged.
     """
     begin = shortened(name or f"{path}:", LONGEST_NAME)
     try:

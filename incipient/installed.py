@@ -120,21 +120,21 @@ def require_directories() -> None:
 
 
 def return_freed_memory() -> None:
-    """Return memory to the system; glibc retains gigabytes in small blocks after approximate LU factorisations."""
+    """Return memory to the system; glibc retains gigabytes after approximate LU factorisations."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
 
 
 def missing(error: BaseException) -> str | None:
-    """Missing part named by an error, with its remedy, in one line; None without one."""
+    """Missing part named by an error, with its remedy, in one line, or None."""
     if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] in MODULES:
         return f"{(error.name or '').partition('.')[0]} is not installed: {MODULES_REMEDY}"
     return missing_in_words(str(error))
 
 
 def missing_in_words(words: str) -> str | None:
-    """Missing part named in a message, with its remedy, in one line; None without one."""
+    """Missing part named in a message, with its remedy, in one line, or None."""
     library = re.search(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file", words)
     if library:
         return f"the library {library[1]} is not installed: {SYSTEM_REMEDY}"

@@ -36,8 +36,7 @@ NOTICE = b"stopping after this step; once more to stop at once\n"
 def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
     """Serialise calls from several threads: gmsh, MPI and PETSc have one state per process.
 
-    The order of threads may differ between ranks: on several ranks a call outside the main thread raises
-    IncipientError.
+    On several ranks a call outside the main thread raises IncipientError: the order of threads may differ.
     """
     parameters = signature(compute)
 
@@ -92,11 +91,11 @@ class Interruption:
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """Preserve signal handlers while the block starts libraries in C. Not collective.
+    """Preserve signal handlers while the block starts libraries in C.
 
-    PETSc reports a closed pipe or terminal as a crash. gmsh resets interrupts to the system's default: on import in
-    Python, from version 4.15 on for all signals in C. Changes from Python are disabled, those in C undone. Signals are
-    deferred: an exception during the start of a library becomes another error.
+    PETSc reports a closed pipe or terminal as a crash; gmsh resets interrupts to the system's default, on import in
+    Python, from version 4.15 on all signals in C. Signals are deferred: an exception during the start of a library
+    becomes another error.
     """
     if threading.current_thread() is not threading.main_thread():
         with _handlers_left_alone():
@@ -124,7 +123,6 @@ def handlers_kept() -> Iterator[None]:
 
 @contextmanager
 def _handlers_left_alone() -> Iterator[None]:
-    """Disable `signal.signal` on this thread, and on others but the main one, where it would be an error."""
     with _STARTING:
         real, starting = signal.signal, threading.current_thread()
 
@@ -142,7 +140,7 @@ def _handlers_left_alone() -> Iterator[None]:
 
 @contextmanager
 def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
-    """Name the directory of the result without error bars in an interrupt of the block. Not collective.
+    """Name the directory of the result without error bars in an interrupt of the block.
 
     Raises:
         Interrupted: instead of KeyboardInterrupt, with a directory and on one rank: others may wait for this one.
@@ -186,7 +184,7 @@ def comes_of_interrupt(error: BaseException | None) -> bool:
 
 
 def output_is_lost(error: Exception) -> bool:
-    """Whether the standard output is not writable; it is then replaced by the null device."""
+    """Whether the standard output is not writable; then use the null device."""
     if not isinstance(error, OSError) or error.filename is not None or error.errno not in UNWRITTEN:
         return False
     _let_go(1)
@@ -198,7 +196,7 @@ def _let_go(descriptor: int) -> None:
 
 
 def nobody_reads() -> bool:
-    """Whether the reader of the output, such as `head`, has closed it; it is then replaced by the null device."""
+    """Whether the reader of the output, such as `head`, has closed it; then use the null device."""
     output = 1
     watched = select.poll()
     watched.register(output, 0)

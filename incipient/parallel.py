@@ -85,9 +85,7 @@ class Alone:
 def world() -> Comm:
     """Communicator of all ranks.
 
-    Raises:
-        MissingError: mpi4py or its MPI library is not installed.
-        OutputError: as `require_limits`.
+    Raises MissingError without mpi4py or its MPI library, and OutputError as `require_limits`.
     """
     if "mpi4py" not in sys.modules:
         require_limits()
@@ -100,10 +98,8 @@ def world() -> Comm:
 def collectively(comm: Comm | Alone) -> Iterator[None]:
     """Run the block on every rank; an error on any rank is raised on all. Collective.
 
-    For work of one rank, such as meshing or writing: the block must not fail within a collective call.
-
-    Raises:
-        IncipientError: of the lowest failing rank.
+    For work of one rank, such as meshing or writing: the block must not fail within a collective call. Raises the
+    IncipientError of the lowest failing rank.
     """
     error: Exception | None = None
     try:
@@ -141,7 +137,7 @@ class Meeting:
 def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
     """Value of a function that only the first rank calls, on every rank. Collective; raises as `collectively`.
 
-    For files that other machines may lack. The value must be picklable.
+    The value must be picklable.
     """
     value: Any = None
     with collectively(comm):
@@ -166,7 +162,7 @@ def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:
 class NumberedRows:
     """Distributed rows with global `numbers` (n,), which ranks may share. Constructor and methods are collective.
 
-    Rank 0 gathers each row once, in the order of the numbers; other ranks get none.
+    Rank 0 gathers each row once, in the order of the numbers.
     """
 
     def __init__(self, comm: Comm, numbers: NDArray[Any]):
@@ -174,11 +170,10 @@ class NumberedRows:
         self._numbers, self._order = np.unique(joined(comm, numbers), return_index=True)
 
     def joined(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """This rank's rows (n, ...) with those of all others."""
         return joined(self._comm, rows)[self._order]
 
     def places_of(self, numbers: NDArray[Any]) -> NDArray[Any]:
-        """Rows of numbers of any shape. Not collective."""
+        """Rows of numbers of any shape. Not collective: local."""
         return np.searchsorted(self._numbers, numbers)
 
 

@@ -92,7 +92,7 @@ class Live(Logged):
 
 @contextmanager
 def telling(rank: int) -> Iterator[Silent]:
-    """Reporter of progress for this rank and terminal. Not collective."""
+    """Reporter of progress for this rank and terminal."""
     if rank != 0:
         yield Silent()
         return

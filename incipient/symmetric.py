@@ -14,11 +14,8 @@ def solve_symmetric(
 ) -> None:
     """Solve A u = b into a function; A and b are freed. Collective.
 
-    A may be the mass matrix of a boundary: Jacobi and CG leave the unknowns of its empty rows unchanged. `multigrid`,
-    for Laplacians: precondition with hypre if PETSc has it.
-
-    Raises:
-        ConvergenceError: CG did not converge.
+    A may be the mass matrix of a boundary: unknowns of its empty rows stay unchanged. `multigrid`, for Laplacians:
+    precondition with hypre if PETSc has it. Raises ConvergenceError.
     """
     solution, solver = matrix.createVecRight(), PETSc.KSP().create(matrix.comm)
     solver.setOperators(matrix)

@@ -44,7 +44,6 @@ def expected_cells(shape: Region | SolidRegion | Grid, sizes: Sizes) -> dict[str
 
 
 def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) -> float:
-    """The integral of 1/h^2 - 1/far^2 on one side of a feature, where its size h is less than `far`."""
     size = np.minimum(_along(near, lengths), far)
     reach = np.minimum((far - size) / near.growth, height)
     ratio = 1.0 + near.growth * reach / size
@@ -56,7 +55,6 @@ def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) 
 
 
 def _along(near: Near, lengths: dict[str, float]) -> Floats:
-    """The sizes at equal parts of a boundary, at points one."""
     if near.away is None or near.points:
         return np.array([near.size])
     distances = 0.5 * lengths[near.boundary] * (np.arange(PARTS) + 0.5) / PARTS
@@ -64,7 +62,6 @@ def _along(near: Near, lengths: dict[str, float]) -> Floats:
 
 
 def _integral_of_field(sizes: Sizes) -> float:
-    """The integral of 1/h^2 over the triangles of a field."""
     assert sizes.field is not None
     a, b, c = sizes.field.points[sizes.field.triangles].transpose(1, 0, 2)
     doubled = np.abs(planar_cross(b - a, c - a))
@@ -74,7 +71,6 @@ def _integral_of_field(sizes: Sizes) -> float:
 
 
 def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
-    """The integral of 1/h^3 over the boxes that give gmsh the sizes, where they lie in the fluid."""
     size = SizeMap.of(region, sizes)
     cubes = boxes(size, float(size.ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
     inner = cubes.centres[:, None] + 0.25 * cubes.sides[:, None, None] * CORNERS
@@ -100,6 +96,5 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
 
 
 def _expected_triangles(boundary: str, size: SizeMap, cubes: Boxes) -> float:
-    """The triangles of a boundary, from the boxes that it cuts in their middle."""
     cut = size.distance(boundary, cubes.centres) <= 0.5 * cubes.sides
     return float(PER_AREA * ((cubes.sides[cut, None] / cubes.sizes[cut]) ** 2).mean(axis=1).sum())

@@ -11,8 +11,8 @@ from .simplices import Simplices, measures
 def grid_cells(grid: Grid) -> Simplices:
     """The cells of a grid: a rectangle's diagonals alternate, a box's six tetrahedra share one.
 
-    Unless all are parallel, that of a box leads from its next corner inwards: no tetrahedron has all corners on
-    walls, where the second-order velocity would vanish and leave the pressure undetermined.
+    Unless all are parallel, that of a box leads from its next corner inwards: a tetrahedron with all corners on walls
+    would leave the pressure undetermined.
     """
     counts = np.array([len(ends) for ends in grid.ends])
     gdim = len(counts)

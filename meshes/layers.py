@@ -61,7 +61,7 @@ class Columns:
 def stacked(rows: Integers) -> Integers:
     """The simplices between columns (k, gdim, layers + 1) on each facet of a wall.
 
-    They have one sense where facets have: seen from the fluid, edges run with it on the left, triangles turn left.
+    They have one sense where facets have: edges run with the fluid on the left, triangles turn left seen from it.
     """
     gdim, low, high = rows.shape[1], rows[:, :, :-1], rows[:, :, 1:]
     parts = []

@@ -14,7 +14,7 @@ NO_SIZES = Sizes(1.0)  # of grids
 def meshed(
     shape: Region | SolidRegion | Grid, sizes: Sizes = NO_SIZES, order: int = 1
 ) -> Simplices:
-    """The mesh of a shape in triangles or tetrahedra of an order, in the scene. Not collective.
+    """The mesh of a shape in triangles or tetrahedra of an order, in the scene.
 
     Raises MeshError if gmsh finds no mesh, surfaces cross, layers do not fit, or curved cells fold over.
     """

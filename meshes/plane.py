@@ -37,10 +37,7 @@ CLOSE = 1e-6
 
 
 def meshed_region(region: Region, sizes: Sizes, order: int) -> Simplices:
-    """The mesh of a region in the scene, with cells of an order, made in the current gmsh model.
-
-    Raises MeshError if gmsh fails, layers do not fit, or cells fold over.
-    """
+    """The mesh of a region with cells of an order, made in the current gmsh model. Raises MeshError."""
     if sizes.layers is not None and order not in (1, 2):
         raise MeshError(
             f"cells in layers are of order 1 or 2, not {order}: change numerics.geometry_order"
@@ -74,7 +71,6 @@ class _Pen:
         return self.points[key]
 
     def _lone(self, x: Point | Floats) -> int:
-        """The tag of a point that no other curve shares."""
         return int(gmsh.model.geo.addPoint(*self.frame.local(np.asarray(x)).tolist(), 0.0))
 
     def curve(self, curve: Curve) -> int:
@@ -95,7 +91,6 @@ class _Pen:
 
 
 def _draw(region: Region, frame: Frame) -> dict[str, list[int]]:
-    """Draw the region, and return the curves of each boundary."""
     left, right = region.bottom[0].start, region.bottom[-1].end
     pen = _Pen(frame, tolerance=max(1e-9 * abs(right[0] - left[0]) / frame.length, GRID))
     upper_left, upper_right = (left[0], region.top), (right[0], region.top)
@@ -127,7 +122,6 @@ def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None
 
 
 def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
-    """A field that grows linearly with the distance from the feature."""
     fields = gmsh.model.mesh.field
     size = fields.add("MathEval")
     if near.points:
@@ -160,10 +154,6 @@ def _distance_to(point: tuple[float, ...], frame: Frame) -> str:
 
 
 def _adapted_field(wanted: SizeField, frame: Frame) -> int:
-    """The sizes at the vertices of an earlier mesh.
-
-    Its triangles are enlarged, so that a curved boundary lies within them, and the sizes extrapolated.
-    """
     corners = ((wanted.points - frame.origin) / frame.length)[wanted.triangles]
     values = (wanted.sizes / frame.length)[wanted.triangles]
     corners = corners + (ENLARGED - 1.0) * (corners - corners.mean(axis=1, keepdims=True))
@@ -176,7 +166,7 @@ def _adapted_field(wanted: SizeField, frame: Frame) -> int:
 def _without_folds(mesh: Simplices, order: int) -> Simplices:
     """The mesh with straight cells in the cusps of a bed, where curved sides would fold them.
 
-    Raises MeshError if cells fold at the grain or another boundary, where the true surface matters, or still fold.
+    Raises MeshError if cells fold at another boundary, where the true surface matters, or still fold.
     """
     kind, points, cells = kind_of(2, order), mesh.points.copy(), mesh.cells
     nodes = np.reshape(gmsh.model.mesh.getElementProperties(kind)[4], (cells.shape[1], 2))
@@ -207,7 +197,7 @@ def _without_folds(mesh: Simplices, order: int) -> Simplices:
 class Boundary:
     """The boundary of a region in edges: one closed loop after another, the fluid on the left.
 
-    points (n, 2), edges (m, 2) and their middles (m, 2) on the curves, names (m,) of what they are part of
+    points (n, 2), edges (m, 2) and their middles (m, 2) on the curves, names (m,) of their boundaries
     """
 
     points: Floats
@@ -217,7 +207,6 @@ class Boundary:
 
     @classmethod
     def read(cls, curves: dict[str, list[int]]) -> Boundary:
-        """The second-order edges of gmsh on curves by name."""
         mesh = Simplices.read(curves, 2, 2)
         rows = np.concatenate([*mesh.sides.values()])
         names = np.repeat([*mesh.sides], [len(part) for part in mesh.sides.values()])
@@ -232,7 +221,6 @@ class Boundary:
 
 
 def _around(points: Floats, edges: Integers) -> Integers:
-    """Edges (m, 2) in order around their loops, with the inside on the left."""
     graph = csr_matrix((np.ones(len(edges)), edges.T), shape=(len(points), len(points)))
     label = connected_components(graph, directed=False)[1]
     _, first = np.unique(label[edges[:, 0]], return_index=True)
@@ -256,7 +244,7 @@ class Stand:
     foot (n,):       point of the boundary
     direction (n, 2): into the fluid; longer than one where a column is not normal to its wall
     first (n,):      thickness of the first layer
-    most (n,):       thickness of all layers from which on these are as thick as cells beyond
+    most (n,):       total thickness at which layers are as thick as cells beyond
     pairs (k, 2):    neighbouring columns, those at the start of an edge first
     edges (k,):      the edge between the two, of a corner that after it
     ends (m, 2):     columns along sides without layers, and that edge there
@@ -272,7 +260,6 @@ class Stand:
 
     @classmethod
     def on(cls, boundary: Boundary, layers: WallLayers) -> Stand:
-        """The columns of a boundary whose walls have first layers."""
         edges, points = boundary.edges, boundary.points
         along = points[edges[:, 1]] - points[edges[:, 0]]
         lengths = np.linalg.norm(along, axis=1)
@@ -349,7 +336,6 @@ def _turn(before: Floats, after: Floats) -> float:
 
 
 def _fan(normal: Floats, turn: float) -> list[Floats]:
-    """Directions between two normals a turn apart: the middle one, or those around a corner that protrudes."""
     parts = int(np.ceil(-turn / FAN - 1e-9)) if turn < -FAN else 0
     angles = turn * np.arange(parts + 1) / parts if parts else np.array([0.5 * turn])
     c, s = np.cos(angles), np.sin(angles)
@@ -358,7 +344,6 @@ def _fan(normal: Floats, turn: float) -> list[Floats]:
 
 
 def _layered(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Simplices:
-    """The mesh of a region in a frame: layers, as thick as possible, and free triangles between them."""
     assert sizes.layers is not None
     first = {name: frame.size(thickness) for name, thickness in sizes.layers.first.items()}
     layers, share = replace(sizes.layers, first=first), ROOM
@@ -418,7 +403,6 @@ def _filled(
 def _lines(
     boundary: Boundary, stand: Stand, columns: Columns, walls: set[str]
 ) -> list[tuple[str, int, int]]:
-    """Name, start and end of the straight lines around what layers leave free."""
     tops = columns.rows[:, -1].tolist()
     top = dict(zip(stand.foot.tolist(), tops, strict=True))
     lines = [

@@ -21,8 +21,7 @@ SYMMETRY = "symmetry"  # the name of the plane in which a symmetric region is cu
 class Frame:
     """Coordinates in which a region is drawn: from its lower corner, in units of its height.
 
-    The mesh generator's tolerances are lengths. Coordinates are rounded to multiples of `grid`, so that a scene in
-    other units is drawn as the very same numbers.
+    Rounded to multiples of `grid`, so that a scene in other units is drawn with the same numbers.
     """
 
     origin: Floats
@@ -56,7 +55,6 @@ class Region:
 
     @property
     def inner(self) -> dict[str, tuple[Curve, ...]]:
-        """The boundaries that are no sides: holes and what stands on the bottom."""
         return self.holes | self.standing
 
     @property
@@ -84,7 +82,7 @@ class Resolved:
     level: float | None = None
 
     def share(self, x: Floats) -> Floats:
-        """The weight (n,) of the mean level at points (n, 2): 0 within, 1 beyond, smooth between."""
+        """Weight (n,) of the mean level at points (n, 2): 0 within, 1 beyond, smooth between."""
         away = np.linalg.norm(x - np.asarray(self.centre), axis=1)
         t = np.clip((away - self.radius) / self.passage, 0.0, 1.0)
         return np.asarray(t * t * t * (10.0 - 15.0 * t + 6.0 * t * t))
@@ -112,13 +110,11 @@ class SolidRegion:
 
     @property
     def rectangle(self) -> tuple[Floats, Floats]:
-        """The least and the largest x and y, (2,) each, of what is meshed."""
         low = 0.5 * (self.y[0] + self.y[1]) if self.symmetric else self.y[0]
         return np.array([self.x[0], low]), np.array([self.x[1], self.y[1]])
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the sides of what is meshed."""
         right = SYMMETRY if self.symmetric else self.sides[2]
         return (*self.sides[:2], right, *self.sides[3:])
 
@@ -152,8 +148,7 @@ class Grid:
 def graded_ends(count: int, grading: float) -> tuple[float, ...]:
     """Ends of `count` cells, finer at both ends, as ascending fractions of a length.
 
-    The spacing at s is proportional to 1 - (1 - grading) (2 s - 1)^2: `grading`, at most one, is that at the ends
-    over that in the middle.
+    The spacing at s is proportional to 1 - (1 - grading) (2 s - 1)^2.
     """
     t = np.arange(1, count) / count
     if grading < 1.0:

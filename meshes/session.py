@@ -37,7 +37,7 @@ def session() -> Iterator[None]:
 
 
 def generate(dimension: int) -> None:
-    """Mesh what has been drawn. Raises MeshError if gmsh complains in its log, or makes no cells."""
+    """Mesh the drawing. Raises MeshError if gmsh complains in its log, or makes no cells."""
     # Exceptions thrown from inside the mesher end the process: let it stop at its first error, and look.
     gmsh.option.setNumber("General.AbortOnError", 1)
     said = len(gmsh.logger.get())
@@ -49,7 +49,7 @@ def generate(dimension: int) -> None:
 
 
 def set_background(field: int) -> None:
-    """Take the sizes of cells from a field alone."""
+    """Take cell sizes from a field alone."""
     gmsh.model.mesh.field.setAsBackgroundMesh(field)
     for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
         gmsh.option.setNumber("Mesh.MeshSize" + option, 0)

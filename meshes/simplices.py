@@ -45,7 +45,6 @@ class Simplices:
         return cls(points, elements(dimension, order), sides, order)
 
     def of_order(self, order: int) -> Simplices:
-        """The straight first-order cells with the nodes of a higher order."""
         if order == 1:
             return self
         count, dimension = self.points.shape
@@ -63,7 +62,6 @@ class Simplices:
         return Simplices(points, with_nodes(self.cells, dimension), sides, order)
 
     def used(self) -> Simplices:
-        """The cells without points that belong to no cell."""
         kept, cells = np.unique(self.cells, return_inverse=True)
         sides = {name: np.searchsorted(kept, part) for name, part in self.sides.items()}
         return replace(
@@ -83,8 +81,8 @@ class Simplices:
         Free nodes move along. Where cells still fold edges are straight; in layers they are bent less.
 
         free: (n, gdim) which coordinates of nodes may change; None: none
-        feet, share: (n,) the wall's point below each corner in layers (-1: none), and by how much of their bend the
-            edges follow the wall's; None: there are no layers
+        feet, share: (n,) the wall's point below each corner in layers (-1: none), and the fraction of the wall's bend
+            that edges follow; None: no layers
         """
         points, cells, pairs = self.points.copy(), self.cells, EDGES[self.points.shape[1]]
         of_edges = cells[:, -len(pairs) :]
@@ -122,7 +120,6 @@ class Simplices:
 
 
 def _making_room(points: Floats, cells: Integers, bends: Floats) -> Floats:
-    """Displacements (n, gdim) of nodes of folding cells: as these cells' edges bend on average."""
     folding = cells[jacobian_lower_bound((points + bends)[cells]) < LEAST]
     count = bends[folding].any(axis=2).sum(axis=1)
     means = (bends[folding].sum(axis=1) / count[:, None]).repeat(cells.shape[1], axis=0)
@@ -138,7 +135,7 @@ def measures(points: Floats, cells: Integers) -> Floats:
 
 
 def jacobian_lower_bound(nodes: Floats) -> Floats:
-    """A lower bound (m,) of the determinants of second-order cells (m, nodes, gdim) over the straight ones'.
+    """Lower bound (m,) of the determinants of second-order cells (m, nodes, gdim) over the straight ones'.
 
     The determinant is a polynomial of order gdim: its least Bernstein coefficient is below it.
     """
@@ -170,14 +167,13 @@ def jacobian_lower_bound(nodes: Floats) -> Floats:
 
 
 def _nodes(dimension: int, order: int) -> list[tuple[int, ...]]:
-    """Of gmsh's nodes behind the corners of a cell, the corners of which each is the mean."""
+    """The corners of which each of gmsh's nodes behind a cell's corners is the mean."""
     steps = range(1, order)
     along = [(a,) * (order - k) + (b,) * k for a, b in EDGES[dimension] for k in steps]
     return [*along, (0, 1, 2)] if (dimension, order) == (2, 3) else along
 
 
 def _means(cells: Integers, dimension: int, order: int) -> Integers:
-    """The corners (m * nodes, order) whose means are the nodes behind the corners of cells."""
     return np.asarray(cells[:, np.array(_nodes(dimension, order))].reshape(-1, order))
 
 

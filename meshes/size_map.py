@@ -48,7 +48,7 @@ class SizeMap:
         return cls(region, sizes, frame, Ground(region, frame), bodies)
 
     def finer_at(self, points: Floats) -> SizeMap:
-        """The sizes halved at points (n, 3) of the frame, at one of points nearer than a cell."""
+        """The sizes halved at points (n, 3) of the frame, once where points are nearer than a cell."""
         sizes = self(points)
         _, first = np.unique(np.round(points / sizes[:, None]), axis=0, return_index=True)
         points, sizes = points[first], 0.5 * sizes[first]
@@ -67,7 +67,6 @@ class SizeMap:
         return clouds
 
     def distance(self, name: str, x: Floats) -> Floats:
-        """The distance (n,) of points (n, 3) from a named boundary."""
         if name in self.region.holes:
             if name in self._clouds:
                 return self._clouds[name].distance(x)
@@ -87,17 +86,15 @@ class SizeMap:
         return np.asarray(np.min(places, axis=0))
 
     def __call__(self, x: Floats) -> Floats:
-        """The size (n,) at points (n, 3)."""
         return np.asarray(self.parts(x)[0].min(axis=0))
 
     @property
     def names(self) -> list[str]:
-        """The features whose sizes `parts` gives, in their order."""
         near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
         return ["domain", *near, GAPS, "adaptation"]
 
     def parts(self, x: Floats) -> tuple[Floats, dict[str, Floats]]:
-        """The sizes (names, n) for each feature at points (n, 3), and the distances (n,) from boundaries."""
+        """Sizes (names, n) for each feature at points (n, 3), and the distances (n,) from boundaries."""
         wanted = {near.boundary for near in self.sizes.near if near.boundary}
         if np.isfinite(self.sizes.gap_part):
             wanted |= {self.region.names[5], *self.region.holes}
@@ -121,7 +118,6 @@ class SizeMap:
         return _distances(x, self.frame.local(np.array(points))).min(axis=1)
 
     def _between(self, distances: dict[str, Floats], count: int) -> Floats:
-        """A part of the width between the two nearest of bed and grains."""
         names = [self.region.names[5], *self.region.holes]
         if not np.isfinite(self.sizes.gap_part) or len(names) < 2:
             return np.full(count, np.inf)
@@ -141,21 +137,18 @@ class SizeMap:
         return tree(self.frame.local(self.sizes.field.points))
 
     def _field(self, x: Floats) -> Floats:
-        """The sizes at the nearest vertices of an earlier mesh."""
         if self.sizes.field is None:
             return np.full(len(x), np.inf)
         return np.asarray(self.sizes.field.sizes[self._vertices.query(x)[1]] / self.frame.length)
 
     @property
     def least(self) -> Floats:
-        """The smallest size for each of `names`, in the frame."""
         known = [self.sizes.far, *(near.size for near in self.sizes.near)]
         adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
         return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
-        """The least and the largest x and y, (2,) each, of the frame."""
         low, high = (
             self.frame.local(np.array([*end, self.frame.origin[2]]))[:2]
             for end in self.region.rectangle
@@ -163,13 +156,11 @@ class SizeMap:
         return low, high
 
     def outside(self, x: Floats) -> np.ndarray:
-        """Which of the points (n, 3) are beyond the sides or in the bed."""
         low, high = self.bounds
         beyond = ((x[:, :2] < low) | (x[:, :2] > high)).any(axis=1) | (x[:, 2] > 1.0)
         return np.asarray(beyond | (self.ground.distance(x) < 0.0))
 
     def within(self, x: Floats) -> np.ndarray:
-        """Which of the points (n, 3) are in a grain."""
         inside, points = np.zeros(len(x), dtype=bool), self.frame.scene(x)
         for placed in self.region.holes.values():
             body = placed.placement.to_body(points)
@@ -211,8 +202,7 @@ MOST_FIRST = 1_000_000
 def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
     """Cubes from `bottom` (in the frame) on, cut into eight until they are about as small as the cells within.
 
-    Those that would make more than `most` stay as they are. Raises MeshError if the region is so flat that the first
-    cubes are too many.
+    Those that would make more than `most` stay uncut. Raises MeshError for too flat a region.
     """
     frame, ends = size.frame, zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
     low, high = ((np.array([*end, z]) - frame.origin) / frame.length for end, z in ends)

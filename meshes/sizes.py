@@ -40,7 +40,7 @@ class Near:
     most: float = float("inf")
 
     def scaled(self, factor: float) -> Near:
-        """The size times a factor; the largest one away, which the boundary's shape limits, does not grow."""
+        """The size times a factor, except the largest one away, which the boundary's shape limits."""
         less = min(factor, 1.0)
         away = self.away and replace(
             self.away, growth=less * self.away.growth, largest=less * self.away.largest
@@ -92,7 +92,6 @@ class Sizes:
     layers: WallLayers | None = None  # along walls; None: there are none
 
     def scaled(self, factor: float) -> Sizes:
-        """All sizes but a field's times a factor."""
         near = tuple(n.scaled(factor) for n in self.near)
         return replace(
             self,
@@ -103,7 +102,6 @@ class Sizes:
         )
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
-        """Sizes times a factor but where they are needed, all growing with distance at least as given."""
         near = tuple(n.coarsened(factor, growth) for n in self.near)
         layers = self.layers and self.layers.scaled(factor)
         return replace(self, far=self.far * factor, near=near, layers=layers)

@@ -40,7 +40,7 @@ AT_TOP = 0.6
 
 
 def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simplices:
-    """The mesh of a region in the scene, with tetrahedra of order 1 or 2, made in the current gmsh model.
+    """The mesh of a region, with tetrahedra of order 1 or 2, made in the current gmsh model.
 
     Raises MeshError if a surface is open or surfaces cross, layers do not fit, or gmsh fails.
     """
@@ -68,7 +68,6 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
 
 
 def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
-    """The mesh in the frame, its sizes, and middles (k, 3) of edges that cannot follow their grain."""
     size, surfaces = triangulated(size)
     bed = surfaces[size.region.names[5]]
     cubes = boxes(size, float(bed.points[:, 2].min()))
@@ -83,7 +82,7 @@ def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
 
 
 def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
-    """Bed and grains by name as triangles of the sizes wanted, and these, finer where surfaces would cross.
+    """Bed and grains by name as triangles of the target sizes, and these, finer where surfaces would cross.
 
     Raises MeshError if a grain penetrates the bed, or surfaces cross at any resolution.
     """
@@ -124,11 +123,7 @@ def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
 def _closed_shell(
     size: SizeMap, surfaces: dict[str, Surface]
 ) -> tuple[Floats, dict[str, Integers]]:
-    """Points (n, 3) of the whole boundary and, by name, triangles (m, 3).
-
-    The current gmsh model has the background field; its geometry is drawn here, and removed. Raises MeshError if the
-    sides cannot be meshed.
-    """
+    """Points (n, 3) of the whole boundary and, by name, triangles (m, 3). Draws in the current gmsh model."""
     names = size.region.names
     plates = _plane_sides(size, surfaces)
     tables = [surface.corners for surface in surfaces.values()] + plates
@@ -144,7 +139,6 @@ def _closed_shell(
 
 
 def _plane_sides(size: SizeMap, surfaces: dict[str, Surface]) -> list[Floats]:
-    """The corners (m, 3, 3) of the triangles of the upright sides and the top, along the rims of surfaces."""
     geo, (low, high) = gmsh.model.geo, size.bounds
     planes = [(axis, end[axis]) for axis in (0, 1) for end in (low, high)] + [(2, 1.0)]
     segments = []
@@ -198,7 +192,6 @@ def _plane_sides(size: SizeMap, surfaces: dict[str, Surface]) -> list[Floats]:
 
 
 def _within(lines: Floats, plane: tuple[int, float]) -> np.ndarray:
-    """Which lines (k, 2, 3) lie in a plane, given by an axis and the coordinate along it."""
     return np.asarray((lines[:, :, plane[0]] == plane[1]).all(axis=1))
 
 
@@ -220,8 +213,7 @@ def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
 def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
     """Straight cells with layers along the named walls; the other sides are planes.
 
-    The cells at a wall retreat from it, and prisms of three tetrahedra fill the space. Raises MeshError if layers do
-    not fit.
+    The cells at a wall retreat from it; prisms of three tetrahedra fill the space.
     """
     walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
     triangles = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)
@@ -253,7 +245,6 @@ def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Column
 
 
 def _inwards(mesh: Simplices, walls: list[str]) -> Floats:
-    """Unit vectors (n, 3) into the fluid at points of walls, along the plane sides on which they are."""
     points, normal_sums = mesh.points, np.zeros_like(mesh.points)
     triangles = np.concatenate([mesh.sides[name] for name in walls])
     faces = np.concatenate([np.delete(mesh.cells, k, axis=1) for k in range(4)])
@@ -281,7 +272,6 @@ def _room(
     first: Floats,
     layers: WallLayers,
 ) -> Floats:
-    """Total thickness (feet,) of the layers, limited so that the cells beyond stay valid."""
     edges = np.unique(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), axis=0)
     on_wall = mesh.points[feet]
     lengths = np.linalg.norm(on_wall[edges[:, 0]] - on_wall[edges[:, 1]], axis=1)
@@ -305,10 +295,7 @@ def _room(
 def _on_surfaces(
     mesh: Simplices, size: SizeMap, columns: Columns | None
 ) -> tuple[Simplices, Integers]:
-    """The cells with their points on the exact surfaces; points of plane sides stay in these.
-
-    Besides, the middles of edges of smooth grains that do not, since cells would fold over.
-    """
+    """The cells with their points on the exact surfaces, and the edges whose middles are not: cells would fold."""
     low, high = size.bounds
 
     def held(x: Floats) -> np.ndarray:

@@ -85,7 +85,7 @@ class Body(ExactSurface):
         )
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
-        """Along rays or normals; held coordinates are put back, and the rest is projected again."""
+        """Points along rays or normals; held coordinates are restored, and the rest is projected again."""
         for _ in range(1 + 3 * int(held.any())):
             body = self.placed.placement.to_body(self.frame.scene(x))
             nearest = self.placed.placement.to_scene(self._projected(body))
@@ -106,7 +106,7 @@ class Body(ExactSurface):
 
 @dataclass(frozen=True, eq=False)
 class Ground(ExactSurface):
-    """A bed's surface within a region: exact where it is resolved, planar farther away.
+    """A bed's surface within a region: exact where resolved, planar farther away.
 
     finer: factor by which the first triangles of a bed of balls are smaller
     """
@@ -125,7 +125,6 @@ class Ground(ExactSurface):
 
     @cached_property
     def _reach(self) -> tuple[Floats, float]:
-        """Centre and horizontal extent of the resolved bed, in the scene."""
         low, high = self.region.rectangle
         if self.region.resolved is None:
             return 0.5 * (low + high), 0.51 * float(np.linalg.norm(high - low))
@@ -134,7 +133,6 @@ class Ground(ExactSurface):
 
     @cached_property
     def _mean(self) -> float:
-        """The level of the planar far bed, in the scene."""
         resolved = self.region.resolved
         if resolved is not None and resolved.level is not None:
             return resolved.level
@@ -156,13 +154,11 @@ class Ground(ExactSurface):
         return np.zeros(len(x)) if resolved is None or self.flat else resolved.share(x[:, :2])
 
     def _height(self, x: Floats) -> Floats:
-        """The height (n,) of a bed that is a graph, at points (n, 2 or 3) of the scene."""
         share = self._share(x)
         own = self.region.bed.height(x[:, :2])
         return np.asarray(own if not share.any() else (1.0 - share) * own + share * self._mean)
 
     def _level(self, x: Floats) -> Floats:
-        """Approximate distance (n,) of points (n, 3) above the bed, all in the scene."""
         if self._balls is None:
             slope = self.region.bed.gradient(x[:, :2]) * (1.0 - self._share(x))[:, None]
             return np.asarray((x[:, 2] - self._height(x)) / np.sqrt(1.0 + (slope**2).sum(axis=1)))
@@ -177,10 +173,7 @@ class Ground(ExactSurface):
 
     @cached_property
     def _search(self) -> tuple[Any, int]:
-        """Spatial index of the centres of the balls, and how many of them at most round a valley together.
-
-        Balls nearer to a point than the fillet have centres within two radii and two fillets.
-        """
+        """Spatial index of the centres of the balls, and the most balls that round a valley together."""
         assert self._balls is not None
         centres = tree(self._balls.centres)
         reach = 2.0 * (self._balls.radii.max(initial=0.0) + self._fillet)
@@ -188,7 +181,6 @@ class Ground(ExactSurface):
         return centres, int(around.max(initial=1))
 
     def _distances(self, x: Floats) -> Floats:
-        """The distances (k, n) of points (n, 3) from the plane below a bed and from the nearby balls."""
         assert self._balls is not None
         balls = self._balls
         if balls.posts is not None:
@@ -199,7 +191,6 @@ class Ground(ExactSurface):
         return np.concatenate([above, (away - np.append(balls.radii, 0.0)[which]).T])
 
     def distance(self, x: Floats) -> Floats:
-        """Approximate distance (n,) of points (n, 3) above the bed, in the frame."""
         return in_blocks(self._level, self.frame.scene(x)) / self.frame.length
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
@@ -221,7 +212,6 @@ class Ground(ExactSurface):
         return Draft(Surface(points, surface.triangles), held)
 
     def _abscissae(self, axis: int) -> Floats:
-        """Grid lines of the first triangles in the frame: uniform where the bed has a shape, wider beyond."""
         low, high = (float(side[axis]) for side in self.region.rectangle)
         middle, reach = self._reach
         step = self.region.bed.feature / (
@@ -258,7 +248,6 @@ class Ground(ExactSurface):
 
 
 def _widening(length: float, step: float) -> Floats:
-    """Ascending distances over a length at which a grid is cut, the first about a step."""
     if length <= 1e-9 * step:
         return np.empty(0)
     count = max(1, int(np.ceil(np.log1p((BEYOND - 1.0) * length / step) / np.log(BEYOND))))
@@ -269,8 +258,7 @@ def _widening(length: float, step: float) -> Floats:
 def rounded_union(distances: Floats, radius: float) -> Floats:
     """The level (n,) of the union of pieces with distances (k, n), its valleys rounded with a radius.
 
-    Where two pieces meet at a right angle the surface is a circular fillet; where only one is nearer than the radius
-    it is that piece's own surface.
+    Where two pieces meet at a right angle the surface is a circular fillet.
     """
     least = distances.min(axis=0)
     if not np.isfinite(radius):
@@ -282,7 +270,7 @@ def rounded_union(distances: Floats, radius: float) -> Floats:
 def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
     """Points (n, 3) near x where a level is zero, by Newton's method; held coordinates stay.
 
-    scale: a length of the level's shape; differences are taken over a small part of it.
+    scale: a length of the level's shape, of which differences are a small part
     """
     h, points, pending = 1e-6 * scale, x.copy(), np.arange(len(x))
     for _ in range(10):

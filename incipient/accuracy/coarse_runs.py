@@ -1,4 +1,4 @@
-"""Coarse runs for error bars, with coarser cells, longer steps or a larger domain; each is computed once."""
+"""Coarse runs for error bars, with coarser cells, longer steps or a larger domain."""
 
 from __future__ import annotations
 
@@ -42,7 +42,6 @@ class Spent(IncipientError):
 class KeptRuns:
     """Loads of coarse runs, cached by the JSON of the scene. Calls are collective.
 
-    known: cached loads
     spent: reason why no further run may begin, or ""; with a reason calls raise Spent
     """
 
@@ -189,7 +188,7 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
 
 
 def is_coarse(scene: Scene) -> bool:
-    """Whether a scene of steady flow is its own first coarse run, which is then omitted. Not collective."""
+    """Whether a scene of steady flow is its own first coarse run, which is then omitted."""
     return coarse(scene) == changed(scene, numerics={"error_bars": False, "order": order_of(scene)})
 
 

@@ -1,8 +1,8 @@
 """Discretisation errors of steady force and torque by dual-weighted residuals (Becker and Rannacher 2001).
 
-One Newton update from the computed flow, in elements of the next-higher order on the same mesh, gives the estimate; it
-equals minus the dual-weighted residual, whose localisation by hat functions (Richter and Wick 2015) gives the
-contributions of cells. The geometry of curved boundaries and modelling errors are not included.
+One Newton update from the computed flow, in elements of the next-higher order on the same mesh, equals minus the
+dual-weighted residual, whose localisation by hat functions (Richter and Wick 2015) gives the contributions of cells.
+Errors of curved boundaries and of modelling are not included.
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ class GoalErrors:
 
     Args:
         fluid: the solved steady flow, unchanged.
-        boundary: of force and torque.
         about: reference point (gdim,) of torques.
     """
 
@@ -61,7 +60,6 @@ class GoalErrors:
 
     @property
     def allowance(self) -> float:
-        """Safety factor on estimates in error bars."""
         return SAFETY if self.fluid.space.gdim == 3 else 1.0
 
     @property
@@ -79,14 +77,13 @@ class GoalErrors:
 
     @property
     def is_upwinded(self) -> bool:
-        """Whether the flow is upwinded but its update is not, so that one update may not suffice."""
+        """Whether the flow is upwinded but its update is not: one update may not suffice."""
         return self.fluid.model.upwind and self.finer.model.exact
 
     def correct_again(self) -> float:
         """Make a second Newton update, included in `force` and `torque`; returns its fraction of the total change.
 
-        The residual is without upwinding, the Jacobian with it: some effect of upwinding remains after one update.
-        Small changes of torque are ignored.
+        The residual is without upwinding, the Jacobian with it. Small changes of torque are ignored.
         """
         before = self.improved
         self.finer.correct()
@@ -113,7 +110,7 @@ class GoalErrors:
 
         goal: (k,), k = 3 in 2-D and 6 in 3-D, weights of force and torque
 
-        Those of owned vertices add up to the error, except for the remainder of the Newton update.
+        Those of owned vertices add up to the error, less the remainder of the Newton update.
         """
         finer, corrected = self.finer, self.finer.state.x.array.copy()
         hats, weight, residual = finer.kept("shares", self._weighted_residual)

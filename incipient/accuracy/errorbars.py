@@ -98,7 +98,7 @@ def with_safety(
 ) -> ErrorBars:
     """The bars with the range of the safety factor under corrected loads. Collective.
 
-    Nothing is conclusive in turbulent flow: implementations of the same model differ in their loads.
+    In turbulent flow nothing is conclusive: implementations of one model differ in their loads.
     """
     if run.contacts is None or force is None or torque is None or not bars.terms:
         return bars
@@ -143,7 +143,6 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
         return Term("not steady", force, torque, "by how much loads change in the last steps")
 
     def pocket(computed: Loads, solve: Solve) -> Term:
-        """The error from the unknown pressure in closed interstices between contacts."""
         assert run.probe is not None and run.probe.enclosed is not None
         force, torque = run.probe.enclosed.unknown(run.probe.about)
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
@@ -175,7 +174,7 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
 
 
 def unit_of(run: Run, speed: float) -> float:
-    """Loads at a speed over those of the computed flow, whose speed is close except in Stokes flow."""
+    """Loads at a speed over those of the computed flow; close to one except in Stokes flow."""
     return speed * run.fluid.reynolds / run.plan.reynolds
 
 
@@ -216,7 +215,7 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
-    """The distinct scenes of the coarse runs for a scene's error bars."""
+    """Distinct scenes of the coarse runs for a scene's error bars."""
     wanted: dict[str, Scene] = {}
     nothing = Loads(np.zeros(3), np.zeros(3))
 

@@ -1,4 +1,4 @@
-"""The plan of a scene with its cost, counted on the first mesh of its run."""
+"""The plan of a scene with its cost on the first mesh of its run."""
 
 from __future__ import annotations
 
@@ -44,10 +44,9 @@ def first_mesh(scene: Scene) -> Estimate:
 
 
 def counted(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory of a run, counted on its mesh.
+    """Cells, unknowns and memory of a run on its mesh.
 
-    Memory includes the coarse run of the error bars that coexists with the flow: with more of the bed, or in elements
-    of another order below a free surface in 3-D.
+    Memory includes the coarse run of the error bars that coexists with the flow.
     """
     setup = Setup(scene)
     plan, has_dual = plan_of(setup), expense.has_dual(setup)

@@ -60,7 +60,10 @@ def relative(goal: Quantity, loads: Loads, term: Term) -> float | None:
 
 @dataclass(frozen=True)
 class Goal:
-    """A load or the safety factor of a grain; without a grain an elevation or u*."""
+    """A load or the safety factor of a grain; without a grain an elevation or u*.
+
+    The error of a safety factor is the width of its range over its value, infinite if only one of them is.
+    """
 
     name: str
     scene: Scene
@@ -73,10 +76,6 @@ class Goal:
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
     def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
-        """Relative error for errors (3,) of force and torque, by norms.
-
-        Safety factor: width of its range over its value, infinite if only one of them is.
-        """
         if self.name in ("force", "torque"):
             error = of_force if self.name == "force" else of_torque
             return _ratio(float(np.linalg.norm(error)), self._scale(loads))

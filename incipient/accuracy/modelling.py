@@ -1,7 +1,4 @@
-"""Gap and domain of a search for an accuracy, chosen before the mesh if `numerics.accuracy_includes = "all"`.
-
-Otherwise they stay, and the result names a remedy.
-"""
+"""Gap and domain of a search for an accuracy, chosen before the mesh if `numerics.accuracy_includes = "all"`."""
 
 from __future__ import annotations
 
@@ -40,7 +37,7 @@ class Suited:
     """A scene with gap and domain for an accuracy.
 
     terms: their present errors; error: relative sum, infinite if not known
-    unmet: why they are too large, or ""; errors: relative error of each term by name
+    unmet: why they are too large, or ""; errors: relative error of each term
     plain: the same without corrections
     """
 
@@ -62,7 +59,7 @@ def suited(
     """Choose gap and domain with a total error of half a relative error. Collective.
 
     The last choice is kept if a coarse run fails or the budget is spent. The search ends if the domain's error does not
-    fall as expected: it is then underestimated, and a larger domain does not help.
+    fall as expected: it is then underestimated.
     """
     last = Suited(scene)
     for _ in range(MOST_STEPS):
@@ -189,7 +186,7 @@ def _of_datum(flow: Flow) -> str:
 def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -> Scene | None:
     """The scene in which a term is expected to fall to a fraction `relative`; None if impossible.
 
-    at_once: limit the change, beyond which the expectation is unreliable
+    at_once: limit the change to a reliable expectation
     """
     relative = max(relative, LEAST)
     if term.name == "gap" and scene.contact is not None:

@@ -69,11 +69,8 @@ def next_order(
 ) -> tuple[int, float]:
     """The order, not below the given one, with the fewest expected unknowns, and its error on this mesh over the aim.
 
-    The next-higher order is expected to leave a tenth of the error; a remaining excess multiplies the unknowns by
-    (error / aim)^(d/2k) in d dimensions.
-
-    Args:
-        excess: error on this mesh at `order`, over the aim.
+    The next-higher order is expected to leave a tenth of the error; a remaining `excess`, the error over the aim,
+    multiplies the unknowns by (error / aim)^(d/2k) in d dimensions.
     """
 
     def unknowns(k: int) -> float:
@@ -88,7 +85,7 @@ def next_order(
 
 @dataclass(frozen=True)
 class Refined:
-    """The next unsteady run: steps, cells and work relative to the last one, and the order of the elements."""
+    """The next unsteady run: steps, cells and work relative to the last one, and the order."""
 
     shorter: float
     finer: float
@@ -97,7 +94,7 @@ class Refined:
 
 
 def refined(scene: Scene, trial: Trial, left: float) -> Refined:
-    """The refinement of an unsteady scene that is expected to leave a fraction of its error. Not collective."""
+    """The refinement of an unsteady scene that is expected to leave a fraction of its error."""
     q, order = order_in_time(scene), order_of(scene)
     of_step, of_mesh = trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
@@ -119,7 +116,7 @@ def halved(order: int) -> Refined:
 def cheapest(
     of_step: float, of_mesh: float, aim: float, order: int, q: int, highest: int = ORDERS[-1]
 ) -> Refined:
-    """Steps, cells and order for an error of `aim` with the least work; none is coarser than before."""
+    """Steps, cells and order for an error of `aim` with the least work; none coarser than before."""
 
     def with_order(higher: int) -> Refined:
         s = float(order_in_space(higher))
@@ -146,8 +143,7 @@ def _ratio(wanted: float, now: float, power: float) -> float:
 def first(scene: Scene) -> Scene:
     """The first unsteady scene of a search: a coarse mesh, and a few long steps.
 
-    Below a free surface the inflow zone, at least one cell long, has the same length on all meshes: the comparison does
-    not show the error of its length.
+    Below a free surface the inflow zone, at least one cell long, has the same length on all meshes.
     """
     assert scene.time is not None
     longer, cells = LONGEST, COARSEST_IN_TIME

@@ -27,8 +27,7 @@ def run_scene(
 ) -> Result:
     """Run a scene from plan to verdict with its error bars, from the start or from a checkpoint. Collective.
 
-    With `numerics.accuracy` meshes are refined; the recorder, which may begin several times, receives the last run.
-    Raises IncipientError on all ranks.
+    With `numerics.accuracy` meshes are refined; the recorder receives the last run. Raises IncipientError on all ranks.
     """
     recorder = recorder or Recorder()
     if scene.numerics.accuracy is None or checkpoint is not None:

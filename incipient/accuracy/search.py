@@ -1,7 +1,4 @@
-"""The search for an accuracy: solve, estimate the error, refine, repeat.
-
-This module has the loop, the record of trials and the budget; `searches` estimate and refine.
-"""
+"""The search for an accuracy: solve, estimate the error, refine, repeat."""
 
 from __future__ import annotations
 
@@ -53,8 +50,7 @@ SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: tolerance of 
 class SearchRecorder:
     """A recorder that adds the adaptation to results and writes the user's scene.
 
-    result: the last result, with the adaptation
-    kept:   directory of a result without error bars, None without one
+    kept: directory of a result without error bars, None without one
     """
 
     result: Result
@@ -120,10 +116,9 @@ class Estimate:
 
 
 class Search(ABC):
-    """The search for a sufficiently fine mesh, attempt by attempt: solve, estimate the error, refine.
+    """The search for a sufficiently fine mesh: solve, estimate the error, refine.
 
-    Args:
-        recorder: of the last run; it may begin several times.
+    The recorder of the last run may begin several times.
     """
 
     most = MOST_MESHES
@@ -199,17 +194,14 @@ class Search(ABC):
         """An attempt that is expected to leave a fraction `left` of the error."""
 
     def target(self, estimate: Estimate) -> float:
-        """The fraction of the error to leave."""
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
     @contextmanager
     def coarse_runs(self) -> Iterator[InTurn]:
-        """Coarse runs for the errors of gap and domain."""
         with InTurn(self.comm, coarse_scenes, loads_of) as solve:
             yield solve
 
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
-        """The scene in elements of an order, with a tolerance for the accuracy."""
         accuracy = self.numerics.accuracy
         wanted = SOLVER_SHARE * (accuracy if isinstance(accuracy, float | int) else CRITICAL)
         order = order or order_of(scene)
@@ -225,12 +217,10 @@ class Search(ABC):
             yield run, self.solve(run)
 
     def solve(self, run: Run) -> Loads:
-        """Solve; returns the loads and other quantities."""
         solve_with_turbulence(run, run.fluid, run.turbulence)
         return computed_loads(run)
 
     def handed_over(self, run: Run) -> SearchRecorder:
-        """The recorder with the result without error bars."""
         numerics = {
             name: getattr(self.numerics, name) for name in ("order", "tolerance", "mesh_size")
         }
@@ -240,7 +230,6 @@ class Search(ABC):
         return recorder
 
     def concluded(self, run: Run) -> Any:
-        """Result of the last run, with its error bars."""
         recorder = self._recorder or self.handed_over(run)
         finished(run, cast(Recorder, recorder))
         return recorder.result
@@ -289,7 +278,7 @@ class Search(ABC):
     def within_budget(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt | None:
         """The attempt expected to leave a fraction of the error, or the least that the budget allows. Collective.
 
-        None, with the reason recorded, without a worthwhile attempt within the budget.
+        None, with the reason recorded, without a worthwhile attempt.
         """
         wanted = self.refined(attempt, estimate, left)
         while self._beyond_budget(wanted) and wanted.work > LEAST_WORK and left < 1.0 / LEAST_WORK:
@@ -306,7 +295,7 @@ class Search(ABC):
 
     @property
     def allowed(self) -> float:
-        """The allowed relative error of the discretisation; none for a verdict."""
+        """Allowed relative error of the discretisation; none for a verdict."""
         accuracy = self.numerics.accuracy
         if not isinstance(accuracy, float | int):
             return 0.0
@@ -326,7 +315,6 @@ class Search(ABC):
         self.known.terms.update({term.name: term for term in self.suited.terms})
 
     def conclude(self, estimate: float, doubt: str = "") -> None:
-        """End the search with a small enough discretisation error, unless in doubt."""
         accuracy, unmet = self.numerics.accuracy, ""
         if doubt:
             unmet = f"not known to be reached: {doubt}"
@@ -338,7 +326,6 @@ class Search(ABC):
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
-        """The record of the search, with remedies for errors that it does not include."""
         accuracy, reached = (
             self.numerics.accuracy,
             None if self.best is None else self.best[1].error,

@@ -118,7 +118,7 @@ class DualWeighted(Search):
         return Estimate(error, term, term.doubt, shares=shares)
 
     def target(self, estimate: Estimate) -> float:
-        """See `Strategy`.
+        """The fraction of the error to leave.
 
         The error of a corrected load follows from the previous mesh: cells smaller by a fixed factor suffice, unless
         the uncorrected load needs less.
@@ -156,7 +156,7 @@ class DualWeighted(Search):
 
     @contextmanager
     def coarse_runs(self) -> Iterator[InTurn]:
-        """See `Strategy`; the last one may use the run of the first attempt."""
+        """Coarse runs for the errors of gap and domain; the last one may use the run of the first attempt."""
         prepare = self._for_coarse_runs if self._has_one_order else None
         with InTurn(self.comm, coarse_scenes, loads_of, prepare) as solve:
             yield solve
@@ -171,7 +171,7 @@ class DualWeighted(Search):
 class Uniform(Search):
     """Uniform refinement of a steady mean flow, each mesh compared with the two previous ones.
 
-    There is no dual solution of flow and turbulence.
+    Flow and turbulence have no dual solution.
     """
 
     _seen: list[tuple[Scene, Loads]]  # by mesh

@@ -1,8 +1,8 @@
 """New cell sizes from the contributions of vertices to an error.
 
-A cell of size h contributes to the error of a force as h^(2k + d) in smooth flow, with the velocity's order k and the
+A cell of size h contributes h^(2k + d) to the error of a force in smooth flow, with the velocity's order k and the
 dimension d. Equal contributions need the fewest cells (Becker and Rannacher 2001): h_new = h (c / share)^(1 / (2k +
-d)), with c from the error aimed at.
+d)), with c from the target error.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Shares:
 def gathered(mesh: Any, parts: list[Floats]) -> Shares:
     """Root sum of squares of the contributions (local vertices,) to several goals. Collective.
 
-    Vertices are numbered as values of linear elements (`dual.GoalErrors.shares`).
+    Vertices are numbered as in linear elements (`dual.GoalErrors.shares`).
     """
     comm, hats = mesh.comm, compat.space(mesh, ("Lagrange", 1))
     nodes = hats.dofmap.index_map
@@ -77,10 +77,8 @@ def resized(
 ) -> tuple[SizeField | None, float]:
     """Cell sizes expected to reduce the sum of contributions to a fraction `relative`. Collective.
 
-    Returns the size field (None except on rank 0), and the number of cells relative to this mesh.
-
-    Args:
-        order: of the velocity on the new mesh.
+    Returns the size field (None except on rank 0), and the number of cells relative to this mesh; `order` is that of
+    the velocity on the new mesh.
     """
     field, more = None, 1.0
     if comm.rank == 0:

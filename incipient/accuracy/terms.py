@@ -109,8 +109,8 @@ def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The term of a mean flow, of velocities on centrelines, or of laminar separation, from two coarser meshes.
 
-    Loads on a grain in 3-D with resolved walls scatter from mesh to mesh, and a component may change little by chance:
-    all nonzero components get the error of their vector, and both u* equal errors.
+    Loads on a grain in 3-D with resolved walls scatter from mesh to mesh: all nonzero components get the error of their
+    vector, and both u* equal errors.
 
     Raises:
         ConvergenceError: the coarser mesh is not coarser, or does not resolve the walls in 3-D.
@@ -154,7 +154,7 @@ def by_coarser_runs(
 ) -> Term:
     """The term of time step and mesh, from longer steps, and from the next-higher order with these steps.
 
-    The error of the mesh hardly depends on the steps, so that longer ones show it; `of_mesh` replaces that run.
+    The error of the mesh hardly depends on the steps; `of_mesh` replaces its run.
     """
     _require_coarser(scene)
     longer, beside = comparisons(scene)
@@ -183,7 +183,6 @@ def shares(scene: Scene) -> tuple[float, float]:
 
 
 def _order_of_mesh(scene: Scene) -> float:
-    """Order in the cell size of errors of unsteady flow: one less in unresolved boundary layers."""
     if scene.is_averaged:
         return UPWINDED
     order = order_of(scene)
@@ -200,7 +199,6 @@ def order_in_space(velocity: int) -> int:
 
 
 def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
-    """Whether longer steps resolve the waves in phase."""
     here, there = computed.elevations, in_longer.elevations
     if here is None or there is None:
         return True
@@ -212,7 +210,6 @@ def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
 
 
 def _of_large(term: Term, computed: Loads) -> float:
-    """Factor on errors of elevations: geometric series of the relative error."""
     if term.elevation is None or computed.elevations is None or not computed.elevations.largest:
         return 1.0
     relative = float(term.elevation.max(initial=0.0)) / computed.elevations.largest
@@ -220,14 +217,14 @@ def _of_large(term: Term, computed: Loads) -> float:
 
 
 def is_stream(scene: Scene) -> bool:
-    """Whether the scene has an inflow below a free surface. Not collective."""
+    """Whether the scene has an inflow below a free surface."""
     return scene.has_surface and scene.domain.kind == "channel" and not scene.flow.at_rest
 
 
 def doubt_of_stream(scene: Scene) -> str:
     """Why the estimated errors of a channel's level may be too small, or "".
 
-    The inflow zone is at least a cell long, which comparisons of meshes do not show.
+    Comparisons of meshes do not show the inflow zone, at least a cell long.
     """
     if not is_stream(scene):
         return ""
@@ -249,7 +246,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The error of the gap between grain and bed, from coarse runs with larger gaps (smaller ones for a wide gap).
 
     The correction follows from a parabola through three gaps; a power law is the second estimate. Closed interstices
-    are closed four times as widely: the pressure in a wedge is that at its mouth, and a narrower closure changes less.
+    are closed four times as widely: the pressure in a wedge is that at its mouth.
     """
     contact = scene.contact or Contact(friction=0.0)  # friction does not affect the flow
     wide = LARGER[-1] * contact.gap > WIDEST_GAP
@@ -280,14 +277,12 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def _noise(coarse: Loads, computed: Loads) -> Floats:
-    """Difference (6,) between coarse runs because of their meshes; zero on one moved mesh."""
     if coarse.moved:
         return np.zeros(6)
     return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
 
 
 def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
-    """Value at zero gap less the value at the gap, for a power law."""
     near, far = at_two - at_one, at_four - at_two
     if abs(near) <= ROUND_OFF * max(abs(at_one), abs(at_two), abs(at_four)):
         return -near
@@ -330,12 +325,8 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None =
 def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
     """The change of loads (6,) to unbounded flow, from three distances, and its uncertainty.
 
-    The power is observed in the forces, within bounds of the expected one. The uncertainty is the largest deviation of
-    the estimates with the expected power, with a slower observed power, and from the two smaller distances, plus the
-    relative influence of the sides on their own effect.
-
-    Raises:
-        ConvergenceError: the second enlargement changes the force by more than the first one, and by more than `noise`.
+    The power is observed in the forces, within bounds. The uncertainty is the largest deviation of the estimates with
+    other powers or fewer distances, plus the relative influence of the sides on their own effect.
     """
     near, far = (float(np.linalg.norm((after - before)[:3])) for before, after in pairwise(values))
     if far > max(near, noise):
@@ -444,8 +435,7 @@ def has_no_far_sides(scene: Scene) -> str:
 def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     """The scene with a datum beyond the bed's effective height by the uncertainty of that height.
 
-    None without an uncertain effective height, and for a turbulent inflow at the bed's own height. `speed`: factor on
-    the flow.
+    None without such uncertainty, and for a turbulent inflow at the bed's own height. `speed`: factor on the flow.
     """
     base_flow = Setup(scene).base_flow_at(speed)
     if scene.is_averaged or has_no_far_sides(scene) or not base_flow.over_forms:

@@ -1,11 +1,10 @@
 """A rigid body in contact over a time step: it rolls, slides or lifts off.
 
-Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey
-Signorini's and Coulomb's laws with the velocities at the end of the step, and act on the effective mass with the
-fluid's added mass. Contacts are those at which the body would penetrate the bed in the step, and with cohesion those
-of the last step, which open where their tension exceeds it. Impulses along the mean of a
-contact's normals at both ends conserve energy in rolling along a curved bed. Remaining gaps and overlaps are corrected
-in the position, not in the velocities.
+Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey Signorini's
+and Coulomb's laws with the velocities at the end of the step, and act on the mass with the fluid's added mass. Contacts
+are those at which the body would penetrate the bed in the step, whose length is kept, and with cohesion those of the
+last step. An impulse acts along the mean of a contact's normals at both ends: rolling along a curved bed conserves
+energy. Remaining gaps and overlaps are corrected in the position, not in the velocities.
 """
 
 from __future__ import annotations
@@ -47,9 +46,8 @@ class ContactLaw:
 
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
     restitution: fraction of the normal velocity with which the body leaves an impact (Newton's law)
-    rolling: torque against rolling, over the normal force times half of the body's largest extent, at most
-    cohesion: largest tension of a contact that was closed before the step [force], which friction and rolling count
-        as pressure
+    rolling: largest torque against rolling, over the normal force times half of the body's largest extent
+    cohesion: largest tension of a contact closed before the step [force], which friction and rolling count as pressure
     """
 
     friction: float
@@ -59,7 +57,6 @@ class ContactLaw:
     cohesion: float = 0.0
 
     def coefficients(self, slides: np.ndarray) -> Floats:
-        """(k,) coefficients of contacts, by whether they slide (k,)."""
         kinetic = self.friction if self.kinetic is None else self.kinetic
         return np.where(slides, kinetic, self.friction).astype(float)
 
@@ -90,11 +87,9 @@ class ActiveContacts:
         return len(self.points)
 
     def places(self) -> ClosestPoints:
-        """Points and normals as closed gaps."""
         return ClosestPoints(np.zeros(len(self)), self.points, self.normals)
 
     def forces(self, length: float) -> Floats:
-        """(k, gdim) mean forces on the body over a step of a length."""
         mean = np.einsum("ki,kij->kj", self.impulses, frames(self.normals)) / length
         return np.asarray(mean[:, : self.points.shape[1]])
 
@@ -122,7 +117,7 @@ class ContactStep:
     start: BodyState
 
     def created(self) -> float:
-        """The work that contacts do on the body over that of their impulses with its velocities."""
+        """The work of contacts on the body over that of their impulses with its velocities."""
         fastest = np.maximum(np.abs(self.start.velocities), np.abs(self.motion.end.velocities))
         whole = float(np.abs(self.pushed) @ fastest)
         return sum(self.contacts.work) / whole if whole > 0.0 else 0.0
@@ -144,7 +139,6 @@ class _Start:
     tension: float = 0.0
 
     def tensions(self, touched: ClosestPoints) -> Floats:
-        """Largest impulses (k,) against the opening of contacts."""
         lasts = matches(touched, self.before.places(), self.apart) >= 0
         return self.tension * lasts
 
@@ -152,11 +146,8 @@ class _Start:
 class ContactMotion:
     """A body, the bed near it, and the law of contact.
 
-    Args:
-        body: its mass, moments and freedom.
-        near: closest points within a distance of the bed at a placement; gaps vanish where contact begins.
-        law: friction and restitution.
-        reach: the body's largest extent.
+    near: gaps, points and normals at a placement, of all points within a distance of the bed, zero where contact begins
+    reach: the body's largest extent
     """
 
     def __init__(self, body: RigidBody, near: NearBed, law: ContactLaw, reach: float):
@@ -175,8 +166,7 @@ class ContactMotion:
     ) -> ContactStep:
         """The motion over a step under a mean load (n,) as `RigidBody.motion`, after contacts `before`.
 
-        `tried` is a step at about the same place under about the same load: the initial guess. Raises
-        ConvergenceError where the impulses do not converge.
+        `tried`, a similar step, is the initial guess. Raises ConvergenceError where the impulses do not converge.
         """
 
         def moved(pushed: Floats) -> Motion:
@@ -203,7 +193,6 @@ class ContactMotion:
     def _taken(
         self, start: _Start, first: ContactStep, moved: Callable[[Floats], Motion]
     ) -> ContactStep:
-        """A step from a first motion and its contacts."""
         state, gain, motion, pushed = start.state, start.gain, first.motion, first.pushed
         end, seen = motion.end, self._seen(motion.end)
         if len(first.contacts) == 0:
@@ -247,7 +236,7 @@ class ContactMotion:
         return ContactStep(end, contacts, motion, pushed, state)
 
     def closed(self, placement: Placement) -> ActiveContacts:
-        """The contacts of a body at rest at a placement that cohesion holds from the first step on."""
+        """The contacts of a body at rest that cohesion closes from the first step on."""
         none = ActiveContacts.none(self.body.gdim)
         if self.law.cohesion == 0.0:
             return none
@@ -257,14 +246,12 @@ class ContactMotion:
         return ActiveContacts(near.points, near.normals, local, local, torques)
 
     def kept_out(self, end: BodyState) -> BodyState:
-        """The state, moved out of the bed where it penetrates; its velocities stay."""
         shapes = np.where(np.arange(self.body.size) < self.body.gdim, 1.0, self.reach**-2)
         none = ActiveContacts.none(self.body.gdim)
         start = _Start(end, none, np.diag(shapes * self.body.mask), 0.0)
         return self._placed(end, self._seen(end), none.places(), start)[0]
 
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
-        """The largest distance of two positions of one contact within a step."""
         ways = [
             np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin)
             for one in (state, end)
@@ -289,7 +276,6 @@ class ContactMotion:
         return np.vstack([rows, self._lever * turns(ways, self.body.gdim).reshape(rows.shape)])
 
     def _ways(self, rows: Floats, touched: ClosestPoints, start: _Start) -> Floats:
-        """(m, n) along which impulses act: the mean of rows at both ends for contacts that last."""
         before = start.before
         others = matches(touched, before.places(), start.apart)
         if not start.mean or others.max() < 0:
@@ -304,7 +290,6 @@ class ContactMotion:
     def _impulses(
         self, rows: Floats, ways: Floats, velocities: Floats, touched: ClosestPoints, start: _Start
     ) -> Floats:
-        """The impulses (m/3, 3) for velocities (n,) that the body would have without any."""
         count = len(touched)
         first, free = ((rows @ one).reshape(-1, 3) for one in (start.state.velocities, velocities))
         largest = float(np.abs([first[:count], free[:count]]).max())
@@ -327,10 +312,6 @@ class ContactMotion:
     def _placed(
         self, end: BodyState, seen: ClosestPoints, pressing: ClosestPoints, start: _Start
     ) -> tuple[BodyState, ClosestPoints]:
-        """The end of a step with loaded contacts closed and no penetration, and the gaps there.
-
-        `seen` are the gaps before.
-        """
         d, gain = self.body.gdim, start.gain
         for _ in range(CORRECTIONS):
             last = matches(pressing, seen, start.apart)
@@ -347,7 +328,6 @@ class ContactMotion:
     def _as_entered(
         self, seen: ClosestPoints, before: ClosestPoints, start: _Start
     ) -> ClosestPoints:
-        """Closest points after a correction of the position; negative gaps before are kept."""
         entered = before.only(before.gaps < -self._closed)
         gaps, rows = seen.gaps.copy(), matches(entered, seen, start.apart)
         np.minimum.at(gaps, rows[rows >= 0], entered.gaps[rows >= 0])
@@ -361,7 +341,6 @@ class ContactMotion:
         left: ClosestPoints,
         start: _Start,
     ) -> tuple[ClosestPoints, ClosestPoints]:
-        """The contacts of the next round, and the dropped ones, which are kept once they return."""
         now, again = matches(touched, seen, start.apart), matches(touched, left, start.apart) >= 0
         there, gaps = now >= 0, np.append(seen.gaps, np.inf)[now]
         staying = now[there & (holds | again)]
@@ -389,7 +368,7 @@ def _contacts(
 
 
 def frames(normals: Floats) -> Floats:
-    """(k, 3, 3) rows: the normals (k, gdim) and two directions along the surface, in 2-D along it and across."""
+    """Rows (k, 3, 3): the normals (k, gdim) and two directions along the surface, in 2-D along it and across."""
     if normals.shape[1] == 3:
         return np.stack([normals, *frame_of(normals)], axis=1)
     along, across = spatial(quarter_turned(normals)), np.tile([0.0, 0.0, 1.0], (len(normals), 1))
@@ -397,20 +376,19 @@ def frames(normals: Floats) -> Floats:
 
 
 def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
-    """(3k, n) force and torque about a point (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
+    """Force and torque (3k, n) about a point (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
     arms = np.repeat(points - place, 3, axis=0)
     return statics.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
 
 
 def turns(ways: Floats, gdim: int) -> Floats:
-    """(k, 3, n) unit torques: none, and those about the last two of ways (k, 3, 3)."""
+    """Unit torques (k, 3, n): none, and those about the last two of ways (k, 3, 3)."""
     torques = np.zeros((len(ways), 3, 3 * gdim - 3))
     torques[:, 1:, gdim:] = ways[:, 1:, 2:] if gdim == 2 else ways[:, 1:]
     return torques
 
 
 def _together(touched: ClosestPoints, others: ClosestPoints, apart: float) -> ClosestPoints:
-    """Contacts, and those of others that are none of them."""
     missing = others.only(matches(others, touched, apart) < 0)
     names = ("gaps", "points", "normals")
     return ClosestPoints(

@@ -1,7 +1,7 @@
 """The rigid body of equations (331)-(336): inertia, state, freedom, and the motion over one time step.
 
 Velocities U = (velocity, spin) and loads = (force, torque about the centre of mass) are vectors (n,) in scene
-directions: n = 3 in 2-D (x, y, turn), n = 6 in 3-D. Units are the scene's, the fluid's density is one.
+directions: n = 3 in 2-D (x, y, turn), n = 6 in 3-D. The fluid's density is one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MAX_ITERATIONS = 25  # of Broyden's method
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The motion over one time step: its end, and everything between."""
+    """The motion over one time step."""
 
     body: RigidBody
     start: BodyState
@@ -36,7 +36,7 @@ class Motion:
         return self.body.driven(self.start, time, self.drive)
 
     def first(self, distance: Callable[[BodyState], float]) -> BodyState | None:
-        """The state in which a function of the state first falls below zero within the step; None: it does not."""
+        """The state in which a function of the state first falls below zero within the step, or None."""
         state = self.body.driven(self.start, self.end.time, self.drive, distance)
         return state if state.time < self.end.time else None
 
@@ -49,14 +49,13 @@ class RigidBody:
 
         momentum(U) - momentum(start) + A (U - U*) = dt F,     momentum = (m velocity, J spin).
 
-    With A = (dt / a0) A_u this is the fluid's load linearised about U*, F(U) = F(U*) - A_u (U - U*). Nothing is
-    divided by m or J. Between the ends a body of mass one and moments K moves under a constant load p (Broyden's
-    method):
+    With A = (dt / a0) A_u this is the fluid's load linearised about U*, F(U) = F(U*) - A_u (U - U*). Between the ends a
+    body of mass one and moments K moves under a constant load p (Broyden's method):
 
         (velocity, K spin) = (velocity, K spin) at the start + (t - start) p,     place' = velocity.
 
-    K are the moments over the largest, at least 0.05 (ones without inertia), so that Euler's equations (331)-(333)
-    hold unless the body is thinner than that. RKF45 integrates place and orientation, (335). Locked velocities are
+    K are the moments over the largest, at least 0.05 (ones without inertia), so that Euler's equations (331)-(333) hold
+    unless the body is thinner than that. RKF45 integrates position and orientation, (335). Locked velocities are
     imposed.
     """
 
@@ -84,7 +83,6 @@ class RigidBody:
 
         Args:
             state: at the start; locked velocities are replaced by those imposed.
-            dt: length of the step, positive.
             load_mean: mean force and torque (n,) over the step.
             added: added mass (n, n), symmetric, positive semi-definite; None: none.
             guess: velocities (n,) at the end in the last iterate; None: those at the start.
@@ -123,12 +121,11 @@ class RigidBody:
         )
 
     def consistent(self, state: BodyState) -> BodyState:
-        """The state with locked velocities replaced by those imposed at its time."""
         u = np.where(self.mask, state.velocities, self.freedom.imposed(state.time))
         return replace(state, velocity=u[: self.gdim], spin=u[self.gdim :])
 
     def velocities_by_impulses(self, state: BodyState, added: Floats | None = None) -> Floats:
-        """(n, n) velocities gained by unit impulses, with an added mass (n, n).
+        """Velocities (n, n) gained by unit impulses, with an added mass (n, n).
 
         Raises SceneError if neither mass nor added mass resists.
         """
@@ -140,7 +137,7 @@ class RigidBody:
         return 0.5 * float(state.velocities @ self.momentum(state))
 
     def momentum(self, state: BodyState) -> Floats:
-        """Linear and angular momentum (n,), the latter about the centre of mass in scene directions."""
+        """Linear and angular momentum (n,), the latter about the centre of mass."""
         inertia = self.inertia
         return inertia.matrix(state.orientation, inertia.mass, inertia.moments) @ state.velocities
 
@@ -181,7 +178,6 @@ class RigidBody:
         return self.inertia.matrix(state.orientation, 1.0, self.inertia.path_moments)
 
     def _inverse(self, state: BodyState, added: Floats) -> Floats:
-        """The inverse of mass and added mass in the free degrees."""
         inertia, free = self.inertia, self.mask
         whole = added + inertia.matrix(state.orientation, inertia.mass, inertia.moments)
         part = whole[self._free]
@@ -200,7 +196,6 @@ class RigidBody:
     def _small(
         self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats, noise: Floats
     ) -> bool:
-        """Whether errors of the free velocities are within the integrator's tolerance or round-off."""
         scale, d = np.max([np.abs(state.velocities) for state in states], axis=0), self.gdim
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
         kinds = np.repeat([scale[:d].max(), scale[d:].max()], [d, self.size - d])[self.mask]
@@ -224,7 +219,6 @@ class MeanLoad:
     last_step: float | None = None
 
     def coefficients(self, dt: float) -> tuple[float, float, float]:
-        """a0, a1, a2, dimensionless, of a step of length dt."""
         if self.order == 1 or self.last_step is None:
             return 1.0, -1.0, 0.0
         r = dt / self.last_step
@@ -239,7 +233,7 @@ class MeanLoad:
         return np.asarray(now + (a2 / a0) * (self.last_step / dt) * self.previous)
 
     def added(self, added_resistance: ArrayLike, dt: float) -> Floats:
-        """The added mass (n, n) = (dt / a0) A_u that goes with -dF/dU = A_u (n, n)."""
+        """The added mass (n, n) = (dt / a0) A_u for -dF/dU = A_u (n, n)."""
         return np.asarray(added_resistance, dtype=float) * (dt / self.coefficients(dt)[0])
 
     def accept(self, end_load: ArrayLike, dt: float) -> MeanLoad:

@@ -1,10 +1,10 @@
-"""Ordinary differential equations y' = f(t, y): Runge-Kutta-Fehlberg 4(5) behind the verbs of SUNDIALS' CVODE.
+"""Ordinary differential equations y' = f(t, y): Runge-Kutta-Fehlberg 4(5) with an interface like SUNDIALS' CVODE.
 
 The error of a step is held below the tolerances in CVODE's norm, the root mean square of error_i / (relative |y_i| +
 absolute_i); the solution of fifth order is propagated.
 
-Sources: E. Fehlberg, NASA TR R-315 (1969), formula 2; Hairer, Norsett & Wanner, Solving Ordinary Differential
-Equations I, II.4 (safety factors); Gustafsson, ACM TOMS 17 (1991) (proportional-integral control).
+Sources: E. Fehlberg, NASA TR R-315 (1969), formula 2; Hairer, Norsett & Wanner, Solving Ordinary Differential Equations
+I, II.4 (safety factors); Gustafsson, ACM TOMS 17 (1991) (proportional-integral control).
 """
 
 from __future__ import annotations
@@ -49,7 +49,6 @@ class Tolerances:
     absolute: float | Floats
 
     def norm(self, error: Floats, size: Floats) -> float:
-        """The weighted root mean square of an error (n,) in a solution of a size (n,)."""
         weight = self.relative * size + self.absolute
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(error == 0.0, 0.0, error / weight)
@@ -67,15 +66,12 @@ class Statistics:
 
 
 class Integrator:
-    """Runge-Kutta-Fehlberg 4(5) with error control, dense output and a root.
+    """Runge-Kutta-Fehlberg 4(5) with error control, dense output and a root; at time `t` with solution `y` (n,).
 
     Args:
         rate: f(t, y) -> (n,). A step in which it is not finite is repeated with a quarter of the length.
-        tolerances: bounds of the error of one step.
-        largest_step: bound of all steps; the first one is tried with the whole of what is to come.
-        max_steps: of one `advance`.
-
-    `t` and `y` (n,) are the present time and solution.
+        largest_step: bound of the length of all steps; the first one is tried with the whole interval.
+        max_steps: number of steps of one `advance`.
     """
 
     def __init__(
@@ -102,8 +98,11 @@ class Integrator:
         """Integrate to the time `end`, or to the first fall of `root`(t, y) through zero before it.
 
         Returns whether a root ended the integration. A root at the present time does not count; two changes of sign
-        within one step are not seen. Raises ConvergenceError if the step becomes too small, or `max_steps` do not
-        suffice; t and y hold the last accepted state.
+        within one step are not seen.
+
+        Raises:
+            ConvergenceError: the step becomes too small, or `max_steps` do not suffice; t and y hold the last
+                accepted state.
         """
         self.statistics.next_step = self.statistics.next_step or max(end - self.t, 0.0)
         value = 0.0 if root is None else self._value_ahead(root)
@@ -138,7 +137,6 @@ class Integrator:
         return np.asarray(self.rate(t, y), dtype=float)
 
     def _slopes(self, t: float, y: Floats, slope: Floats, end: float) -> Floats:
-        """The slopes (6, n) of the stages of a step to `end`, up to one that is not finite."""
         slopes = np.full((6, len(y)), np.nan)
         slopes[0] = slope
         for i in range(1, 6):
@@ -149,7 +147,6 @@ class Integrator:
         return slopes
 
     def _step(self, stop: float) -> None:
-        """Take a step that passes the error test, not beyond `stop`."""
         statistics = self.statistics
         for failures in range(MAX_FAILURES):
             length = min(statistics.next_step, self.largest_step)
@@ -188,12 +185,10 @@ class Integrator:
         self._error_before = max(error, 1e-4)
 
     def _value_ahead(self, root: Root) -> float:
-        """The root's function just after the present time: a root at the start does not count."""
         h = 8 * ROUND_OFF * max(abs(self.t), min(self.statistics.next_step, self.largest_step))
         return root(self.t + h, self.y + h * self._slope)
 
     def _go_back_to(self, root: Root, before: float) -> None:
-        """End the last step where `root`, positive just after its start, vanishes."""
         from scipy.optimize import brentq  # takes time to import, and most paths meet nothing
 
         start, tiny = self._start[0], ROUND_OFF * max(abs(self._start[0]), abs(self.t))

@@ -1,8 +1,4 @@
-"""A rigid body: its inertia, its state of motion, and its degrees of freedom.
-
-Velocities U = (velocity, spin) are vectors (n,) in scene directions: n = 3 in 2-D (x, y, counter-clockwise turn),
-n = 6 in 3-D. Units are the scene's, the fluid's density is one.
-"""
+"""A rigid body: its inertia, its state of motion, and its degrees of freedom; vectors as in `rigidbody`."""
 
 from __future__ import annotations
 
@@ -28,8 +24,8 @@ THINNEST = 0.05  # smallest ratio of moments that shapes the path within a step
 class Inertia:
     """Mass, principal moments, and in 3-D the principal axes in the body frame: columns (3, 3), right-handed.
 
-    One moment (1,) in 2-D, three (3,) in 3-D; zero: only the added mass resists. Raises SceneError on values that no
-    distribution of mass has.
+    One moment (1,) in 2-D, three (3,) in 3-D; zero: only the added mass resists. Raises SceneError on values of no
+    distribution of mass.
     """
 
     mass: float
@@ -72,7 +68,6 @@ class Inertia:
         return np.asarray(np.maximum(self.moments / largest, THINNEST))
 
     def matrix(self, orientation: Floats, mass: float, moments: Floats) -> Floats:
-        """The inertia (n, n) in scene directions of a body with this one's principal axes."""
         axes = np.eye(len(self.moments)) if self.axes is None else self.axes
         if len(orientation) == 4:
             axes = rotation_matrix(orientation) @ axes
@@ -101,7 +96,6 @@ class BodyState:
     def at(
         cls, placement: Placement, velocities: ArrayLike | None = None, time: float = 0.0
     ) -> BodyState:
-        """The state at a placement, with velocities (n,), by default at rest."""
         d = placement.gdim
         u = np.zeros(3 * (d - 1)) if velocities is None else np.array(velocities, dtype=float)
         turned = [placement.angle] if placement.quaternion is None else placement.quaternion
@@ -109,7 +103,6 @@ class BodyState:
 
     @classmethod
     def unpacked(cls, vector: ArrayLike, time: float = 0.0) -> BodyState:
-        """The state from a vector (6,) or (13,) as `packed` makes it."""
         y = np.array(vector, dtype=float)
         d, turns = (2, 1) if len(y) == 6 else (3, 4)
         turned = y[d : d + turns]
@@ -117,12 +110,11 @@ class BodyState:
         return cls(y[:d], turned, y[d + turns : 2 * d + turns], y[2 * d + turns :], time)
 
     def packed(self) -> Floats:
-        """Place, orientation, velocity, spin as one vector: (6,) in 2-D, (13,) in 3-D."""
+        """Position, orientation, velocity, spin as one vector: (6,) in 2-D, (13,) in 3-D."""
         return np.concatenate([self.place, self.orientation, self.velocity, self.spin])
 
     @property
     def velocities(self) -> Floats:
-        """Velocity and spin (n,)."""
         return np.concatenate([self.velocity, self.spin])
 
     @property
@@ -138,8 +130,7 @@ class BodyState:
 class Freedom:
     """Which degrees of freedom (n,) are free; the others stand still or follow `motion(time)`.
 
-    Rotations are components of the spin in scene directions. `motion` gives all velocities (n,), also those of free
-    degrees.
+    Rotations are components of the spin in scene directions. `motion` gives all velocities (n,).
     """
 
     free: tuple[bool, ...]
@@ -162,21 +153,20 @@ class Freedom:
         return np.array(self.free)
 
     def imposed(self, time: float) -> Floats:
-        """The velocities (n,) that locked degrees have at a time."""
         if self.motion is None:
             return np.zeros(len(self.free))
         return np.array(self.motion(time), dtype=float)
 
 
 def rotation_matrix(quaternion: Floats) -> Floats:
-    """The rotation (3, 3) of a quaternion w, x, y, z (4,) of any length."""
+    """Rotation (3, 3) of a quaternion w, x, y, z (4,) of any length."""
     from scipy.spatial.transform import Rotation  # which takes time to import
 
     return np.asarray(Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix())
 
 
 def turning(orientation: Floats, spin: Floats) -> Floats:
-    """The rate of an angle (1,) or a quaternion (4,) with a spin (1,) or (3,) in scene directions: (335)."""
+    """Rate of an angle (1,) or a quaternion (4,) with a spin (1,) or (3,) in scene directions: (335)."""
     if len(orientation) == 1:
         return spin
     w, v = orientation[0], orientation[1:]

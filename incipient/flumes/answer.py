@@ -1,4 +1,4 @@
-"""`flume`: whether a bed of grains moves, from grain, water and flow in SI units."""
+"""Whether a bed of grains moves in a flume, from grain, water and flow in SI units."""
 
 from __future__ import annotations
 
@@ -95,7 +95,6 @@ class FlumeAnswer:
 
     @property
     def froude(self) -> float | None:
-        """Mean velocity over sqrt(g h)."""
         if self.depth is None or self.mean_velocity is None:
             return None
         return self.mean_velocity / math.sqrt(self.gravity * self.depth)
@@ -107,12 +106,10 @@ class FlumeAnswer:
 
     @property
     def zanke(self) -> float | None:
-        """Critical Shields number by Zanke; None outside his table."""
         return zanke(self.dimensionless_diameter)
 
     @property
     def natural_bed(self) -> NaturalBed | None:
-        """The computed natural bed at this u* d/nu; None beyond its range."""
         return natural_bed(self.shear_reynolds)
 
     @property
@@ -122,7 +119,6 @@ class FlumeAnswer:
 
     @property
     def sentence(self) -> str:
-        """Whether the bed moves, and how certain that is."""
         answer = next(words for least, words in ANSWERS if self.observed >= least)
         text = (
             f"{answer}: {_bounded(self.observed, 0.01, 0.99)} of observed beds have a lower critical Shields number, "
@@ -210,7 +206,7 @@ def flume(
     fluid_density: float | None = None,
     gravity: float = 9.81,
 ) -> FlumeAnswer:
-    """Determine whether a bed of equal grains moves, from published and computed thresholds. Not collective.
+    """Determine whether a bed of equal grains moves, from published and computed thresholds.
 
     Args:
         diameter: of the grains [m].

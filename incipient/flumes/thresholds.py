@@ -62,7 +62,7 @@ def observed_fraction(ratio: float) -> float:
 class NaturalBed:
     """Critical Shields numbers of the grains of random beds of equal spheres in flows of one u* d/nu.
 
-    The velocity at each grain is lognormal, of Zanke's near-wall intensity; see docs/validation/shields.md.
+    The velocity at each grain is lognormal, of Zanke's near-wall intensity (docs/validation/shields.md).
 
     probabilities: (n,) fractions of time in which a grain's threshold is exceeded
     shields:       (n, 5) critical Shields numbers of the grains of the percentiles `GRAINS`
@@ -75,22 +75,18 @@ class NaturalBed:
 
     @cached_property
     def medians(self) -> Floats:
-        """Critical Shields numbers (n,) of the median grain."""
         return self.shields[:, GRAINS.index(50)]
 
     def median(self, probability: float) -> float:
-        """Critical Shields number of the median grain at a tabulated probability."""
         return float(self.medians[self._row(probability)])
 
     def error(self, probability: float) -> float:
-        """Relative standard error of that number."""
         return float(self.errors[self._row(probability)])
 
     def fraction_of_time(self, shields: float) -> float:
         """Fraction of time in which the median grain's threshold is exceeded at a Shields number.
 
-        The logarithm is interpolated linearly over the normal quantile, which is exact for a lognormal velocity of one
-        intensity, and constant beyond the ends of the table.
+        The logarithm is interpolated over the normal quantile, exact for a lognormal velocity of one intensity.
         """
         order = np.argsort(self.medians)
         levels = np.log(self.medians[order]), ndtri(self.probabilities[order])

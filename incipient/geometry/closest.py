@@ -71,11 +71,11 @@ def touching(
 ) -> Contacts:
     """All contacts of a grain whose distance from the bed is at most `tolerance` (a length).
 
-    Point contacts are local minima of the distance. A straight side on a straight piece of bed is a patch of its two
-    ends, each with half of its length as area; in 3-D a flat face on a flat piece of bed is one of its convex hull's
-    corners, with areas of the same sum and centroid. `areas` is None without a patch. Normals are the grain's own
-    where it is smooth, minus the bed's at its corners; a valley's corner gives a contact for each side, a corner of
-    the bed the bisector.
+    Point contacts are local minima of the distance. A straight side on a straight piece of bed is a patch: its two
+    ends, each with half of its length as area; in 3-D the corners of the patch's convex hull, with areas of the same
+    sum and centroid. `areas` is None without a patch. The normal is the grain's where its surface is smooth, minus the
+    bed's at a corner of the grain, and at a corner of the bed the bisector; a valley's corner has a contact for each
+    side.
 
     Raises SceneError if nothing touches, or if only one of grain and bed is planar.
     """

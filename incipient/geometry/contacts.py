@@ -18,9 +18,8 @@ SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one pl
 class Contacts:
     """The contact surface Gamma_c as points (n, 3) with unit normals (n, 3) that point OUT of the grain.
 
-    `areas` (n,) are zero at point contacts; None: point contacts only. A patch is given by its corners, each with its
-    part of the area. In 2-D third components are zero. Raises SceneError on wrong shapes or numbers, or without any
-    contact.
+    `areas` (n,) are zero at point contacts; None without a patch. A patch is given by its corners, each with its part
+    of the area. In 2-D third components are zero. Raises SceneError on invalid numbers or without any contact.
     """
 
     points: Floats
@@ -76,8 +75,8 @@ def freeze(owner: object, name: str, value: Floats) -> None:
 class ClosestPoints:
     """Local minima (k,) of the signed distance between a grain, or points, and a bed.
 
-    `gaps` (k,) are negative inside the bed, `points` (k, d) lie on the grain, `normals` (k, d) are the bed's, into
-    the fluid. What is not known of them is None.
+    `gaps` (k,) are negative inside the bed, `points` (k, d) lie on the grain, `normals` (k, d) are the bed's, into the
+    fluid; None: not known.
     """
 
     gaps: Floats
@@ -96,11 +95,9 @@ class ClosestPoints:
 
     @property
     def feet(self) -> Floats:
-        """The points (k, d) of the bed."""
         return np.asarray(self.points - self.gaps[:, None] * self.normals)
 
     def only(self, which: ArrayLike) -> "ClosestPoints":
-        """Some of them, by a mask or by indices."""
         index = np.asarray(which)
         index = index if index.dtype == bool else index.astype(int)
         return replace(self, **{name: table[index] for name, table in self._tables().items()})
@@ -108,7 +105,7 @@ class ClosestPoints:
     def replaced(
         self, rows: np.ndarray, other: "ClosestPoints", those: np.ndarray | None = None
     ) -> "ClosestPoints":
-        """The same with rows replaced by rows of `other`: the same ones, or `those`."""
+        """Closest points with `rows` replaced by the same rows of `other`, or by `those`."""
         tables = {name: table.copy() for name, table in self._tables().items()}
         for name, table in tables.items():
             table[rows] = getattr(other, name)[rows if those is None else those]
@@ -123,7 +120,7 @@ class ClosestPoints:
         return replace(parts[0], **tables)
 
     def distinct(self, tolerance: float) -> "ClosestPoints":
-        """The lowest of each that share a point, to a length, and a normal."""
+        """The lowest of each group that shares a point, within a length, and a normal."""
         if len(self) < 2:
             return self
         from scipy.spatial import cKDTree  # which takes time to import

@@ -21,10 +21,10 @@ UNIT_TOLERANCE = 1e-6  # how far the length of a unit quaternion may be from one
 
 @dataclass(frozen=True)
 class Placement:
-    """The position of a grain's centroid and its rotation.
+    """Position of a grain's centroid, and rotation.
 
-    In 2-D `angle` (radians, counter-clockwise); in 3-D `quaternion` (w, x, y, z) of unit length. Raises SceneError on
-    numbers that are not finite, of the other dimension, or not of unit length.
+    In 2-D `angle` (radians, counter-clockwise); in 3-D the unit `quaternion` (w, x, y, z). Raises SceneError on invalid
+    numbers.
     """
 
     centre: tuple[float, ...]
@@ -63,7 +63,7 @@ class Placement:
 
     @cached_property
     def rotation(self) -> Floats:
-        """The read-only matrix (gdim, gdim) from body coordinates to scene directions."""
+        """Read-only matrix (gdim, gdim) from body coordinates to scene directions."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         matrix = (
             np.array([[c, -s], [s, c]])
@@ -74,11 +74,9 @@ class Placement:
         return matrix
 
     def to_scene(self, x: ArrayLike) -> Floats:
-        """Scene coordinates (n, gdim) of points (n, gdim) in the body frame."""
         return np.asarray(x, dtype=float) @ self.rotation.T + np.asarray(self.centre)
 
     def to_body(self, x: ArrayLike) -> Floats:
-        """Body coordinates (n, gdim) of points (n, gdim) in the scene."""
         return np.asarray((np.asarray(x, dtype=float) - np.asarray(self.centre)) @ self.rotation)
 
     def raised(self, height: float) -> "Placement":

@@ -39,31 +39,31 @@ class Proximity(ABC):
 
     @abstractmethod
     def drop(self, placement: Placement) -> float:
-        """The least vertical distance of samples from the bed."""
+        """Least vertical distance of samples from the bed."""
 
     @abstractmethod
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
         """Local minima of the gap, and corners of the grain, of at most `within` (a length).
 
-        They are resolved if they lie farther apart than the samples.
+        Minima closer than the samples are not resolved.
         """
 
     @abstractmethod
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
-        """The minima `old`, in their order, at another placement close by."""
+        """The minima `old`, in their order, at a nearby placement."""
 
     @abstractmethod
     def locally_least(
         self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
     ) -> ClosestPoints:
-        """The minima over the whole surface, but for a slack; on request all corners as well."""
+        """Minima over the whole surface, within `slack`; on request also all corners."""
 
     @abstractmethod
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """See `closest.touching`."""
 
     def lowered(self, placement: Placement, gap: float = 0.0) -> Placement:
-        """The placement lowered (or raised) vertically until the least distance from the bed is a gap."""
+        """The placement moved vertically to a least distance `gap` from the bed."""
         placement = placement.raised(gap - self.drop(placement))
         near = self.minima(placement, gap + self.sampling)
         for _ in range(MOST_LIFTS):
@@ -77,7 +77,6 @@ class Proximity(ABC):
         return placement
 
     def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        """The least distance from the bed, and the points (gdim,) on grain and bed where it occurs."""
         # No point is farther from the bed than from the place straight below.
         within = max(self.drop(placement), 0.0) + SAME_PLACE * self.size
         while not len(near := self.minima(placement, within)):  # of a bed that overhangs the grain
@@ -86,7 +85,7 @@ class Proximity(ABC):
         return float(near.gaps[k]), near.points[k], near.feet[k]
 
     def gaps(self, placement: Placement, within: float) -> ClosestPoints:
-        """Local minima of the gap up to `within` (a length), and corners, which may meet the bed by a turn."""
+        """Local minima of the gap up to `within` (a length), and corners that a turn may bring to the bed."""
         near, corners = self.minima(placement, within), self.grain.gdim == 3
         near = self.locally_least(placement, near, corners=corners)
         return near.distinct(SAME_PLACE * self.size)
@@ -94,7 +93,7 @@ class Proximity(ABC):
     def with_gap(
         self, placement: Placement, gap: float, places: Floats, before: float = 0.0
     ) -> Placement:
-        """The nearby placement at which contacts at positions (k, gdim) have a gap, where they had `before`."""
+        """The nearby placement at which contacts at (k, gdim) have a gap, where they had `before`."""
         within = WANDERS * max(gap, before)
         near = self.gaps(placement, within)
         apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)
@@ -111,7 +110,6 @@ class Proximity(ABC):
         return wrenches(contacts.normals, arms, self.size)
 
     def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
-        """The nearby placement, moved as little as possible, at which contacts have a gap."""
         d = placement.gdim
         for _ in range(SEATINGS if len(contacts) else 0):
             now = self.tracked(placement, contacts)

@@ -1,8 +1,8 @@
 """Settling: a grain lowered and tilted until it rests in static equilibrium under gravity.
 
-In each quasi-static step the grain moves a short way along the part of gravity that the contacts cannot balance,
-without penetration, and is lowered onto the bed. A step that does not lower the centre is shortened. Near an
-equilibrium Newton's method closes the contacts and removes the remaining torque.
+Each quasi-static step moves the grain along the part of gravity that the contacts cannot balance, without penetration,
+and is shortened until it lowers the centre. Near an equilibrium Newton's method closes the contacts and removes the
+torque.
 """
 
 from collections.abc import Sequence
@@ -75,10 +75,9 @@ def settle(
 ) -> Settled:
     """Lower the grain from `start` onto the bed and let it roll and tip until it rests.
 
-    `gravity` (gdim,) points downwards, by default vertically; its magnitude does not matter. With Coulomb friction
-    the grain stays where contacts first support it; with 0 it slides to a minimum of its potential energy, with
-    infinity contacts do not slip. A grain that leaves the bed, or gets farther than `reach` grain sizes from the
-    start, rolls off.
+    `gravity` (gdim,) is a direction, by default downwards. With Coulomb friction the grain stays where contacts first
+    support it; with 0 it slides to a minimum of its potential energy, with infinity contacts do not slip. A grain that
+    leaves the bed, or moves farther than `reach` grain sizes, rolls off.
 
     Raises SceneError if grain and bed differ in dimension, or gravity or friction is invalid.
     """
@@ -186,12 +185,10 @@ class _Descent:
         return self._unsettled(placement, SettlingOutcome.UNSETTLED, max_steps)
 
     def _work(self, before: Placement, after: Placement) -> float:
-        """Work of the load between near placements."""
         shift = np.asarray(after.centre) - np.asarray(before.centre)
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
-        """Whether the grain is off the bed or far from the start, or a torque spins it in place."""
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
@@ -215,7 +212,6 @@ class _Descent:
         return hold(self.load, near.normals, arms, self.friction, self.size)
 
     def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
-        """A motion of at most about `length` grain sizes and radians along the unbalanced load."""
         closing = self._proximity.rates(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
         wish = self.load / max(float(np.linalg.norm(held.remainder)), 1e-6)
@@ -229,7 +225,6 @@ class _Descent:
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
 
     def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
-        """The placement after a motion, with its old and new contacts closed."""
         after = near.gaps / self.size + self._proximity.rates(placement, near) @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
         # Lowering the grain closes a single one.
@@ -244,7 +239,6 @@ class _Descent:
         return touching.only(np.unique(held.owner[held.factors > USED]))
 
     def _constraints(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        """Rows of the forces of loaded contacts; with all tangents where they do not slip."""
         held = self._hold(placement, carrying)
         used = held.rows[held.factors > USED]
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
@@ -258,11 +252,7 @@ class _Descent:
         return [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
 
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
-        """The equilibrium next to a placement, by Newton's method or by rolling onto it.
-
-        First with all points that nearly touch (such as the far end of a side about to lie flat), then with local
-        minima.
-        """
+        """The equilibrium next to a placement, first with all points that nearly touch, then with local minima."""
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
         least = self._proximity.locally_least(placement, close)
         for contacts in (close, least) if len(least) < len(close) else (close,):
@@ -274,7 +264,6 @@ class _Descent:
         return self._verified(self._rolled(placement), placement)
 
     def _verified(self, result: Placement, before: Placement) -> _Rest | None:
-        """The equilibrium, unless it is above the placement before."""
         result = self._proximity.lowered(result)
         if self._work(result, before) > TOUCHING * self.size:
             return None
@@ -287,10 +276,10 @@ class _Descent:
         return _Rest(result, carrying, imbalance, self._way_down(result, carrying))
 
     def _rolled(self, placement: Placement) -> Placement:
-        """The grain turned until it touches where a single contact balances the load.
+        """Turn the grain until a single contact balances the load.
 
-        Without curvature the contact's position is a root of the angle, for which Newton's method fails; the angle is
-        a smooth function of the position.
+        The angle is a smooth function of the contact's position, whose inverse defeats Newton's method without
+        curvature.
         """
         last = np.inf
         for _ in range(ROLLS):
@@ -308,14 +297,13 @@ class _Descent:
         return placement
 
     def _shift(self, placement: Placement, contacts: ClosestPoints) -> Floats:
-        """Distances (k, gdim) of contacts from the line of action of the load."""
         force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
         forces = np.tile(force, (len(arms), 1))
         torque = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
         return cross(forces, torque) if len(force) == 3 else -torque * quarter_turned(forces)
 
     def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
-        """A single contact moved onto the line of action of the load, if the gap there is as small.
+        """Move a single contact onto the line of action of the load if the gap stays as small.
 
         Where relative curvature is small, a contact's position is far less accurate than its gap.
         """
@@ -360,7 +348,6 @@ class _Descent:
         return np.asarray(motion)
 
     def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
-        """Gaps [grain sizes] of loaded contacts, and the unbalanced part of the weight."""
         moved = self._proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
         factors = np.linalg.lstsq(rows.T, self.load, rcond=1e-9)[0]
@@ -376,7 +363,6 @@ class _Descent:
         return np.column_stack(columns)
 
     def _way_down(self, placement: Placement, carrying: ClosestPoints) -> Floats | None:
-        """A small free motion that keeps the contacts and lowers the centre; None if the rest is stable."""
         from scipy.linalg import null_space  # which takes time to import
 
         free = null_space(self._constraints(placement, carrying), rcond=1e-7).T
@@ -395,7 +381,6 @@ class _Descent:
         return direction if falls else None
 
     def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
-        """The lowest of some placements to which an unstable equilibrium falls in one step."""
         motions = [s * push * way_down for push in PUSHES for s in (1.0, -1.0)]
         ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
         lowered = map(self._proximity.lowered, ends)

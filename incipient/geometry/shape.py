@@ -33,7 +33,6 @@ class Moments:
         return self.first / self.volume
 
     def about_centroid(self) -> Floats:
-        """The second moments (d, d) about the centroid."""
         return self.second - self.volume * np.outer(self.centroid, self.centroid)
 
     @staticmethod
@@ -47,7 +46,7 @@ class Moments:
 
     @staticmethod
     def swept(points: Floats, normals: Floats) -> "Moments":
-        """Moments within a surface of points (n, d) with normals (n, d) as long as their part of it.
+        """Moments within a surface of points (n, d), with normals (n, d) as long as their areas.
 
         The divergence theorem: div(x) = d, div(x x_i) = (d + 1) x_i, div(x x_i x_j) = (d + 2) x_i x_j.
         """
@@ -55,7 +54,6 @@ class Moments:
 
     @staticmethod
     def integrated(flux: Floats, points: Floats) -> "Moments":
-        """Moments from fluxes (n,) of x through parts of the surface about points (n, d)."""
         d = points.shape[1]
         second = (flux[:, None] * points).T @ points / (d + 2.0)
         return Moments(float(flux.sum()) / d, flux @ points / (d + 1.0), second)
@@ -77,12 +75,11 @@ class Shape(ABC):
 
     @property
     def volume(self) -> float:
-        """The volume; in 2-D the area."""
         return self.moments.volume
 
     @property
     def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid for unit density; in 2-D only the 33 component."""
+        """Inertia (3, 3) about the centroid for unit density; in 2-D only the 33 component."""
         second = self.moments.about_centroid()
         return np.asarray(np.trace(second) * np.eye(3) - second)
 
@@ -92,7 +89,7 @@ class Shape(ABC):
 
     @abstractmethod
     def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, gdim) at points near the surface; at corners the bisector."""
+        """Outward unit normals (n, gdim) near the surface; at corners the bisector."""
 
 
 class Balls(Shape):
@@ -103,7 +100,6 @@ class Balls(Shape):
 
     @cached_property
     def tables(self) -> tuple[Floats, Floats]:
-        """Centres (n, gdim) and radii (n,)."""
         return np.array(self.centres), np.array(self.radii)
 
     @property
@@ -113,12 +109,10 @@ class Balls(Shape):
         return float((apart + np.add.outer(radii, radii)).max())
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance (n,) from the nearest ball."""
         centres, radii = self.tables
         return np.asarray((np.linalg.norm(rows(x)[:, None] - centres, axis=2) - radii).min(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
-        """The normals (n, gdim) of the nearest balls, in creases the bisector."""
         centres, radii = self.tables
         away = rows(x)[:, None] - centres
         distance = np.linalg.norm(away, axis=2) - radii
@@ -148,7 +142,7 @@ def require_exposed(owners: np.ndarray, count: int, kind: str) -> None:
 
 
 def largest_distance(points: Floats) -> float:
-    """The largest distance of two points (n, d); of many among those of their hull."""
+    """Largest distance of two points (n, d); of many among those of their hull."""
     if len(points) <= FEW:
         return float(np.linalg.norm(points[:, None] - points, axis=2).max())
     from scipy.spatial import ConvexHull  # which takes time to import

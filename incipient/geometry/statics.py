@@ -20,8 +20,8 @@ BALANCED = 1e-12  # of the load: what remains of it that is nothing, and what a 
 class Hold:
     """Contact forces that balance a load (n,) as far as friction allows.
 
-    They combine the `rows` (m, n), each of the contact `owner` (m,), with nonnegative `factors` (m,). `remainder`
-    (n,) is the unbalanced part, the direction in which the load moves the grain.
+    `rows` (m, n), each of the contact `owner` (m,), are combined with nonnegative `factors` (m,). `remainder` (n,) is
+    the unbalanced part, the direction in which the load moves the grain.
     """
 
     rows: Floats

@@ -67,7 +67,7 @@ def verdicts_name(path: Path) -> str:
 def judge_table(
     path: Path, settings: Sequence[str], directory: Path, jobs: int, progress: Silent
 ) -> Verdicts:
-    """Judge the cases of a table; write their verdicts, in the format of the table, and batch.json. Not collective.
+    """Judge the cases of a table; write their verdicts, in the format of the table, and batch.json.
 
     Args:
         settings: values of columns for all rows, such as "friction=0.5".

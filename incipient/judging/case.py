@@ -164,13 +164,11 @@ class Case(Section):
 
     @property
     def centre(self) -> Floats:
-        """Centre of mass (3,)."""
         own = None if self.body is None else self.body.centre
         return spatial(self.load.centre or own or ())
 
     @property
     def about(self) -> Floats:
-        """Reference point (3,) of the flow's torque."""
         return self.centre if self.load.about is None else spatial(self.load.about)
 
     @property
@@ -185,7 +183,6 @@ class Case(Section):
         return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
-        """The contacts, with unit normals."""
         normals, areas = spatial(self.contacts.normals), self.contacts.areas
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         points = spatial(self.contacts.points)
@@ -197,7 +194,6 @@ class Case(Section):
         return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
-        """Mass and inertia (3, 3) about the centre of mass, if known."""
         if self.grain is not None:
             return self.grain.mass, _matrix(self.grain.inertia)
         return None if self.body is None else mass_and_inertia(self.body, self.placement)
@@ -222,8 +218,7 @@ class _CaseWithoutFlow(Case):
 def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
     """Read a case from a TOML file, changed by overrides such as ``"contacts.friction=0.4"``.
 
-    Raises:
-        SceneError: names the file, the key, the reason and the remedy.
+    Raises SceneError, naming the file, the key, the reason and the remedy.
     """
     return read(Case, path, overrides)
 

@@ -47,8 +47,7 @@ def judge_forces(
         since: start of the samples; None: all samples, and the mean of the last half of the time.
         law: growth of loads with the velocity, one of `motion.LAWS`, for flows that move the grain.
 
-    Raises:
-        SceneError: the density is not positive, or too few samples are left.
+    Raises SceneError for too few samples, or a density that is not positive.
     """
     if not 0.0 < density < np.inf:
         remedy = "give that of the fluid over rhoInf, a number above zero"

@@ -180,8 +180,7 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
             "body.shape=sphere" give it.
         bed: file of its surface, or "flat".
 
-    Raises:
-        SceneError: something is missing or wrong, or the grain does not touch its bed.
+    Raises SceneError if something is missing or wrong, or the grain does not touch its bed.
     """
     files = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
@@ -214,7 +213,6 @@ def _require_touching(
 
 
 def _narrowest(points: Floats) -> Floats:
-    """Rotation (3, 3) about z that aligns the smallest rectangle around points (n, 3), seen from above."""
     turn = np.eye(3)
     with suppress(QhullError):  # all are on one line
         turn[:2, :2] = oriented_bounds_2D(points[:, :2])[0][:2, :2]

@@ -36,7 +36,6 @@ class MotionInTime:
 
     @classmethod
     def of(cls, times: Floats, held: Booleans, since: float) -> MotionInTime:
-        """Motion from a time on, of samples (n,). Raises SceneError without any."""
         kept = samples_from(times, since)
         times, moves = times[kept], ~held[kept]
         duration = float(times[-1] - times[0]) or 1.0

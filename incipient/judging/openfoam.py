@@ -47,9 +47,8 @@ class ForcesInTime:
 def read_forces(path: Path) -> ForcesInTime:
     """Read the forces in a file or folder of OpenFOAM.
 
-    Raises:
-        SceneError: there are none, a file is of no known format, moments or their centre are missing, or the files of
-            a folder can be joined in more than one way.
+    Raises SceneError if there are none, a file is of no known format, moments or their centre are missing, or the files
+    of a folder can be joined in more than one way.
     """
     if path.is_dir():
         return _joined(path, sorted(_runs(path), key=lambda run: (run.start, run.again)))

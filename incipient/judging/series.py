@@ -81,8 +81,7 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
             couple_z; torques are about the case's point; weight_x ... and friction if they vary.
         since: start of the part whose probability of motion is given; None: the first time.
 
-    Raises:
-        SceneError: a missing or unknown column, numbers that are not finite, or time does not ascend.
+    Raises SceneError for missing or unknown columns, numbers that are not finite, or times that do not ascend.
     """
     cases, times = _cases(case, columns), columns["time"]
     batch = judge_many(cases).complete()

@@ -26,8 +26,8 @@ KINDS = (
 class Table:
     """The rows of a file.
 
-    columns: numbers (n,) by name, NaN in empty cells; labels: (n,) cells of the column `name`, if there is one;
-    faults: reasons for unreadable rows, by index
+    columns: numbers (n,) by name, NaN in empty cells; labels: (n,) cells of the column `name`, if any; faults: reasons
+    for unreadable rows, by index
     """
 
     columns: dict[str, Floats]
@@ -41,9 +41,8 @@ class Table:
 def read_table(path: Path) -> Table:
     """Rows of a CSV file, or of a Parquet file (.parquet).
 
-    Raises:
-        SceneError: the file cannot be read, a column is there twice, or one of a Parquet file is not of numbers.
-        MissingError: a Parquet file without pyarrow.
+    Raises SceneError for an unreadable file, a repeated column, or a Parquet column not of numbers, and MissingError
+    for a Parquet file without pyarrow.
     """
     return _parquet(path) if path.suffix == ".parquet" else _csv(path)
 

@@ -18,7 +18,7 @@ CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 
 def shape_functions(mesh: Any) -> Any:
-    """The scalar element of the mesh's own geometry. Not collective."""
+    """Scalar element of the mesh's own geometry."""
     degree, variant = compat.geometry_degree(mesh), basix.LagrangeVariant.equispaced
     return basix.create_element(basix.ElementFamily.P, CELLS[mesh.geometry.dim], degree, variant)
 
@@ -30,12 +30,12 @@ def with_first(coordinates: Floats) -> Floats:
 
 
 def barycentric_nodes(mesh: Any) -> Floats:
-    """Barycentric coordinates (nodes, gdim + 1) of a cell's nodes, vertices first. Not collective."""
+    """Barycentric coordinates (nodes, gdim + 1) of a cell's nodes, vertices first."""
     return with_first(compat.reference_nodes(mesh))
 
 
 def straight_cells(mesh: Any) -> np.ndarray:
-    """Ascending local cells with an affine map from the reference cell. Not collective."""
+    """Ascending local cells with an affine map from the reference cell."""
     corners = barycentric_nodes(mesh)
     places = mesh.geometry.x[compat.geometry_dofs(mesh)]
     affine = np.einsum("nc,kcd->knd", corners, places[:, : corners.shape[1]])
@@ -44,13 +44,13 @@ def straight_cells(mesh: Any) -> np.ndarray:
 
 
 def local_cells(mesh: Any) -> int:
-    """The number of cells of this rank, ghosts included."""
+    """Number of cells of this rank, ghosts included."""
     index_map = mesh.topology.index_map(mesh.topology.dim)
     return int(index_map.size_local + index_map.num_ghosts)
 
 
 def cell_facets(mesh: Any, cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """The facets (n,) of the first local cells, cell by cell, and geometry rows (n, gdim) of their corners."""
+    """Facets (n,) of the first local cells, cell by cell, and geometry rows (n, gdim) of their corners."""
     dimension = mesh.topology.dim
     mesh.topology.create_connectivity(dimension, dimension - 1)
     facets = mesh.topology.connectivity(dimension, dimension - 1).array[: cells * (dimension + 1)]
@@ -61,7 +61,7 @@ def cell_facets(mesh: Any, cells: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def is_node_of(space: dolfinx.fem.FunctionSpace, cells: Integers) -> np.ndarray:
-    """Which (local nodes,) of a scalar space any rank has in some of its cells. Collective."""
+    """Mask (local nodes,) of nodes of a scalar space in some of these cells of any rank. Collective."""
     marked = dolfinx.fem.Function(space)
     marked.x.array[np.unique(compat.cell_dofs(space)[cells])] = 1.0
     view = compat.vec_view(marked)

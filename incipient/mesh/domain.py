@@ -48,7 +48,6 @@ class Domain:
         return self.facets.find(self.names[name])
 
     def measure(self, *names: str) -> Any:
-        """UFL surface measure over the named boundaries together."""
         tags = tuple(self.names[name] for name in names)
         return ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facets)(
             tags[0] if len(tags) == 1 else tags
@@ -91,9 +90,9 @@ def _check_boundary(domain: Domain) -> None:
 
 
 def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
-    """The tags (k,) of facets with corners of node numbers (k, gdim), which all ranks know, as tags of the mesh.
+    """The tags (k,) of facets with corners of node numbers (k, gdim), known to all ranks, as tags of the mesh.
 
-    Facets of ghosts are tagged, too; those that the mesh does not have are left out. Collective.
+    Includes facets of ghosts; unknown ones are omitted. Collective.
     """
     dimension = mesh.topology.dim
     facets, rows = cell_facets(mesh, local_cells(mesh))
@@ -113,7 +112,6 @@ def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
 
 
 def _positions(ascending: Integers, numbers: Integers) -> Integers:
-    """Indices (n,) of numbers (n,) among ascending ones; -1: missing."""
     if not len(ascending):
         return np.full(len(numbers), -1)
     position = np.minimum(np.searchsorted(ascending, numbers), len(ascending) - 1)

@@ -1,8 +1,8 @@
 """Vertical displacement of a mesh below a free surface.
 
-A node's rise w solves LEVELLING w_xx + w_yy = 0 where the mesh was made: it is the elevation on the surface, zero on
-the bed and on bodies, free along the sides. Cells fold at slopes of 1/sqrt(LEVELLING), with a harmonic function at
-one. Nodes keep their horizontal positions, so that the matrix of the kinematic condition is constant.
+A node's rise w solves LEVELLING w_xx + w_yy = 0 on the initial mesh: the elevation on the surface, zero on the bed and
+on bodies, free along the sides. Cells fold at slopes of 1/sqrt(LEVELLING). Nodes keep their horizontal positions, so
+that the matrix of the kinematic condition is constant.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ class RisingDisplacement:
     """The displacement of a mesh by the elevation of its surface. Holds PETSc objects; all is collective.
 
     Args:
-        domain: with its mesh as it was made, the surface level.
+        domain: with its initial mesh and level surface.
         space: scalar functions on the mesh's own nodes.
         boundary: name of the surface.
-        held: names of the boundaries whose nodes stay.
-        pinned: names of the boundaries at which the surface's nodes stay.
-        still: height of the still level; None: that of the surface as made.
+        held: names of the boundaries with fixed nodes.
+        pinned: names of the boundaries at which the surface's nodes are fixed.
+        still: height of the still level; None: the initial height of the surface.
 
     Attributes:
         nodes: local nodes of `space` on the surface, ascending; the first `owned` are this rank's.
-        raised: height at which the surface was made above the still level.
+        raised: initial height of the surface above the still level.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class RisingDisplacement:
         self._extent = self.mean(self._level)
 
     def at(self, elevation: Floats) -> Floats:
-        """(n, 3) displacements of the mesh's nodes under elevations (local nodes of the space,)."""
+        """Displacements (n, 3) of the mesh's nodes under elevations (local nodes of the space,)."""
         work, values = self._work.x.array, self._values.x.array
         values[:] = 0.0
         values[self.nodes] = elevation[self.nodes] - self.raised
@@ -98,14 +98,10 @@ class RisingDisplacement:
         return moved
 
     def elevation_of(self, tested: Any) -> Floats:
-        """(local nodes,) the elevation h with given int q h (n . up) ds (PETSc vector).
-
-        Elevations vanish where the surface is pinned, and so do test functions.
-        """
+        """The elevation h (local nodes,) with given int q h (n . up) ds (PETSc vector), zero where pinned."""
         return self.solved(self._averaged, tested)
 
     def factors(self, matrix: Any, symmetric: bool = False) -> SurfaceFactors:
-        """The factors of a matrix for the nodes of the surface that are not pinned."""
         return SurfaceFactors(matrix, self._numbers(self._free), symmetric)
 
     def times(self, matrix: Any, elevation: Floats) -> Any:
@@ -115,7 +111,6 @@ class RisingDisplacement:
         return self._views[0]
 
     def solved(self, factors: SurfaceFactors, tested: Any) -> Floats:
-        """(local nodes,) the solution of the factorised system for a PETSc vector of the space."""
         values = self._values.x.array
         solution = factors.solve(tested.array_r[self._free])
         values[:] = 0.0
@@ -124,14 +119,11 @@ class RisingDisplacement:
         return np.array(values)
 
     def with_volume(self, elevation: Floats, volume: float) -> Floats:
-        """(local nodes,) the nearest elevation of a volume, unchanged where the surface is pinned.
-
-        Nearest in the mean square over the area below the surface.
-        """
+        """The elevation (local nodes,) of a volume nearest in the mean square, unchanged where pinned."""
         return elevation + (volume - self.mean(elevation)) / self._extent * self._level
 
     def remove_pinned_projection(self, elevation: Floats, closed: bool) -> Floats:
-        """(local nodes,) an elevation less the nearest that vanishes where pinned.
+        """An elevation (local nodes,) less the nearest that vanishes where pinned.
 
         In a closed domain that one has no volume either.
         """
@@ -143,22 +135,21 @@ class RisingDisplacement:
         return self.elevation_of(self._views[0])
 
     def _moments(self, elevation: Floats) -> Floats:
-        """(owned nodes,) int q h (n . up) ds for an elevation (local nodes,)."""
         self.times(self.area, elevation)
         return self._work.x.array[: self.space.dofmap.index_map.size_local].copy()
 
     def mean(self, elevation: Floats, other: Floats | None = None) -> float:
-        """The integral of an elevation, or of the product of two, over the area below the surface."""
+        """Integral of an elevation, or of the product of two, over the area below the surface."""
         moments = self._moments(elevation)
         mine = float(moments.sum() if other is None else moments @ other[: len(moments)])
         return float(self.domain.comm.allreduce(mine))
 
     def on_nodes(self, elevation: Floats) -> Floats:
-        """(n,) an elevation (local nodes,) at the rows of `mesh.geometry.x`. Not collective."""
+        """An elevation (local nodes,) at the rows (n,) of `mesh.geometry.x`. Not collective."""
         return np.asarray(elevation[self._rows])
 
     def from_nodes(self, values: Floats) -> Floats:
-        """(local nodes,) the inverse of `on_nodes`. Not collective."""
+        """The inverse of `on_nodes`. Not collective."""
         elevation = np.zeros_like(self._values.x.array)
         elevation[self._rows] = values
         return elevation
@@ -189,7 +180,6 @@ def _assembled(integral: Any) -> Any:
 
 
 def _factorised(matrix: Any, symmetric: bool) -> Any:
-    """A direct solver, of a positive definite matrix if symmetric. Collective."""
     solver, mumps = PETSc.KSP().create(matrix.comm), PETSc.Sys.hasExternalPackage("mumps")
     if symmetric:
         matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -203,7 +193,7 @@ def _factorised(matrix: Any, symmetric: bool) -> Any:
 
 
 class SurfaceFactors:
-    """The factors of the part of a matrix with some rows and columns, by their global numbers.
+    """Factors of a submatrix, given by global numbers of rows and columns.
 
     Holds PETSc objects; every method is collective.
     """
@@ -217,7 +207,6 @@ class SurfaceFactors:
             held.destroy()
 
     def solve(self, right_side: Floats) -> Floats:
-        """(own rows,) the solution for a right-hand side (own rows,)."""
         self._right_side.array[:] = right_side
         self._solver.solve(self._right_side, self._solution)
         return np.array(self._solution.array_r)

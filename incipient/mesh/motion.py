@@ -1,10 +1,9 @@
 """Meshes that follow bodies, rigid near them, less displaced farther away; and stretched ones.
 
-A vertex at X moves to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
-translation and rotation since the mesh was made. The weights w, one a direction, and w_r are one near the body and
-zero on other boundaries, but nodes slide along straight sides. Straight cells stay straight. Positions depend on the
-body's position alone, so that the mesh's velocity is as accurate as the body's. Displacements of several parts are
-added. Discs and spheres do not turn the mesh, which slides along them.
+A vertex at X moves to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), with the body's translation c - c0 and rotation
+theta. The weights w, one a direction, and w_r are one near the body and zero on other boundaries, but nodes slide along
+straight sides. Positions depend on the body's position alone, so that the mesh's velocity is as accurate as the body's.
+Displacements of several parts are added. The mesh slides along discs and spheres.
 """
 
 from __future__ import annotations
@@ -49,9 +48,9 @@ class RigidDisplacement:
     """Displacement of the mesh by one body. Collective unless stated otherwise.
 
     Args:
-        domain: with its mesh as it was made.
+        domain: with its initial mesh.
         boundary: name of the body's boundary.
-        placement: of the body when the mesh was made.
+        placement: initial, of the body.
         turning: whether the mesh turns with the body; False for discs and spheres.
         others: names of boundaries that other parts displace, along which nodes do not slide.
 
@@ -86,7 +85,7 @@ class RigidDisplacement:
         self.weights = np.column_stack([potentials.weights(boundary, names) for names in sliding])
 
     def at(self, placement: Placement) -> Floats:
-        """(n, 3) displacements of the mesh's nodes at a placement of the body. Not collective."""
+        """Displacements (n, 3) of the mesh's nodes at a placement of the body. Not collective."""
         along, about = self.weights[:, : self._gdim], self.weights[:, self._gdim :]
         way = np.asarray(placement.centre) - np.asarray(self.placement.centre)
         moved = along * way
@@ -109,15 +108,13 @@ class MeshMotion:
         self._qualities = self._cell_qualities(self.reference)
 
     def places(self, *displacements: Floats) -> Floats:
-        """(n, 3) positions of the mesh's nodes under displacements (n, 3). Not collective."""
+        """Positions (n, 3) of the mesh's nodes under displacements (n, 3). Not collective."""
         return np.asarray(sum(displacements, start=self.reference))
 
     def move(self, *displacements: Floats) -> None:
-        """Move the mesh to `places`. Not collective."""
         self.domain.mesh.geometry.x[:] = self.places(*displacements)
 
     def quality(self, places: Floats | None = None) -> MeshQuality:
-        """Quality of the mesh as it is now, or with its nodes at other positions (n, 3)."""
         qualities = self._cell_qualities(self.domain.mesh.geometry.x if places is None else places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
         comm = self.domain.comm
@@ -126,7 +123,7 @@ class MeshMotion:
         )
 
     def _cell_qualities(self, places: Floats) -> Floats:
-        """(cells,) the least of d det(A)^(2/d) / |A|^2, A mapping from an equilateral cell."""
+        """The least of d det(A)^(2/d) / |A|^2 (cells,), A mapping from an equilateral cell."""
         gdim = self.domain.gdim
         nodes = places[self._cells, :gdim].transpose(2, 0, 1)
         jacobians = nodes[:, None] @ self._slopes.transpose(0, 2, 1)  # (gdim, gdim, cells, points)
@@ -137,9 +134,9 @@ class MeshMotion:
 
 
 def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
-    """Other nodes (m,) of straight cells, their vertices and barycentric coordinates (m, gdim + 1).
+    """Nodes (m,) of straight cells other than vertices, and their barycentric coordinates. Collective.
 
-    A node is among them on every rank that has it, though the straight cell may be another rank's. Collective.
+    A node is among them on every rank that has it, though the straight cell may be another rank's.
     """
     cells, corners = compat.geometry_dofs(mesh), barycentric_nodes(mesh)
     space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
@@ -154,7 +151,6 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
-    """The boundaries along which nodes slide in each direction: plane ones, normal to another axis."""
     space = compat.function_space(
         domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh))
     )
@@ -167,7 +163,6 @@ def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
 
 
 def _normal_axis(domain: Domain, name: str, space: Any) -> int | None:
-    """The axis that a plane boundary is normal to; None for others."""
     blocks = compat.nodes_on(space, domain.facets_of(name))
     points = space.tabulate_dof_coordinates()[blocks, : domain.gdim]
     low = np.min(domain.comm.allgather(points.min(axis=0, initial=np.inf)), axis=0)
@@ -188,10 +183,10 @@ class Potentials:
         self._zero = compat.form(ufl.inner(dolfinx.fem.Constant(mesh, 0.0), w) * ufl.dx)
 
     def weights(self, boundary: str, sliding: tuple[str, ...] = (), rigid: float = RIGID) -> Floats:
-        """(n,) weights of the mesh's nodes, from the potential between the boundaries at the vertices.
+        """Weights (n,) of the mesh's nodes, from the potential between the boundaries at the vertices.
 
-        It is one on `boundary`, zero on the others except `sliding` ones; weights are one where it is above `rigid`,
-        in proportion to it elsewhere.
+        The potential is one on `boundary`, zero on the others except `sliding` ones; weights are one where it is above
+        `rigid`, in proportion to it elsewhere.
         """
         mesh, space = self.domain.mesh, self.space
         held = [name for name in sorted(self.domain.names) if name not in (boundary, *sliding)]
@@ -223,7 +218,6 @@ class Potentials:
 
 
 def _slopes(mesh: Any) -> Floats:
-    """(gdim, points, nodes) derivatives of the cell's shape functions along axes of an equilateral cell."""
     gdim, degree, element = mesh.topology.dim, compat.geometry_degree(mesh), shape_functions(mesh)
     # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in 2-D.
     points = basix.create_lattice(
@@ -236,7 +230,6 @@ def _slopes(mesh: Any) -> Floats:
 
 
 def _turned(arms: Floats, rotations: Floats) -> Floats:
-    """Arms (n, gdim), each turned by its own angle (n, 1) or rotation vector (n, 3) [radians]."""
     from scipy.spatial.transform import Rotation  # which takes time to import
 
     vectors = rotations if arms.shape[1] == 3 else rotations * [0.0, 0.0, 1.0]
@@ -246,8 +239,8 @@ def _turned(arms: Floats, rotations: Floats) -> Floats:
 def stretched(x: Floats, centre: Floats, kept: Floats, old: Floats, new: Floats) -> Floats | None:
     """Points (n, 3) of one box in another; None where stretching is impossible. Not collective.
 
-    Boxes (2, 3) are their least and largest coordinates. On each axis a point within `kept` (3,) of the centre stays;
-    beyond, a parabola takes the old side to the new one.
+    Boxes (2, 3) are their least and largest coordinates. On each axis a point within `kept` (3,) of the centre is
+    fixed; beyond, a parabola maps the old side to the new one.
     """
     moved = x.copy()
     for axis in range(3):

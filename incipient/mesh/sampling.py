@@ -1,7 +1,6 @@
 """Location of points in the cells of a mesh, values of fields there, and extrema along lines, on any ranks.
 
-Bounding balls give pairs of points and cells, straight simplices rule most of them out, and curved cells are pulled
-back by Newton's method. Reference coordinates alone decide, so that a neighbour is never taken for the right cell.
+Reference coordinates alone decide, by Newton's method in curved cells: a neighbour is never taken for the right cell.
 """
 
 from __future__ import annotations
@@ -36,9 +35,9 @@ TIE = 1e-12  # of its extent: what a cell loses against another one as near for 
 class Places:
     """Cells of one rank that hold points, or are nearest to them.
 
-    cells:     (n,) local numbers, -1: none reference: (n, gdim) coordinates in the reference cell, outside of it
-    where the cell does not hold the point distances: (n,) from the cell, zero inside, infinite without a cell; never
-    too small, in skew cells somewhat too large
+    cells:     (n,) local numbers, -1: none
+    reference: (n, gdim) coordinates in the reference cell, outside of it where the cell does not hold the point
+    distances: (n,) from the cell, zero inside, infinite without a cell; in skew cells somewhat too large
     """
 
     cells: Integers
@@ -65,7 +64,7 @@ class Places:
 
 
 class Locator:
-    """Finds points in the cells that this rank owns, simplices of any order, where the mesh is now."""
+    """Finds points in the cells that this rank owns, simplices of any order, on the present mesh."""
 
     def __init__(self, mesh: Any):
         self.gdim = int(mesh.geometry.dim)
@@ -123,7 +122,6 @@ class Locator:
         return places
 
     def _pairs(self, points: Floats) -> tuple[Integers, Integers]:
-        """Numbers of points and of cells whose bounding balls hold them."""
         low, high = _box(points)
         reach = self._radii[:, None] * (1 - 10 * INSIDE)
         near = np.flatnonzero(
@@ -163,29 +161,23 @@ class Locator:
         return Places(cells, coordinates[:, 1:], distances.ravel()).at(chosen)
 
     def _near_point(self, coordinates: Floats, cells: Integers) -> Floats:
-        """Barycentric coordinates (..., gdim + 1) of a point of each cell near to that given.
-
-        Straight to the face that it is farthest beyond, and from there towards the middle of the cell.
-        """
+        """A point of each cell, straight to the face that the given one is farthest beyond, then towards the middle."""
         face = coordinates.argmin(axis=-1)[..., None]
         beyond = np.minimum(np.take_along_axis(coordinates, face, -1), 0.0)
         return _clipped(coordinates - beyond * self._ways[cells, face[..., 0]])
 
     def _straight(self, points: Floats, cells: Integers) -> Floats:
-        """(..., gdim + 1) barycentric coordinates in the straight simplices."""
         return with_first(
             np.einsum("...kg,...g->...k", self._inverses[cells], points - self._origins[cells])
         )
 
     def mapped(self, reference: Floats, cells: Integers) -> Floats:
-        """(n, gdim) positions of reference coordinates in cells."""
         table = self._element.tabulate(0, reference)[0, :, :, 0]
         return np.asarray(np.einsum("pn,png->pg", table, self._nodes[cells]))
 
     def _pulled_back(
         self, points: Floats, cells: Integers, start: Floats
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        """(n, gdim) reference coordinates of points in cells and (n,) whether they converged."""
         reference, good = start.copy(), np.ones(len(points), dtype=bool)
         if self._element.degree == 1:
             return reference, good
@@ -209,7 +201,7 @@ class Locator:
 def sample(function: Any, points: np.ndarray) -> np.ndarray:
     """Values (n, components) of a dolfinx function at points (n, gdim or 3), on every rank. Collective.
 
-    Points outside the mesh give NaN.
+    NaN outside the mesh.
     """
     mesh = function.function_space.mesh
     places = Locator(mesh).inside(points)
@@ -223,7 +215,7 @@ def sample(function: Any, points: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Extremum:
-    """An extreme value and the coordinate along the line at which it is taken."""
+    """An extreme value and its coordinate along the line."""
 
     value: float
     position: float
@@ -277,7 +269,7 @@ def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
 
 
 def evaluate(function: Any, places: Places) -> Floats:
-    """(n, components) values of a scalar or vector function at places in this rank's cells.
+    """Values (n, components) of a scalar or vector function at places in this rank's cells.
 
     Outside of its cell the function's polynomial is extrapolated. Ghosts must be up to date.
     """
@@ -288,7 +280,6 @@ def evaluate(function: Any, places: Places) -> Floats:
 
 
 def _to_bernstein(element: Any) -> Floats:
-    """(n, n) matrix from values at an equispaced element's nodes to Bernstein coefficients."""
     degree, nodes = element.degree, with_first(element.points)
     exponents = np.rint(degree * nodes).astype(int)
     ways = [factorial(degree) // int(np.prod([factorial(k) for k in row])) for row in exponents]
@@ -297,7 +288,6 @@ def _to_bernstein(element: Any) -> Floats:
 
 
 def _inverses(matrices: Floats) -> Floats:
-    """Inverses of (n, g, g) matrices; not a number where there is none."""
     singular = ~(np.abs(np.linalg.det(matrices)) > 0.0)
     inverses = np.linalg.inv(
         np.where(singular[:, None, None], np.eye(matrices.shape[-1]), matrices)
@@ -312,7 +302,6 @@ def _clipped(coordinates: Floats) -> Floats:
 
 
 def _box(points: Floats) -> Floats:
-    """(2, g) lowest and highest coordinates."""
     return np.array([points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
 
 

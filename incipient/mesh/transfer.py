@@ -28,18 +28,20 @@ class _Exchange:
 
 
 class Transfer:
-    """Evaluation of functions of one mesh, where it is now, at points that may differ from rank to rank.
+    """Evaluation of functions on a present mesh at points that may differ from rank to rank.
 
-    Construction is collective. A point outside the mesh takes the extrapolated polynomial of the nearest cell: nodes
-    of a remeshed curved boundary lie off the old mesh by a fraction of a cell.
+    Construction is collective. A point outside the mesh takes the extrapolated polynomial of the nearest cell: nodes of
+    a remeshed curved boundary lie off the old mesh by a fraction of a cell.
 
-    Args:     mesh: the mesh, of simplices, straight or curved.     points: (n, gdim or 3) of this rank, in scene
-    units.     reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a near point of the
-    cell counts,         as in interstices that coarse cells fill differently on each mesh.
+    Args:
+        mesh: of simplices, straight or curved.
+        points: (n, gdim or 3) of this rank.
+        reach: largest extrapolation out of a cell, in barycentric coordinates; farther out a point takes the value at
+            a near point of the cell, as in interstices that coarse cells fill differently on each mesh.
 
     Attributes:
-        outside: number of points of all ranks that no cell holds.
-        farthest: largest distance of any of them from its cell.
+        outside: number of points of all ranks in no cell.
+        farthest: their largest distance from their cell.
     """
 
     def __init__(self, mesh: Any, points: Floats, reach: float = np.inf):
@@ -55,7 +57,7 @@ class Transfer:
         self.farthest = float(self._comm.allreduce(farthest, op=MPI.MAX))
 
     def values(self, function: Any) -> Floats:
-        """(n, components) values at this rank's points. Collective.
+        """Values (n, components) at this rank's points. Collective.
 
         The function is scalar or vector, in a Lagrange space of any order, its ghosts up to date.
         """
@@ -69,7 +71,6 @@ class Transfer:
         return values
 
     def _candidates(self, locator: Locator) -> list[Integers]:
-        """The numbers of the points in the box about the cells of each rank."""
         x = self._points
         boxes = self._comm.allgather(locator.box)
         slack = 1e-6 * max(float(np.ptp(box)) for box in boxes if np.isfinite(box).all())
@@ -81,7 +82,6 @@ class Transfer:
     def _exchange(
         self, requested: list[Integers], look_up: Callable[[Floats], Places]
     ) -> _Exchange:
-        """Exchange points with the ranks that locate them; each goes to the rank where it is nearest."""
         requests = self._comm.alltoall([self._points[rows] for rows in requested])
         places = look_up(np.concatenate(requests))
         answers = self._comm.alltoall(np.split(places.distances, _splits(requests)))
@@ -93,7 +93,6 @@ class Transfer:
         return _Exchange(rows, places.at(np.concatenate(kept)), splits)
 
     def _nearest(self, requested: list[Integers], answers: list[Floats]) -> Integers:
-        """(n,) the first rank from which each point is nearest, -1: none."""
         distances = np.full((len(requested), len(self._points)), np.inf)
         for rank, (rows, answer) in enumerate(zip(requested, answers, strict=True)):
             distances[rank, rows] = answer

@@ -41,7 +41,6 @@ def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
 
 
 def _from_pieces(places: Floats, pieces: Floats) -> Floats:
-    """Distance (n,) of each place (n, gdim) from its straight piece (n, gdim, gdim)."""
     if pieces.shape[1] == 2:
         starts, ends = pieces[:, 0], pieces[:, 1]
         along, away = ends - starts, places - starts
@@ -51,7 +50,6 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Corners (n, gdim, gdim) of straight pieces of walls, on all ranks. Collective."""
     pieces = np.array(PIECES)
     if domain.gdim == 2:
         pieces = np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]

@@ -1,4 +1,4 @@
-"""Sizes of the cells far away from grain and bed, and graded rows."""
+"""Sizes of cells far from grain and bed, and graded rows."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -30,7 +30,7 @@ LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
 
 @dataclass(frozen=True)
 class FarCells:
-    """The cells far away from grain and bed, for mesh_size = 1."""
+    """The cells far from grain and bed, for mesh_size = 1."""
 
     extents: tuple[float, ...]  # of the domain
     order: int  # of the velocity
@@ -39,7 +39,7 @@ class FarCells:
 
     @property
     def largest(self) -> float:
-        """Their size [length]; of other boxes that of the plane."""
+        """Their size [length]; without a grid the 2-D size."""
         if self.box_reynolds is None:
             return FAR_CELL[self.order] * self.extents[-1]
         # Boundary layers thin as Re^-1/2; the grading provides half of that.
@@ -48,21 +48,20 @@ class FarCells:
         return min(self.extents) / (cells[self.order] * refined)
 
     def largest_in_space(self, order: int) -> float:
-        """Their size in 3-D for an order of the velocity [length]."""
         if self.box_reynolds is not None:
             return self.largest
         return min(FAR_CELL_IN_SPACE[order] * self.extents[-1], 0.5 * min(self.extents))
 
     @property
     def coarsest_grid(self) -> float:
-        """The largest numerics.mesh_size by which an empty box's cells become larger; no bound in other scenes."""
+        """Largest numerics.mesh_size at which an empty box's cells still grow; inf: other scenes."""
         if self.box_reynolds is None:
             return math.inf
         return min(self.extents) / (FEWEST[len(self.extents)] * self.largest)
 
 
 def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:
-    """Ends of layers across the width, as fractions of it: from the sides on layers grow evenly.
+    """Ends of layers across the width, as fractions of it: layers grow evenly from the sides.
 
     grading: thickness next to sides over that in the middle; 1: uniform
     half:    the first layer lies at the plane of symmetry
@@ -84,7 +83,7 @@ def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point,
 
 
 def separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
-    """Corners that stick out into the flow, which separates there, and how far the bed falls behind each."""
+    """Corners that protrude into the flow, which separates there, and the drop of the bed behind each."""
     for before, after in pairwise(range(len(bed))):
         ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
         if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:

@@ -1,4 +1,4 @@
-"""The boundary conditions of a scene's flow, by which the base flow enters."""
+"""The boundary conditions of a scene's flow."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ def conditions(
 ) -> list[Condition]:
     """Boundary conditions in the order in which they override each other: walls last, so corners are watertight.
 
-    With `lid` a rigid lid takes the place of a free surface. With `speed` they are those of a flow faster by that
-    factor, in its own units.
+    With `lid` a rigid lid replaces a free surface; with `speed` the flow is faster by that factor, in its own units.
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
     if setup.is_averaged:
@@ -46,7 +45,6 @@ def conditions(
 
 
 def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked:
-    """Conditions upstream and downstream."""
     left, right = setup.sides.left, setup.sides.right
     if "ends" in of_surface:
         yield from ((FREE, one) for one in of_surface["ends"])
@@ -62,7 +60,6 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked
 
 
 def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
-    """The condition below: a wall at rest, or part of the base flow where there is none."""
     bottom, scene = setup.sides.bottom, setup.scene
     wall = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
     wall = wall or scene.flow.wall_below or scene.bed_shape is not None
@@ -75,7 +72,6 @@ def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
 
 
 def _above(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
-    """The condition on top: of a free surface, a lid, a wall, or the base flow."""
     top, scene = setup.sides.top, setup.scene
     if "above" in of_surface:
         yield from ((FREE, one) for one in of_surface["above"])
@@ -88,7 +84,6 @@ def _above(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
 
 
 def _across(setup: Setup, velocity: Velocity) -> Ranked:
-    """Conditions on the sides, in 3-D."""
     for name in setup.sides.across:
         if setup.scene.sides == "slip":
             yield FREE, Slip(name, axis=1)

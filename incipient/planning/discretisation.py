@@ -1,11 +1,9 @@
-"""How a scene is discretised and solved: order of the velocity, stabilisation, linear solver, tolerances.
+"""Discretisation and solution of a scene: order of the velocity, stabilisation, linear solver, tolerances.
 
-The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocity, h the size of the largest cells, away
-from everything, k the order of the velocity, nu the viscosity. Below a bound plain Taylor-Hood elements err
-less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all
-(docs/contribute/defaults.md).
-Steady 3-D flow is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
-where cells are coarse.
+The cell Reynolds number is P = V h/(k nu): reference velocity V, size h of the largest cells, order k of the velocity.
+Below a bound plain Taylor-Hood elements have smaller errors, above it those stabilised by `forms.terms.grad_div`
+(docs/contribute/defaults.md). Steady 3-D flow is upwinded instead (`forms.terms.streamline_upwind`), which the block
+preconditioner needs on coarse cells.
 """
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ IN_WAKES = 10.0
 
 
 def velocity_order(setup: Setup) -> tuple[int, str]:
-    """The order of the velocity, and why it was chosen by measurements (docs/contribute/defaults.md); "" if given."""
+    """The order of the velocity, and why it was chosen (docs/contribute/defaults.md); "" if given."""
     scene = setup.scene
     order, steady = scene.numerics.order, scene.time is None
     if order != "auto":
@@ -80,7 +78,7 @@ def with_order(scene: Scene, number: int) -> Scene:
 class Stabilisation:
     """Whether convection is stabilised, why, and the Reynolds number of the largest cells (zero: no convection).
 
-    `upwind` says that it is by streamline upwinding, in cells with a Peclet number above one.
+    `upwind`: by streamline upwinding, in cells with a Peclet number above one.
     """
 
     present: bool
@@ -89,7 +87,6 @@ class Stabilisation:
     upwind: bool = False
 
     def text(self) -> str:
-        """One line for a reader."""
         return f"convection {'stabilised' if self.present else 'not stabilised'}: {self.reason}"
 
 
@@ -97,7 +94,7 @@ NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
 
 
 def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisation:
-    """Decide from the scene, its flow `speed` times as fast, and whether it has inertia."""
+    """The stabilisation for a flow `speed` times the scene's, `inert`: with inertia."""
     if not inert:
         return NO_CONVECTION
     number, option = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
@@ -117,10 +114,7 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
 
 
 def _stretches_cells(setup: Setup) -> bool:
-    """Whether cells are so thin along walls that grad-div makes the flow alternate from one to the next.
-
-    In channels oscillations grow downstream until no flow converges; along boundary layers it is the pressure.
-    """
+    """Whether cells are so thin along walls that grad-div makes the flow alternate between cells."""
     if not setup.is_averaged or not setup.walls.is_resolved:
         return False
     walls = setup.walls
@@ -130,7 +124,7 @@ def _stretches_cells(setup: Setup) -> bool:
 def upwinds(setup: Setup) -> bool:
     """Whether a flow with inertia is upwinded along its streamlines.
 
-    In a box with a grid that does harm, and the block preconditioner does not converge there.
+    Not in a box with a grid: it does harm, and the block preconditioner does not converge.
     """
     scene = setup.scene
     option = scene.numerics.stabilisation
@@ -142,7 +136,7 @@ def upwinds(setup: Setup) -> bool:
 
 
 def far_cells(setup: Setup) -> FarCells:
-    """The cells away from everything."""
+    """The cells far from grain and bed."""
     scene = setup.scene
     reynolds = scene.fluid.reynolds if scene.is_empty_box else None
     return FarCells(scene.domain.extents, velocity_order(setup)[0], reynolds)
@@ -172,12 +166,11 @@ class Method:
     reason: str  # in words
 
     def text(self) -> str:
-        """One line of the plan."""
         return f"linear systems by a {self.name} method: {self.reason}"
 
 
 def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
-    """The method for a scene, and whether its flow is one of Stokes, or has a rate of change."""
+    """The linear solver; `slow`: Stokes flow, `unsteady`: with a rate of change."""
     scene = setup.scene
     if scene.gdim == 2:
         why = "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps"
@@ -205,7 +198,7 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
-    """The tolerance of a steady flow, from `numerics.tolerance`; by two levels it may be larger."""
+    """Tolerance of a steady flow, from `numerics.tolerance`; by two levels it may be larger."""
     if asked != "auto":
         return asked
     return BY_TWO_LEVELS if two_levels else STEADY

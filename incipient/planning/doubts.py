@@ -1,4 +1,4 @@
-"""What in a scene makes its result less certain: the warnings of a plan."""
+"""The warnings of a plan."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ SMALL = (
 
 
 def _gap(setup: Setup) -> Iterator[str]:
-    """A wide gap between grain and bed, and a released grain that begins nearer to the bed than that."""
     scene, body = setup.scene, setup.scene.body
     if body is None:
         return
@@ -42,7 +41,6 @@ def _gap(setup: Setup) -> Iterator[str]:
 
 
 def _near_inflow(setup: Setup) -> Iterator[str]:
-    """A grain near the inflow, where the velocity is prescribed."""
     placement, domain = setup.scene.placement, setup.scene.domain
     if placement is None or domain.kind == "box" or setup.scene.flow.at_rest:
         return
@@ -55,7 +53,6 @@ def _near_inflow(setup: Setup) -> Iterator[str]:
 
 
 def _near_critical(setup: Setup) -> Iterator[str]:
-    """A near-critical flow below a free surface."""
     low, high = NEAR_CRITICAL
     if not setup.scene.has_surface or setup.scene.domain.kind != "channel":
         return
@@ -68,7 +65,6 @@ def _near_critical(setup: Setup) -> Iterator[str]:
 
 
 def _turbulence(setup: Setup) -> Iterator[str]:
-    """What is to be known of the model and of the walls in a scene."""
     if not setup.is_averaged:
         return
     from ..turbulence.wall_law import SMOOTH_TO
@@ -119,7 +115,6 @@ def _turbulence(setup: Setup) -> Iterator[str]:
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    """How few cells a 3-D grain has."""
     from .wall_cells import WALL_CELL, coarsening
 
     asked, walls = setup.scene.numerics.mesh_size, setup.walls

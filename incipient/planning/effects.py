@@ -1,7 +1,6 @@
-"""The physical effects of a scene: one table of the decisions on them.
+"""Decisions on the physical effects of a scene.
 
-Each decision says whether the scene calls for the effect, the number or key behind it, and what leaving the effect out
-changes where that is known. What is absent is never made: no space, no compiled form, no unknown.
+A decision names the number or key behind it and, where known, the change from leaving the effect out.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
 
 
 class EffectName(StrEnum):
-    """The physical effects that the program knows, by the names that plan and result show."""
+    """The physical effects, by their names in plan and result."""
 
     INERTIA = "inertia"
     UNSTEADINESS = "unsteadiness"
@@ -53,8 +52,7 @@ class Decision:
     """Whether one physical effect is simulated, and why.
 
     forced: the scene says so, not the plan
-    expected: relative change that leaving it out makes, by its leading term, at most one; None: no estimate
-    of: the quantity that changes
+    expected: relative change of quantity `of` without the effect, by its leading term, at most one; None: no estimate
     """
 
     name: EffectName
@@ -65,7 +63,6 @@ class Decision:
     of: str = "drag"
 
     def text(self) -> str:
-        """One line of the plan."""
         line = f"{'yes' if self.present else ' no'}  {self.name}: {self.reason}"
         if not self.expected:
             return line
@@ -74,7 +71,7 @@ class Decision:
 
 
 def accuracy_asked(numerics: Numerics) -> float:
-    """The relative accuracy that a scene requests, or the default."""
+    """The requested or default relative accuracy."""
     return numerics.accuracy if isinstance(numerics.accuracy, float) else USUAL_ACCURACY
 
 
@@ -89,11 +86,10 @@ def percent(share: float) -> str:
 def inertia(setup: Setup) -> Decision:
     """Present where Oseen's correction exceeds a fraction of the requested accuracy.
 
-    Its expected influence on the drag is Oseen's correction, 3/16 Re, with the Reynolds number of diameter and speed
-    (Proudman & Pearson 1957, J. Fluid Mech. 2, 237). A grain away from walls feels inertia as far as the next wall: the
-    flow of Stokes decays as slowly as the distance grows (Oseen 1910), and even more slowly in 2-D. For a sphere that
-    touches a wall in shear G, lift over drag is 0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), that is 0.07 Re
-    with the speed at its top: Oseen's is the larger.
+    Oseen's correction of the drag is 3/16 Re, with the Reynolds number of diameter and speed (Proudman & Pearson 1957,
+    J. Fluid Mech. 2, 237). Far from walls inertia acts as far as the next wall: Stokes flow decays as slowly as the
+    distance grows (Oseen 1910), in 2-D even more slowly. For a sphere that touches a wall in shear G, lift over drag is
+    0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), 0.07 Re with the speed at its top: less than Oseen's.
     """
     scene, numbers, name = setup.scene, setup.numbers, EffectName.INERTIA
     reynolds = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
@@ -116,7 +112,6 @@ def inertia(setup: Setup) -> Decision:
 
 
 def _oseen(flow: Any, numbers: Numbers) -> float:
-    """Relative change of the drag that convection makes in a flow, by Oseen's term; at most one."""
     estimates = [OSEEN * (numbers.bed_reynolds or 0.0)]
     if not flow.parallel:  # inertia changes the base flow
         estimates.append(OSEEN * numbers.flow_reynolds)
@@ -149,7 +144,7 @@ def unsteadiness(setup: Setup) -> Decision:
 
 
 def shedding(setup: Setup) -> str:
-    """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
+    """Warning if a steady flow is probably unstable (vortex shedding), or ""."""
     reynolds, scene = setup.numbers.grain_reynolds, setup.scene
     clearance = setup.numbers.reach - 0.5
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
@@ -161,12 +156,11 @@ def shedding(setup: Setup) -> str:
 
 
 def _of_changes(setup: Setup) -> float | None:
-    """Relative change of the drag on a held grain as the base flow changes, at most one; None: it is steady.
+    """Relative change of the drag on a held grain as the base flow changes, at most one; None: steady flow.
 
-    It is the force of an unsteady base flow on a fixed sphere, over the drag of Stokes: the history force,
-    a/sqrt(nu T), and the pressure that accelerates base flow and displaced fluid with the added mass, a^2/(3 nu T).
-    Here a is the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids 26, 883; the history
-    force is that in a flow that oscillates: one that grows steadily for a time T has 2/sqrt(pi) times as much).
+    The history force, a/sqrt(nu T), and the pressure of the accelerated base flow with the added mass, a^2/(3 nu T),
+    over Stokes' drag, for radius a and time of change T (Maxey & Riley 1983, Phys. Fluids 26, 883). The history force
+    is that in an oscillating flow: one that grows steadily for T has 2/sqrt(pi) times as much.
     """
     base_flow, grain = setup.base_flow, setup.scene.grain
     period = time_of_change(base_flow, setup.scene.time)
@@ -217,7 +211,6 @@ def free_surface(setup: Setup) -> Decision:
 
 
 def _ends(setup: Setup) -> str:
-    """The conditions at the ends of a channel with a free surface; empty for a box."""
     if setup.scene.domain.kind == "box":
         return ""
     from ..setup.waves import wave_of
@@ -249,7 +242,7 @@ def third_dimension(setup: Setup) -> Decision:
 
 
 def turbulent(setup: Setup) -> Decision:
-    """Present where the scene asks for it; otherwise the plan says where the flow may be turbulent."""
+    """Present on request; otherwise the plan says where the flow may be turbulent."""
     scene, name = setup.scene, EffectName.TURBULENCE
     if scene.is_averaged:
         model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.turbulence.model]

@@ -1,4 +1,4 @@
-"""Expense of a computation: cells and unknowns, counted on the mesh that will be used, and memory."""
+"""Cells and unknowns, counted on the mesh that will be used, and memory."""
 
 import math
 from collections.abc import Callable
@@ -37,10 +37,10 @@ def count(
     solver: str = "direct",
     wider: Layout | None = None,
 ) -> Estimate:
-    """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
+    """Cells, unknowns and memory of the flow on the layout's mesh.
 
-    dual:   whether errors of a steady flow are also estimated, with elements of the next-higher order (see `has_dual`)
-    solver: of the linear systems, a name of a `linear.Method`; in 2-D it is direct
+    dual:   whether errors of a steady flow are estimated in elements of the next-higher order (see `has_dual`)
+    solver: name of a `linear.Method`; in 2-D it is direct
     wider:  of a run for the error bars while the flow stays in memory; in 3-D
     """
     cells, unknowns = _counted(layout)
@@ -56,24 +56,23 @@ def count(
 
 
 def has_dual(setup: Setup) -> bool:
-    """Whether a scene's error bars need a dual solution. Not collective."""
+    """Whether a scene's error bars need a dual solution."""
     scene = setup.scene
     held = scene.body is not None and scene.time is None and not scene.is_averaged
     return scene.numerics.error_bars and held
 
 
 def memory(*unknowns: int) -> float:
-    """MiB for simultaneous systems of so many unknowns. Not collective.
+    """MiB for simultaneous systems of these numbers of unknowns.
 
-    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c was
-    fitted to measured peaks, the libraries' part was measured (docs/validation/performance.md).
+    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c and the libraries'
+    memory were measured (docs/validation/performance.md).
     """
     entries = sum(n * math.log2(n) for n in unknowns)
     return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20
 
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
-    """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
     gdim = layout.gdim
     corners = layout.mesh().cells[:, : gdim + 1]
     vertices, edges, faces = (_distinct(corners, number) for number in range(1, 4))
@@ -85,7 +84,6 @@ def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
 
 
 def _distinct(cells: Integers, number: int) -> int:
-    """Number of distinct sets of a number of corners of cells."""
     rows = np.concatenate(
         [cells[:, list(some)] for some in combinations(range(cells.shape[1]), number)]
     )
@@ -99,10 +97,10 @@ def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> i
 
 
 def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
-    """MiB of a flow of an order with a solver, and of its error bars if `dual`. Not collective.
+    """MiB of a flow with a solver, and of its error bars if `dual`.
 
     Sparse factors of a 3-D mesh of n unknowns have about c n^(4/3) entries (George 1973); the memory of an iterative
-    method is proportional to n. Both were fitted to measured peaks. `unknowns` counts those of any order.
+    method is proportional to n. Both were fitted to measured peaks.
     """
     if solver == "direct":
         entries = sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
@@ -117,7 +115,7 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
 
 
 def memory_of_parts(setup: Setup, unknowns: int) -> float:
-    """MiB that a free surface or a model of turbulence adds to those of a 3-D flow with so many unknowns."""
+    """MiB that a free surface or a turbulence model adds to a 3-D flow."""
     scene = setup.scene
     if scene.gdim == 2:
         return 0.0

@@ -27,10 +27,10 @@ STEEPEST = 0.35  # growth of coarse cells with distance
 
 @dataclass(frozen=True, kw_only=True)
 class Layout(Stance):
-    """A scene's geometry with the grain in place, ready to be drawn.
+    """A scene's geometry with the grain placed.
 
-    max_cells: triangles, in 3-D tetrahedra, expected above which no mesh is made
-    closing: the closed space about the contacts of a grain, where it is narrower than the gap; None: it is open
+    max_cells: expected triangles, in 3-D tetrahedra, above which no mesh is made
+    closing: the closed space next to the contacts of a grain; None: open
     """
 
     shape: Region | SolidRegion | Grid
@@ -41,13 +41,12 @@ class Layout(Stance):
 
     @property
     def gdim(self) -> int:
-        """Dimension of space."""
         if isinstance(self.shape, Grid):
             return len(self.shape.extents)
         return 3 if isinstance(self.shape, SolidRegion) else 2
 
     def mesh(self) -> Simplices:
-        """The mesh, in arrays; for one rank only.
+        """The mesh, on one rank only.
 
         Raises:
             MeshError: the geometry cannot be meshed.
@@ -60,7 +59,6 @@ class Layout(Stance):
         return meshed(self.shape, self.sizes, self.geometry_order)
 
     def _require_few_cells(self) -> None:
-        """Refuse a mesh that would take hours and all memory before it is begun."""
         parts = expected_cells(self.shape, self.sizes)
         expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
         if not expected <= self.max_cells:
@@ -84,7 +82,6 @@ class Layout(Stance):
 
 
 def _round_up(number: float) -> int:
-    """A little more than a number, in two digits."""
     digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
     return (int(number / digits) + 1) * digits
 

@@ -1,4 +1,4 @@
-"""The region that gmsh meshes, from the geometry of a scene: where everything is, and how finely it is meshed."""
+"""The region that gmsh meshes, and its cell sizes."""
 
 import math
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ GRID_GRADING = 0.05  # of the cells of an empty box: spacing at walls over that 
 
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
-    """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
+    """Place the grain, in the scene or where it has `moved`, and decide cell sizes."""
     scene, order = setup.scene, plan.order
     common = partial(Layout, geometry_order=plan.geometry_order, max_cells=scene.numerics.max_cells)
     if setup.is_averaged and setup.walls.plane:
@@ -65,7 +65,6 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
 
 
 def _closed(setup: Setup, closing: Closing) -> Stance:
-    """The resting grain, whose gap is the width up to which the space next to its contacts is closed."""
     resting = setup.scene.placement
     return Stance(resting, resting, closing.width, (closing.left.start, closing.left.end))
 
@@ -73,7 +72,6 @@ def _closed(setup: Setup, closing: Closing) -> Stance:
 def _region(
     setup: Setup, placement: Placement | None, closing: Closing | None
 ) -> tuple[Region, tuple[Curve, ...]]:
-    """The 2-D region that is meshed, and the outline of the grain in it."""
     scene, domain = setup.scene, setup.scene.domain
     reaches: tuple[tuple[float, float], ...] = ((domain.left, domain.right),)
     outline: tuple[Curve, ...] = ()
@@ -94,7 +92,6 @@ def _region(
 
 
 def _stance(setup: Setup, moved: Placement | None) -> Stance:
-    """The grain's placement, in the scene or after it has `moved`, and its nearest boundary."""
     stance = setup.geometry.stance if moved is None else Stance(moved, moved)
     if not setup.scene.moves or stance.placement is None:
         return stance
@@ -110,7 +107,6 @@ def _sizes(
     stance: Stance,
     closing: Closing | None,
 ) -> Sizes:
-    """Cell sizes in 2-D for mesh_size = 1: where they are smaller than away from everything."""
     scene, domain, layers = setup.scene, setup.scene.domain, None
     far = FAR_CELL[order] * domain.height
     open_gap = stance if closing is None else Stance(stance.resting, stance.placement)
@@ -142,7 +138,6 @@ def _sizes(
 def _along_grain(
     geometry: Geometry, order: int, outline: tuple[Curve, ...], stance: Stance
 ) -> list[Near]:
-    """Cells at the grain, at its corners, and in a narrow gap between it and what is next to it."""
     grain = geometry.scene.grain
     if grain is None:
         return []
@@ -157,7 +152,6 @@ def _along_grain(
 
 
 def _along_bed(scene: Scene, order: int, stance: Stance) -> list[Near]:
-    """Cells along a bed with forms."""
     bed = scene.bed_shape
     if bed is None or not np.isfinite(bed.feature):
         return []
@@ -169,13 +163,11 @@ def _along_bed(scene: Scene, order: int, stance: Stance) -> list[Near]:
 
 
 def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
-    """Cells at the inflow where a formula for the velocity changes within one of the usual size, as at a kink."""
     domain, scene = setup.scene.domain, setup.scene
     low, high = setup.ceiling - setup.base_flow.depth, setup.ceiling
     times = np.linspace(0.0, scene.time.end, INFLOW_SAMPLES) if scene.time is not None else [0.0]
 
     def velocities(heights: np.ndarray) -> np.ndarray:
-        """Velocities (times, 2, n) at heights (n,)."""
         points = setup.base_flow.column((domain.left, low), heights)
         return np.array([setup.base_flow.entering(points, float(t)) for t in times])
 
@@ -197,7 +189,6 @@ def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
 
 
 def _box(setup: Setup, cell: float) -> Grid:
-    """The grid of an empty box, with cells of a size."""
     domain = setup.scene.domain
     if setup.scene.gdim == 3:
         return in_space.box_grid(setup, cell)
@@ -210,8 +201,8 @@ def _box(setup: Setup, cell: float) -> Grid:
 def is_resolved(setup: Setup) -> bool:
     """Whether a cell at the grain, of second order, is within the boundary layer of an unsteady flow.
 
-    The layer has the thickness sqrt(nu t): t is the time since the start or, where they are shorter, the times in which
-    the flow changes or passes the grain. Of higher orders as many nodes are within it.
+    The layer has the thickness sqrt(nu t): t is the time since the start or, if shorter, the times in which the flow
+    changes or passes the grain. With higher orders as many nodes are within it.
     """
     scene, grain, viscosity = setup.scene, setup.scene.grain, setup.base_flow.viscosity
     if scene.time is None or grain is None:

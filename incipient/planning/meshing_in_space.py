@@ -1,4 +1,4 @@
-"""The region in 3-D that gmsh meshes, from the geometry of a scene: the box above a bed, less the grain."""
+"""The 3-D region that gmsh meshes, and its cell sizes: the box above a bed, less the grain."""
 
 import math
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ BED_LARGEST = (
 
 
 def box_grid(setup: Setup, cell: float) -> Grid:
-    """The grid of an empty box with cells of a size on average, finer next to its walls; half of it if symmetric."""
+    """The grid of an empty box with cells of a mean size, finer next to walls; half of it if symmetric."""
     scene, domain, half = setup.scene, setup.scene.domain, setup.symmetric
     extents = ((domain.left, domain.right), setup.geometry.half, (domain.bottom, domain.ceiling))
     counts = [max(FEWEST[3], round((high - low) / cell)) for low, high in extents]
@@ -48,7 +48,7 @@ def box_grid(setup: Setup, cell: float) -> Grid:
 
 
 def region(setup: Setup, placement: Placement | None) -> SolidRegion:
-    """The meshed geometry: the domain above the bed, less the placed grain."""
+    """The domain above the bed, less the placed grain."""
     scene, names, domain = setup.scene, setup.sides, setup.scene.domain
     return SolidRegion(
         x=(domain.left, domain.right),
@@ -63,14 +63,13 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
 
 
 def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
-    """The region where the bed is resolved; None: everywhere, as for a moving grain."""
     if setup.scene.moves:
         return None
     return setup.geometry.resolved_bed(placement, setup.base_flow.datum)
 
 
 def cut_at_inflow(setup: Setup) -> bool:
-    """Whether the inflow cuts bedforms, which are meshed there. Not collective."""
+    """Whether the inflow cuts bedforms, which are meshed there."""
     scene, placement = setup.scene, setup.scene.placement
     if (
         scene.gdim == 2
@@ -109,7 +108,7 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
 
 
 def thinner(setup: Setup) -> float:
-    """The factor by which the boundary layer of a held grain makes the cells at it smaller."""
+    """Factor by which the boundary layer of a held grain reduces the cells at it."""
     scene, base_flow = setup.scene, setup.base_flow
     if scene.grain is None or scene.moves or base_flow.creeping or setup.is_averaged:
         return 1.0
@@ -118,7 +117,6 @@ def thinner(setup: Setup) -> float:
 
 
 def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]:
-    """Cells along walls that have no forms and are resolved, with layers between the walls and them."""
     from .wall_cells import LARGEST_ROW
 
     walls, bed, grain = setup.walls, setup.scene.bed_shape, setup.scene.grain
@@ -134,7 +132,6 @@ def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]
 
 
 def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
-    """Cells behind the grain, where the base flow carries its wake."""
     grain = setup.scene.grain
     if grain is None or placement is None:
         return []
@@ -152,7 +149,6 @@ def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
 
 
 def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -> list[Near]:
-    """Cells at the grain, finer by `layer`, and in a narrow gap between it and what is next to it."""
     grain = geometry.scene.grain
     if grain is None:
         return []
@@ -166,7 +162,6 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -
 
 
 def _along_bed(setup: Setup, order: int, stance: Stance) -> list[Near]:
-    """Cells along a bed with forms, larger where a planar far bed takes its place."""
     bed = setup.scene.bed_shape
     if not isinstance(bed, Terrain) or not np.isfinite(bed.feature):
         return []

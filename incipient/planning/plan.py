@@ -1,7 +1,6 @@
 """The plan of a scene: effects simulated and left out, discretisation, expense.
 
-The plan decides what is built. A sub-problem or a term that it does not name is never made: no space, no
-compiled form, no unknown.
+Sub-problems and terms that the plan does not name are never made.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
 
 @dataclass(frozen=True)
 class Estimate:
-    """Expense of the computation, counted on the mesh that will be used, the first one if there are several."""
+    """Expense of the computation, counted on the first mesh that will be used."""
 
     cells: int
     unknowns: int
@@ -49,7 +48,7 @@ class Datum:
 
 @dataclass(frozen=True)
 class Plan:
-    """Effects, discretisation and (where it has been counted) expense of a scene's computation."""
+    """Effects, discretisation and (if counted) expense of a scene's computation."""
 
     effects: tuple[Decision, ...]
     order: int
@@ -79,7 +78,7 @@ class Plan:
         return asdict(self)
 
     def text(self) -> str:
-        """The plan as a few lines for a reader."""
+        """The plan in a few lines."""
         lines = [f"  {effect.text()}" for effect in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
@@ -113,7 +112,7 @@ class Plan:
 
 
 def make_plan(scene: Scene) -> Plan:
-    """Decide from the scene alone; nothing is meshed or computed. Not collective.
+    """Decide from the scene alone; nothing is meshed or computed.
 
     Raises:
         SceneError: an effect that is present cannot be simulated in the scene.
@@ -122,7 +121,7 @@ def make_plan(scene: Scene) -> Plan:
 
 
 def plan_of(setup: Setup) -> Plan:
-    """The plan of a scene whose parts have been made, as by `make_plan`. Not collective."""
+    """The plan of a prepared scene, as by `make_plan`."""
     scene = setup.scene
     decisions = tuple(decide(setup) for decide in effects.TABLE)
     order, why_order = velocity_order(setup)
@@ -150,7 +149,6 @@ def plan_of(setup: Setup) -> Plan:
 
 
 def _sought(setup: Setup) -> str:
-    """The purpose for which the run chooses mesh and order and, if unsteady, the time steps."""
     scene, numerics = setup.scene, setup.scene.numerics
     if numerics.accuracy is None:
         return ""
@@ -172,7 +170,6 @@ def _sought(setup: Setup) -> str:
 
 
 def _geometry_order(setup: Setup) -> int:
-    """Straight cells where every boundary is straight, otherwise curved ones to match the velocity."""
     scene = setup.scene
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
@@ -189,7 +186,6 @@ def _geometry_order(setup: Setup) -> int:
 
 
 def _has_flat_faces(scene: Scene) -> bool:
-    """Whether every boundary of a 3-D geometry is made of planes."""
     grain, bed = scene.grain, scene.bed_shape
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
@@ -197,7 +193,6 @@ def _has_flat_faces(scene: Scene) -> bool:
 
 
 def _datum(setup: Setup) -> Datum | None:
-    """The datum of a flow of given profile over a bed; a turbulent flow enters at the bed itself."""
     scene, bed, base_flow = setup.scene, setup.scene.bed_shape, setup.base_flow
     level = getattr(scene.flow, "datum", None)
     if level is None or bed is None or scene.is_averaged:
@@ -222,7 +217,6 @@ def _datum(setup: Setup) -> Datum | None:
 
 
 def _grain(scene: Scene) -> str:
-    """The diameters of a scanned grain, or of one with known units, in words; otherwise empty."""
     grain, body, scales = scene.grain, scene.body, scene.scales
     if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):
         return ""

@@ -34,9 +34,9 @@ ABSORBED = 5.0
 
 
 def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
-    """Conditions of a free surface at the ends, below and above; under a rigid `lid` without the surface's own.
+    """Conditions at the ends, below and above; under a rigid `lid` without the surface's own.
 
-    Boundaries that the surface leaves to other conditions are missing. Not collective.
+    Boundaries without such a condition are missing.
     """
     surface, sides, up, conditions = (
         setup.surface,
@@ -56,7 +56,7 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
 
 
 def free_surface(setup: Setup) -> FreeSurface:
-    """The condition on top of a scene whose top is a free surface. Not collective."""
+    """The condition on a free surface."""
     surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
     # The pressure without the hydrostatic part is zero where the still level meets the right end.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
@@ -66,7 +66,7 @@ def free_surface(setup: Setup) -> FreeSurface:
 
 
 def ends(setup: Setup) -> list[Condition]:
-    """The conditions at both ends of a channel with a free surface. Not collective."""
+    """The conditions at both ends of a channel with a free surface."""
     scene, cells = setup.scene, far_cells(setup)
     largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(cells.order)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
@@ -85,7 +85,7 @@ def ends(setup: Setup) -> list[Condition]:
 
 
 def sponge(setup: Setup) -> Sponge | None:
-    """The zone before the right end of a channel in which waves die out; None: there is none. Not collective."""
+    """The zone before the right end of a channel in which waves die out, or None."""
     surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
     if surface.sponge == 0.0:
         return None
@@ -96,14 +96,13 @@ def sponge(setup: Setup) -> Sponge | None:
 
 
 def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
-    """The velocity along a channel at its inflow, of base flow and wave over the depth below the wave.
+    """The velocity at the inflow, of base flow and wave over the depth below the wave.
 
-    It is counted by the area as the mesh was made.
+    It is weighted by the area of the initial mesh.
     """
     base_velocity, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
 
     def along(x: Floats, t: float) -> Floats:
-        """Velocities (n,) along the channel at positions (3, n) of the inflow as the mesh was made."""
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
         places[up] = datum + (x[up] - datum) * deeper
         waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
@@ -113,7 +112,6 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
 
 
 def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
-    """Base flow and wave at the inflow, and the elevation there."""
     base_velocity, left, datum, up = (
         base_flow.velocity,
         base_flow.domain.left,
@@ -122,7 +120,6 @@ def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     )
 
     def velocity(x: Floats, t: float) -> Floats:
-        """Velocities (gdim, n) of base flow and wave at positions (3, n)."""
         total = base_velocity(x, t)
         for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
             total[axis] += waving

@@ -1,4 +1,4 @@
-"""The Reynolds number from which on a flow that is computed as a laminar one may be turbulent."""
+"""The Reynolds number above which a flow computed as laminar may be turbulent."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ REMEDY = (
 class Transition:
     """A Reynolds number above that of turbulence.
 
-    number: its name; value: the number; least: from which on there may be turbulence; where: in what flows
+    number: its name; value: the number; least: critical value; where: in what flows
     """
 
     number: str
@@ -38,16 +38,14 @@ class Transition:
     where: str
 
     def text(self, place: str = "") -> str:
-        """The number, and from which on there may be turbulence."""
         return f"{self.number} {self.value:.4g}{place}: {self.where} may be turbulent from {self.least:g} on"
 
 
 def transition(setup: Setup, faster: float = 1.0) -> Transition | None:
-    """The Reynolds number by which a scene's flow, faster by a factor, may be turbulent, or None. Not collective.
+    """The Reynolds number at which a scene's flow, faster by a factor, may be turbulent, or None.
 
-    A top that moves with the flow stands for an endless flow, whose depth the height of the domain does not
-    tell; a uniform flow over a bed has a boundary layer all the same. The mean profile of a turbulent flow is none
-    of a laminar flow.
+    A top that moves with the flow represents endless flow, whose depth is not the height of the domain; a uniform flow
+    over a bed still has a boundary layer. The mean profile of a turbulent flow does not apply.
     """
     scene = setup.scene
     domain, kind = scene.domain, scene.flow.kind
@@ -67,5 +65,5 @@ def transition(setup: Setup, faster: float = 1.0) -> Transition | None:
 
 
 def turbulent_from(flow: Any) -> float:
-    """Flow Reynolds number from which a channel may be turbulent; an open channel is half a closed one."""
+    """Flow Reynolds number above which a channel may be turbulent; an open channel is half a closed one."""
     return 0.5 * TURBULENT if flow.wall_below else TURBULENT

@@ -1,4 +1,4 @@
-"""Cells at the walls of a mean flow: rows of a channel, layers in the viscous sublayer, and sizes along walls."""
+"""Cells at the walls of a mean flow: rows of a channel, layers in the viscous sublayer, sizes along walls."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the di
 
 
 def coarsening(walls: Walls, order: int) -> float:
-    """The size of cells at walls with elements of an order; sizes in the logarithmic layer are those of order three."""
+    """Factor on cells at walls for an order; sizes in the logarithmic layer are for order three."""
     if walls.is_resolved:
         return 1.0 if order == 2 else 1.3
     return 1.0 if order > 2 else 0.75
 
 
 def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
-    """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D. Not collective."""
+    """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D."""
     walls, scene, names = setup.walls, setup.scene, setup.sides
     domain, half, coarse = (
         scene.domain,
@@ -67,7 +67,6 @@ def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
 
 
 def _rows(walls: Walls) -> tuple[float, float, float, float]:
-    """First and largest row, rows to where they are largest, and in all, over the depth of a wall."""
     largest = LARGEST_ROW * walls.depth
     first = min(FIRST_ROW * walls.from_origin(walls.names[0]), largest)
     part = walls.depth - walls.nearest
@@ -77,7 +76,6 @@ def _rows(walls: Walls) -> tuple[float, float, float, float]:
 
 
 def _row_ends(walls: Walls, height: float, coarse: float) -> Floats:
-    """Ends of rows, as fractions of a height with one wall or two; rows are larger by the factor `coarse`."""
     first, largest, to_bend, whole = _rows(walls)
     number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
     counted = whole * np.arange(1, number + 1) / number
@@ -90,7 +88,7 @@ def _row_ends(walls: Walls, height: float, coarse: float) -> Floats:
 
 
 def coarsest(setup: Setup) -> float:
-    """The largest numerics.mesh_size by which all cells become larger; no bound but between planes. Not collective."""
+    """Largest numerics.mesh_size at which all cells still grow; inf except between planes."""
     walls = setup.walls
     if not walls.plane:
         return math.inf
@@ -102,7 +100,7 @@ def coarsest(setup: Setup) -> float:
 
 
 def cells(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
-    """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
+    """Cells along walls some of which are not planar, and at their corners."""
     walls, scene = setup.walls, setup.scene
     if walls.is_resolved:
         yield from _along_layers(walls, scene, placement)
@@ -147,7 +145,7 @@ def _along_layers(walls: Walls, scene: Scene, placement: Placement | None) -> It
 
 
 def rise(scene: Scene) -> float:
-    """The length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
+    """Length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
     bed, domain = scene.bed_shape, scene.domain
     if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):
         return math.inf
@@ -157,7 +155,7 @@ def rise(scene: Scene) -> float:
 
 
 def layers(setup: Setup, order: int, along: float) -> WallLayers | None:
-    """Layers at walls of which some are no planes, with cells of a size along them in 3-D; None: there are none."""
+    """Layers at walls some of which are not planar, with cells of a size along them in 3-D, or None."""
     walls, gdim = setup.walls, setup.scene.gdim
     if not walls.is_resolved:
         return None

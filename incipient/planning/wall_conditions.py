@@ -1,4 +1,4 @@
-"""Boundary conditions of a mean flow, whose walls resist it by a law a distance beyond the mesh."""
+"""Boundary conditions of a mean flow, with laws of the wall a distance beyond the mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos
 
 
 def conditions(setup: Setup) -> list[Condition]:
-    """Boundary conditions of a turbulent flow. Not collective."""
+    """Boundary conditions of a turbulent flow."""
     walls, sides, scene = setup.walls, setup.sides, setup.scene
     closing = CLOSED if setup.scene.closes_contacts else ()
     rubbing: list[Condition] = [

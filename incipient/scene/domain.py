@@ -73,28 +73,23 @@ class Domain(Section):
 
     @property
     def up(self) -> int:
-        """Index of the vertical coordinate."""
         return self.gdim - 1
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """Limits of x, in 3-D also of y."""
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
 
     @property
     def left(self) -> float:
-        """x of the inflow, or of the left wall."""
         return self.origin[0]
 
     @property
     def right(self) -> float:
-        """x of the outflow, or of the right wall."""
         return self.origin[0] + self.length
 
     @property
     def bottom(self) -> float:
-        """Height of the bed's base line."""
         return self.origin[-1]
 
     @property
@@ -107,7 +102,7 @@ class Domain(Section):
         return self.origin[1], self.origin[1] + self.width
 
     def grid(self, *counts: int) -> Floats:
-        """Equidistant points (n, k) of the whole domain, of k counts: along the flow, across, in height."""
+        """Equidistant points (n, k) of the whole domain, with k counts along the flow, across and in height."""
         sides = (*self.spans, (self.bottom, self.ceiling))
         axes = [np.linspace(*ends, count) for ends, count in zip(sides, counts, strict=False)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
@@ -118,7 +113,6 @@ class Domain(Section):
 
     @property
     def entrance(self) -> tuple[float, ...]:
-        """Lowest point of the inflow, in 3-D at mid-width."""
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property

@@ -24,7 +24,7 @@ _COLUMN = 26
 
 
 def grain_on_bed() -> Scene:
-    """Disc on a flat bed in linear shear; force and torque are within about 1% of those in an unbounded domain."""
+    """Disc on a flat bed in linear shear; loads are within about 1% of those in an unbounded domain."""
     return Scene(
         title="A disc on a flat bed in shear flow",
         domain=Domain(kind="channel", length=24.0, height=20.0),

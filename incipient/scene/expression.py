@@ -50,10 +50,8 @@ class Expression:
     """Formula such as ``"where(y < 0.5, sin(pi*t)*y, 0)"``, vectorised over points.
 
     Numbers, ``x y z t pi``, ``+ - * / **``, ``sin cos tan exp log sqrt tanh abs min max`` and ``where(condition, a,
-    b)``, with ``< <= > >= and or not`` in the condition; nothing else, so that untrusted scenes are safe. `key`: named
-    in errors.
-
-    Raises SceneError for any other text.
+    b)``, with ``< <= > >= and or not`` in the condition. Raises SceneError, naming the `key`, for any other text, so
+    that untrusted scenes are safe.
     """
 
     text: str
@@ -85,7 +83,6 @@ class Expression:
 
     @property
     def variables(self) -> frozenset[str]:
-        """Variables among x, y, z and t on which the formula depends."""
         names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
         return frozenset(names & set(VARIABLES))
 

@@ -45,7 +45,7 @@ def load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = No
 def loads(
     text: str, base: Path | str = ".", overrides: Sequence[str] = (), name: str = "scene"
 ) -> Scene:
-    """Parse a scene; its files are relative to `base`, errors call it `name`. Not collective; raises as `load`."""
+    """Parse a scene; its files are relative to `base`, errors call it `name`. Raises as `load`."""
     return parse(Scene, text, base, overrides, name)
 
 
@@ -82,7 +82,7 @@ def dumps(scene: Scene) -> str:
 
 
 def save(scene: Scene, path: Path | str) -> None:
-    """Write the complete scene, independent of other files. Not collective. Raises OutputError."""
+    """Write the complete scene, independent of other files. Raises OutputError."""
     path = Path(path)
     own(path)  # who calls this has named the file
     write_text_atomically(path, dumps(scene))
@@ -175,7 +175,6 @@ def _wrong(override: str, why: str) -> SceneError:
 
 
 def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
-    """The override that causes a problem, if known; otherwise the file with the relevant overrides."""
     key = problem.key
     for place, override in places.items():
         if key[: len(place)] == place or place[: len(key)] == key:

@@ -39,22 +39,20 @@ Datum = Annotated[
 
 
 class FlowSection(Section):
-    """A kind of flow, and what the rest of the program asks of it; a kind overrides what differs.
+    """A kind of flow, and its properties; a kind overrides those that differ.
 
     Attributes:
-        top, tops: the upper side with domain.top = "auto", and the values that domain.top may have (empty: all).
+        top, tops: the upper side with domain.top = "auto", and the allowed values (empty: all).
         closed: whether the domain is a box (True), a channel (False), or either (None).
-        at_rest: whether the fluid is at rest without a grain.
-        parallel: whether convection leaves the flow as it is.
-        below_surface, modelled: whether it may be the flow below a free surface, or of a turbulence model.
+        parallel: whether convection leaves the flow unchanged.
+        below_surface, modelled: whether a free surface or a turbulence model is allowed.
         wall_below: whether the lower side is a wall even though the upper one is none.
         unbounded: whether without a bed it extends beyond the domain above and below.
-        stresses_bed: whether its stress on a bed is known.
-        keeps_shape: whether a faster flow has the same profile.
+        stresses_bed, keeps_shape: whether the bed stress is known, and the profile independent of the speed.
         moves_top, by_formulas: whether the upper side slides; whether cells at the inflow resolve its velocity.
         scaled_by: the key of [units] that gives its speed.
-        duct: of a flow between side walls, the height of the duct over the depth; 0: the sides do not change it.
-        needs: rules between the flow and other sections, of which `rules` knows nothing.
+        duct: height of a duct between side walls over the depth; 0: the sides do not change the flow.
+        needs: rules between the flow and other sections.
     """
 
     top: ClassVar[Top] = "stream"
@@ -76,43 +74,37 @@ class FlowSection(Section):
 
     @property
     def changes(self) -> bool:
-        """Whether the flow changes in time."""
         return False
 
     @property
     def cycle(self) -> float:
-        """Period of a flow that oscillates: it is prescribed at both ends, and a run starts from it; inf: none."""
+        """Period of a flow that oscillates, prescribed at both ends; inf: none."""
         return math.inf
 
     @property
     def oscillates(self) -> bool:
-        """Whether it has a period."""
         return math.isfinite(self.cycle)
 
     @property
     def frequency(self) -> float:
-        """w = 2 pi over the period."""
         return 2.0 * math.pi / self.cycle
 
     @property
     def words(self) -> str:
-        """The flow in the plan."""
         return f"{self.kind} flow"  # type: ignore[attr-defined]
 
     def reference_velocity(self, length: float) -> float:
-        """V of the Reynolds number with a reference length."""
         return self.velocity  # type: ignore[attr-defined]
 
     def speed(self, z: Any, depth: float) -> Any:
-        """Speed at heights z above the datum (floats, arrays or UFL) where the depth above it is given."""
+        """Speed at heights z above the datum (floats, arrays or UFL) for the given depth."""
         return self.reference_velocity(depth) + 0.0 * z
 
     def shear_rate(self, depth: float) -> float:
-        """Shear rate at the datum; zero where no formula gives it."""
+        """Shear rate at the datum; zero if not given by a formula."""
         return 0.0
 
     def numbers(self, size: float, viscosity: float) -> dict[str, float]:
-        """Dimensionless numbers of the flow past a grain of a size, by their names in the plan."""
         return {}
 
 
@@ -137,7 +129,6 @@ class Driven(Profile):
 
     @property
     def changes(self) -> bool:
-        """Whether there is a gust."""
         return self.gust is not None
 
 
@@ -150,15 +141,12 @@ class Shear(Driven):
     rate: Positive = key("Shear rate [1/time]; V = rate L", 1.0)
 
     def reference_velocity(self, length: float) -> float:
-        """The velocity at that height."""
         return self.rate * length
 
     def speed(self, z: Any, depth: float) -> Any:
-        """A straight line."""
         return self.rate * z
 
     def shear_rate(self, depth: float) -> float:
-        """The same at all heights."""
         return self.rate
 
 
@@ -173,11 +161,9 @@ class Poiseuille(Driven):
     velocity: Positive = key("Mean velocity V [length/time]", 1.0)
 
     def speed(self, z: Any, depth: float) -> Any:
-        """A parabola."""
         return 6 * self.velocity * z * (depth - z) / depth**2
 
     def shear_rate(self, depth: float) -> float:
-        """That of the parabola."""
         return 6.0 * self.velocity / depth
 
 
@@ -192,11 +178,9 @@ class OpenChannel(Driven):
     velocity: Positive = key("Mean velocity V [length/time]", 1.0)
 
     def speed(self, z: Any, depth: float) -> Any:
-        """Half a parabola."""
         return 1.5 * self.velocity * z * (2 * depth - z) / depth**2
 
     def shear_rate(self, depth: float) -> float:
-        """That of the parabola."""
         return 3.0 * self.velocity / depth
 
 
@@ -222,11 +206,9 @@ class LogLaw(Profile):
 
     @property
     def words(self) -> str:
-        """What is computed."""
         return "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
 
     def reference_velocity(self, length: float) -> float:
-        """u*."""
         return self.shear_velocity
 
 
@@ -258,12 +240,10 @@ class Oscillatory(Profile):
 
     @property
     def changes(self) -> bool:
-        """Always."""
         return True
 
     @property
     def cycle(self) -> float:
-        """The period."""
         return self.period
 
     def thickness(self, viscosity: float) -> float:
@@ -271,7 +251,7 @@ class Oscillatory(Profile):
         return math.sqrt(2.0 * viscosity / self.frequency)
 
     def numbers(self, size: float, viscosity: float) -> dict[str, float]:
-        """Keulegan-Carpenter number, thickness of the layer over the grain's size, its Reynolds number."""
+        """Keulegan-Carpenter number, layer thickness over the grain's size, the layer's Reynolds number."""
         thickness = self.thickness(viscosity)
         return {
             "KC": self.velocity * self.period / size,
@@ -314,7 +294,6 @@ class ExpressionFlow(FlowSection):
 
     @property
     def changes(self) -> bool:
-        """Whether a component depends on time."""
         return any("t" in Expression(text).variables for text in self.components)
 
 
@@ -329,11 +308,9 @@ class Still(FlowSection):
 
     @property
     def words(self) -> str:
-        """No flow."""
         return "the fluid is at rest"
 
     def speed(self, z: Any, depth: float) -> Any:
-        """None."""
         return 0.0 * z
 
 
@@ -352,7 +329,7 @@ Flow = Annotated[
 
 
 def kinds(fact: str) -> tuple[str, ...]:
-    """The kinds of flow of which an attribute of their section is true."""
+    """The kinds of flow for which a class attribute is true."""
     sections = get_args(get_args(Flow)[0])
     return tuple(
         section.model_fields["kind"].default for section in sections if getattr(section, fact)

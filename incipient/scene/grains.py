@@ -46,9 +46,8 @@ class BodySection(Section):
     """A grain, in 2-D or in 3-D.
 
     Attributes:
-        gdims: possible geometric dimensions.
         shape_key: the key that is refused if the grain is not possible.
-        made_of: class of the geometry, and the keys that are its arguments; otherwise `new_grain` is overridden.
+        made_of: class of the geometry, and the keys that are its arguments; otherwise override `new_grain`.
     """
 
     gdim: ClassVar[int]
@@ -118,25 +117,22 @@ class BodySection(Section):
 
     @property
     def is_free(self) -> bool:
-        """Whether flow and weight move the grain."""
         return self.motion in ("free", "released")
 
     @property
     def touches(self) -> bool:
-        """Whether the grain may roll, slide and rest on the bed; otherwise contact ends the run."""
+        """Whether contact is simulated; otherwise it ends the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
     @property
     def aside(self) -> float | None:
-        """y at which a 3-D grain comes to rest; None: mid-width."""
+        """y at which a 3-D grain rests; None: mid-width."""
         return None
 
     def placed(self, centre: Sequence[float]) -> Placement:
-        """Grain in the scene's orientation, with its centroid at a point (gdim,)."""
         raise NotImplementedError
 
     def grain(self) -> Any:
-        """Shape in the body frame, in scene units: a Grain of the plane, or a Solid."""
         return self._grain
 
     @cached_property  # an outline of many points takes time to check
@@ -144,6 +140,5 @@ class BodySection(Section):
         return self.new_grain()
 
     def new_grain(self) -> Shape:
-        """New shape in the body frame, in scene units."""
         shape, *keys = self.made_of
         return shape(*(getattr(self, key) for key in keys))

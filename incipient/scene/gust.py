@@ -61,7 +61,6 @@ class Gust(FromFile):
         return RISE * self.duration if self.rise is None else self.rise
 
     def knots(self) -> np.ndarray:
-        """Times (n,) that resolve the gust."""
         if self.shape == "points":
             return self.start + np.array([time for time, _ in self.points])
         whole = self.duration + (self.rising if self.shape == "top-hat" else 0.0)

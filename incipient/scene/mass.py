@@ -43,7 +43,7 @@ def inertia_tensor(body: BodySection) -> Floats | None:
 def mass_and_inertia(
     body: BodySection, placement: Placement | None = None
 ) -> MassAndInertia | None:
-    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in 2-D per unit depth; None without either.
+    """Mass and inertia (3, 3) about the centre of mass, in 2-D per unit depth; None without either.
 
     Added mass is omitted: it changes neither equilibrium nor the safety factor.
     """

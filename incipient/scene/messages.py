@@ -131,7 +131,7 @@ def problems_of(
 ) -> list[Problem]:
     """Problems in a validation error of the section `root`, unknown keys first.
 
-    gdim: dimension whose grains and beds remedies name; None: both
+    gdim: dimension of the grains and beds in remedies; None: both
     """
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     places = [_place(root, e["loc"]) for e in details]
@@ -148,7 +148,6 @@ def problems_of(
 
 
 def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
-    """Whether a list counts as too short only because its items are wrong."""
     loc = detail["loc"]
     return detail["type"] == "too_short" and any(
         e["loc"][: len(loc)] == loc != e["loc"] for e in details
@@ -156,7 +155,6 @@ def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
 
 
 def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None]:
-    """The key as the user wrote it (without pydantic's tag of the chosen alternative), and its section."""
     key: list[str | int] = []
     section: type[BaseModel] | None = root
     inside: tuple[type[BaseModel], ...] = (root,)

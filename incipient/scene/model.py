@@ -230,18 +230,18 @@ class Scene(Section):
 
     @property
     def is_empty_box(self) -> bool:
-        """Whether the scene is a closed box without grain and bed; in 3-D also without a free surface."""
+        """Whether a closed box has neither grain, bed nor (in 3-D) free surface."""
         empty = self.domain.kind == "box" and self.body is None and self.bed is None
         return empty and (self.gdim == 2 or not self.has_surface)
 
     @property
     def has_centrelines(self) -> bool:
-        """Whether the velocities on the centrelines of a lid-driven box without a grain are of interest."""
+        """Whether velocities on the centrelines of a lid-driven box are reported."""
         return self.flow.moves_top and self.body is None
 
     @property
     def has_separation(self) -> bool:
-        """Whether x of laminar separation and reattachment along the bed are of interest: in 2-D, without a grain."""
+        """Whether laminar separation and reattachment along the bed are reported: in 2-D, without a grain."""
         flows = not (self.flow.at_rest or self.flow.moves_top)
         flows = flows and not (self.has_surface or self.is_averaged)
         return self.gdim == 2 and self.bed is not None and self.body is None and flows
@@ -254,7 +254,6 @@ class Scene(Section):
 
     @property
     def no_error_bars(self) -> str:
-        """Reason for requested but unavailable error bars, or ""."""
         if not self.numerics.error_bars or self.has_error_bars:
             return ""
         return (
@@ -285,17 +284,14 @@ class Scene(Section):
 
     @property
     def is_averaged(self) -> bool:
-        """Whether a turbulence model computes the mean flow."""
         return self.effects.turbulence is True
 
     @property
     def has_wall_layer(self) -> bool:
-        """Whether walls have wall functions, over a layer outside the mesh."""
         return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)
 
     @property
     def resolves_walls(self) -> bool:
-        """Whether the turbulence model is integrated to the walls."""
         return self.is_averaged and not self.has_wall_layer
 
     @property
@@ -306,17 +302,14 @@ class Scene(Section):
 
     @cached_property
     def grain(self) -> Any:
-        """Shape in the body frame, a Grain of the plane or a Solid; None without a grain."""
         return None if self.body is None else self.body.grain()
 
     @property
     def mass(self) -> float | None:
-        """Mass of the grain, in 2-D per unit depth (fluid density 1); None without a density or mass."""
         return None if self.body is None else mass(self.body)
 
     @property
     def density(self) -> float | None:
-        """Density of the grain relative to the fluid; None as `mass`."""
         return None if self.body is None else mean_density(self.body)
 
     @property
@@ -329,15 +322,14 @@ class Scene(Section):
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether the space next to contacts is closed to the flow.
+        """Whether the space next to contacts is closed to the flow: only in 2-D turbulent flow.
 
-        Only in 2-D turbulent flow: laminar flow through a gap is so slow that loads are near their limit.
+        Laminar flow through a gap is so slow that loads are near their limit.
         """
         return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
 
     @cached_property
     def bed_shape(self) -> Any:
-        """A Bed of the plane or a Terrain; None without a bed."""
         if self.bed is None:
             return None
         build = self.bed.surface if self.gdim == 2 else self.bed.terrain
@@ -345,10 +337,7 @@ class Scene(Section):
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
-        """Placement of the grain in contact with the bed, settled with body.settle, or at a given centre.
-
-        Raises SceneError if it does not come to rest.
-        """
+        """Placement in contact with the bed, settled, or at a given centre. Raises SceneError without rest."""
         body = self.body
         if body is None:
             return None
@@ -385,7 +374,7 @@ class Scene(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: of shear rate times L, of a log-law u*, otherwise the velocity of the flow."""
+        """V of the Reynolds number: shear rate times L, u* of a log law, otherwise the flow's velocity."""
         return self.flow.reference_velocity(self.reference_length)
 
     @property
@@ -426,7 +415,7 @@ class Scene(Section):
 def register(section: type[Section]) -> None:
     """Add a kind of grain, bed or flow to scenes (docs/contribute/adding.md).
 
-    Raises SceneError if its `shape` (grain) or `kind` is not a single value or is already used.
+    Raises SceneError if its `shape` (grain) or `kind` is not a single, new value.
     """
     name = discriminator(section)
     flows = issubclass(section, FlowSection)

@@ -61,7 +61,6 @@ def misplaced(scene: Scene) -> list[Problem]:
 
 
 def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
-    """Coordinates so large that floating-point spacing exceeds the required resolution."""
     for name, start, extent in zip(_names(domain), domain.origin, domain.extents, strict=True):
         apart = math.ulp(abs(start) + extent)
         needed = finest * min(extent, extent if grain is None else grain.size)
@@ -76,7 +75,6 @@ def _names(domain: Domain) -> tuple[str, ...]:
 
 
 def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
-    """Extents too large, relative to a grain or to bedforms in 3-D, for gmsh to distinguish points."""
     sizes = {"the grain": math.inf if grain is None else grain.size}
     if domain.gdim == 3 and bed is not None:
         sizes["a bedform"] = bed.feature
@@ -132,7 +130,7 @@ def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Prob
 
 
 def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[Problem]:
-    """A datum, as a number, must be a height of the bed: otherwise a layer of fluid would be at rest."""
+    """A numeric datum must be a height of the bed: otherwise a layer of fluid would be at rest."""
     if level == "effective" and domain.gdim == 3:
         why = 'is "effective" in 3-D, where it is not computed'
         yield problem("flow.datum", why, 'use "auto" or a height')
@@ -148,7 +146,6 @@ def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[
 
 
 def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
-    """Lowest and highest point of the bed; of a periodic bed its crest, even outside of the domain."""
     if domain.gdim == 3:
         heights = bed.height(domain.grid(_PLACES, _PLACES))
         crest = bed.crest_level(*domain.spans)

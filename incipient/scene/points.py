@@ -20,7 +20,7 @@ MOST_POINTS = 100_000
 def read_points(path: Path, fewest: int, section: str) -> list[Point]:
     """Rows x, y of a CSV file; a header, empty lines and lines beginning with # are skipped.
 
-    Raises ValidationError about the key `file` of a section unless there are `fewest` to MOST_POINTS points.
+    Raises ValidationError on the key `file` of a section unless there are `fewest` to MOST_POINTS points.
     """
     rows = read_numbers(path, 2, MOST_POINTS, section, "x, y", fewest)
     return [(x, y) for x, y in rows]
@@ -29,10 +29,7 @@ def read_points(path: Path, fewest: int, section: str) -> list[Point]:
 def read_numbers(
     path: Path, columns: int, most: int, section: str, names: str, fewest: int = 1
 ) -> list[tuple[float, ...]]:
-    """Rows of so many numbers of a CSV file; skips the lines that `read_points` skips.
-
-    Raises ValidationError about the key `file` of a section unless there are `fewest` to `most` rows.
-    """
+    """Rows of numbers of a CSV file; as `read_points`, with `fewest` to `most` rows."""
     try:
         text = read_text(path, f"give the name of a CSV file of {names}", str(path))
     except SceneError as error:
@@ -57,7 +54,7 @@ def read_numbers(
 
 
 def file_key(kinds: str, instead: str, example: str) -> Any:
-    """The key `file` of a section: kinds of files, and the keys that replace it in the complete scene."""
+    """The key `file` of a section, with the keys that replace it in the complete scene."""
     text = f"{kinds} relative to the scene; the resolved scene has {instead} instead"
     return Field(None, description=text, examples=[example])
 
@@ -75,7 +72,6 @@ class FromFile(Section):
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
-        """Whether the other keys require the file or its content."""
         return True
 
     @classmethod

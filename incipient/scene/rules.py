@@ -1,7 +1,4 @@
-"""Rules between sections: key, condition, reason and remedy; `{s...}` in a text is an attribute of the scene.
-
-The first broken rule of each group is reported.
-"""
+"""Rules between sections; the first broken rule of each group is reported."""
 
 from __future__ import annotations
 
@@ -77,7 +74,6 @@ def _channel(s: Scene) -> bool:
 
 
 def _stream(s: Scene) -> bool:
-    """Whether there is a free surface above a flow that may be below one."""
     return _channel(s) and s.flow.below_surface
 
 
@@ -120,7 +116,6 @@ def _step(s: Scene) -> float | None:
 
 
 def _roughness(s: Scene) -> float:
-    """u* k_s/nu of a logarithmic profile in a channel; zero for other flows."""
     if s.flow.kind != "log-law" or _boxed(s) or _without_scale(s):
         return 0.0
     return float(s.flow.shear_velocity * s.flow.roughness / s.viscosity)

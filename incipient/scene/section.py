@@ -54,7 +54,7 @@ PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
 
 
 def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
-    """Validator of a key: refuse values that do not fit."""
+    """Validator of a key that refuses values that do not fit."""
 
     def fitting(value: Any) -> Any:
         if not fits(value):
@@ -65,7 +65,7 @@ def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
 
 
 def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
-    """Validator of a key: refuse lists with another number of items."""
+    """Validator of a key that refuses lists with another number of items."""
 
     def as_long(value: Any) -> Any:
         if isinstance(value, list | tuple) and len(value) not in counts:
@@ -82,7 +82,7 @@ Choice = Annotated[
 
 
 def formula(variables: str, why: str = "") -> AfterValidator:
-    """Validator of a formula in these variables; `why` is appended to the reason of a refusal."""
+    """Validator of a formula in these variables; `why` extends the reason of a refusal."""
 
     def in_variables(text: str) -> str:
         require_formula(text, variables, why)
@@ -188,7 +188,7 @@ def is_number(value: Any) -> bool:
 
 
 def require_formula(text: str, variables: str, why: str = "") -> None:
-    """Refuse text that is no formula in these variables; `why` is appended to the reason."""
+    """Refuse text that is no formula in these variables; `why` extends the reason."""
     try:
         unknown = Expression(text).variables - set(variables)
     except SceneError as error:

@@ -24,12 +24,7 @@ def rested(
 ) -> Placement:
     """Equilibrium of a grain released above a placement, in 2-D or in 3-D.
 
-    Args:
-        down: direction of gravity.
-        reach: distance over which the grain may roll.
-
-    Raises:
-        SceneError: the grain does not come to a stable rest.
+    down: direction of gravity; reach: distance over which the grain may roll. Raises SceneError without a stable rest.
     """
     hold = DEFAULT_FRICTION if friction is None else friction
     start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))

@@ -134,7 +134,6 @@ class Star(GrainSection):
 
     @property
     def shape_key(self) -> str:  # type: ignore[override]
-        """The key that is refused if the radius vanishes."""
         return "cosines" if self.cosines else "sines"
 
 
@@ -176,7 +175,7 @@ class BedSection(Section):
         raise NotImplementedError
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """3-D shape above the base plane z = origin_z, with x and y counted from a corner."""
+        """Shape above the base plane z = origin_z, with x and y counted from a corner."""
         raise NotImplementedError
 
 

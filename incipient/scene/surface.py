@@ -77,7 +77,6 @@ class Surface(FromFile):
         return {"points": read_points(path, 2, "Surface")}
 
     def height(self, x: np.ndarray) -> np.ndarray:
-        """Initial elevations (n,) above the still level at points (3, n)."""
         if self.points:
             return np.interp(x[0], *np.transpose(self.points))
         return Expression(self.elevation)(x)

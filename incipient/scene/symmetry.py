@@ -1,6 +1,6 @@
 """Differences of a 3-D scene from its mirror image in the vertical plane at mid-width.
 
-Of a symmetric scene one half is computed, without flow through that plane.
+Of a symmetric scene only one half is computed.
 """
 
 from __future__ import annotations
@@ -99,7 +99,6 @@ def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
 def _differ(
     formulas: Sequence[Expression], domain: Domain, time: Time | None, mirror: Floats = UNCHANGED
 ) -> bool:
-    """Whether formulas differ from those of the mirror image, whose values are `mirror` times theirs."""
     points = domain.grid(11, 11, 11).T
     for t in _times(time):
         here = np.array([formula(points, t) for formula in formulas]).reshape(-1, 11, 11, 11)

@@ -100,7 +100,6 @@ class Turbulence(Section):
 
     @property
     def has_wall_functions(self) -> bool:
-        """Whether wall functions represent a layer outside the mesh."""
         return self.model == "k-epsilon"
 
     @property
@@ -108,7 +107,7 @@ class Turbulence(Section):
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """Error message for rows of the profile beyond a wall on top, or all outside the depth of a channel, or ""."""
+        """Error message for rows of the profile beyond a wall on top, or all outside the depth, or ""."""
         if walls < 2 and self.profile and self.profile[0][0] > depth:
             why = f"has no row within the depth of {depth:.4g}"
             return f"turbulence.profile: {why}; give heights in lengths of the scene"

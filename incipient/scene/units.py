@@ -1,12 +1,11 @@
 """The section [units], and the dimensionless scene that follows from it.
 
-The unit of length L0 is `length`, or `diameter` over the grain's nominal diameter in scene units. The unit of velocity
-is V0 = velocity / flow.velocity; for shear flow the unit of time is T0 = flow.rate / shear_rate. L0 = V0 T0.
+The unit of length L0 is `length`, or `diameter` over the grain's nominal diameter in scene units; of velocity V0 =
+velocity / flow.velocity; of time, for shear flow, T0 = flow.rate / shear_rate, with L0 = V0 T0.
 
-    Re = V L / nu,    gravity.acceleration = g T0^2 / L0,    body.density = rho_s / rho_f,
+    Re = V L / nu,    gravity.acceleration = g T0^2 / L0,    body.density = rho_s / rho_f.
 
-with V and L of the Reynolds number in SI units. The unit of force is rho_f V0^2 L0^2, in 2-D rho_f V0^2 L0 per unit
-depth.
+The unit of force is rho_f V0^2 L0^2, in 2-D rho_f V0^2 L0 per unit depth.
 """
 
 from __future__ import annotations
@@ -75,7 +74,6 @@ class Units(Section):
     )
 
     def metres(self, grain: Any) -> float:
-        """The scene's unit of length [m]."""
         if self.diameter is not None:
             return self.diameter / nominal_diameter(grain)
         return METRES[self.length] if isinstance(self.length, str) else float(self.length or 0.0)
@@ -138,10 +136,7 @@ def scales_of(scene: Scene, units: Units) -> Scales:
 
 
 def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene]) -> dict[str, Any]:
-    """Data of a scene completed from its units.
-
-    Args:
-        checked: makes the scene of data without units.
+    """Data of a scene completed from its units; `checked` makes the scene of data without units.
 
     Raises ValidationError for an invalid scene, or one that contradicts its units.
     """

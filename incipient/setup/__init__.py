@@ -1,1 +1,1 @@
-"""What follows from a scene before anything is decided or meshed: geometry, base flow, dimensionless numbers."""
+"""Derived parts of a scene before any decision or mesh: geometry, base flow, dimensionless numbers."""

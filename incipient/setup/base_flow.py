@@ -36,7 +36,7 @@ STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum
 
 @dataclass(frozen=True)
 class EffectiveHeight:
-    """Height above the base line of the plane that is equivalent to a bed with roughness elements for the far flow."""
+    """Height above the base line of the plane equivalent to a bed with roughness elements for the far flow."""
 
     height: float  # in the base flow at its speed
     uncertainty: float  # how far it may be off
@@ -47,7 +47,7 @@ class EffectiveHeight:
 class BaseFlow:
     """The flow without grain and bedforms, in units of the scene. No method is collective.
 
-    A kind of flow whose profile depends on more than height and depth derives from it, see `KINDS`.
+    Kinds whose profile depends on more than height and depth derive from it, see `KINDS`.
     """
 
     flow: Any  # the section of the scene that gives it
@@ -68,25 +68,23 @@ class BaseFlow:
 
     @property
     def mean_speed(self) -> float:
-        """The mean velocity where it is known, otherwise the reference velocity."""
         return self.reference
 
     @property
     def body_force(self) -> Callable[[Any, Any], Any] | None:
-        """The force per unit mass that keeps the flow, a function of place and time (UFL); None: none is needed."""
+        """Force per unit mass that sustains the flow, a function of position and time (UFL), or None."""
         return None
 
     def instants(self, end: float, samples: int) -> np.ndarray:
-        """Times (n,) up to an end that show the course of the flow: evenly spaced ones, and those of a gust."""
+        """Times (n,) up to an end that resolve the flow: evenly spaced ones, and those of a gust."""
         knots = np.empty(0) if self.gust is None else self.gust.knots()
         return np.union1d(np.linspace(0.0, end, samples), knots[knots <= end])
 
     def factor(self, t: float) -> float:
-        """The factor of the flow at a time, whose rate of change drives it."""
         return 1.0 if self.gust is None else self.gust.factor(t)
 
     def driven(self, grain: Any) -> Driven | None:
-        """The force that changes `factor`, also on the fluid that a grain displaces; None: nothing does."""
+        """The force that changes `factor`, also on the fluid that a grain displaces, or None."""
         if self.gust is None:
             return None
         from .driving_force import driven
@@ -98,14 +96,13 @@ class BaseFlow:
         return self.flow.speed(z, self.depth)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
-        """Speed (n,) at heights above the datum, and y where sides are walls; zero below the datum."""
+        """Speed (n,) at heights above the datum, and y between side walls; zero below the datum."""
         return self.factor(t) * self.at_factor_one(z, y)
 
     def bed_stress(self) -> float:
         """Shear stress at the datum of the flow `speed` times this one, with fluid density one.
 
-        The stress of the profile is the same over the whole bed; between walls it is taken in the middle, of a flow
-        given by formulas at the inflow.
+        Between walls it is that in the middle, of a flow given by formulas at the inflow.
         """
         step = 1e-6 * self.domain.height
         heights = self.datum + step * np.array([0.0, 1.0, 2.0])
@@ -114,12 +111,11 @@ class BaseFlow:
         return float(self.speed * self.viscosity * abs(gradient))
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
-        """Velocities (gdim, n) at positions (3, n)."""
         return self._risen_from(self.datum, x, t)
 
     @cached_property
     def entering(self) -> Velocity:
-        """The velocity (gdim, n) on the inflow at (3, n), t: brought to rest on a bed that is above the datum there."""
+        """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum."""
         bed, datum = self.bed, self.datum
         if bed is None:
             return self.velocity
@@ -132,19 +128,16 @@ class BaseFlow:
 
     @property
     def gust(self) -> Gust | None:
-        """The gust of the scene; None without one."""
         return getattr(self.flow, "gust", None)
 
     @property
     def over_forms(self) -> bool:
-        """Whether the shear at the bed is known and the flow passes several repeated bedforms in 2-D."""
         if self.domain.gdim == 3 or self.bed is None or not self.flow.shear_rate(1.0):
             return False
         return bool(self.bed.period and self.domain.length >= FEWEST_PERIODS * self.bed.period)
 
     @property
     def effective(self) -> bool:
-        """Whether its profile starts at the effective height of the bed."""
         level = getattr(self.flow, "datum", "crest")
         return self.bed is not None and (
             level == "effective" or (level == "auto" and self.over_forms)
@@ -152,7 +145,6 @@ class BaseFlow:
 
     @cached_property
     def effective_height(self) -> EffectiveHeight:
-        """The effective height of the 2-D bed."""
         domain, bed = self.domain, self.bed
         if not math.isfinite(bed.feature):
             return EffectiveHeight(0.0, 0.0, 0.0)
@@ -165,7 +157,7 @@ class BaseFlow:
 
     @cached_property
     def datum(self) -> float:
-        """Height at which its profile starts, the same over the whole bed; below it the fluid is at rest."""
+        """Height at which the profile starts; below it the fluid is at rest."""
         domain, bed = self.domain, self.bed
         if bed is None:
             return domain.bottom
@@ -179,23 +171,20 @@ class BaseFlow:
 
     @property
     def depth(self) -> float:
-        """The depth from the datum to the top of the domain."""
         return self.domain.ceiling - self.datum
 
     @property
     def round_off(self) -> float:
-        """Depth below the datum down to which the flow is that at the datum, as of a uniform flow [length]."""
+        """Depth below the datum over which the flow is that at the datum, as of a uniform flow [length]."""
         return ROUND_OFF * self.depth
 
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
-        """Points (3, n) of given heights above or below a position (gdim,)."""
         points = np.zeros((3, len(heights)))
         points[: self.domain.up] = np.array(place[: self.domain.up])[:, None]
         points[self.domain.up] = heights
         return points
 
     def at_factor_one(self, z: Floats, y: Floats) -> Floats:
-        """Speed (n,) at factor one, see `profile`."""
         depth, (low, high) = self.depth, self.domain.across if self.walled else (0.0, 0.0)
         inside = np.clip(z, 0.0, depth)
         if self.walled and self.flow.duct:
@@ -206,7 +195,6 @@ class BaseFlow:
         return np.where(z < -self.round_off, 0.0, speed)
 
     def _risen_from(self, foot: Any, x: np.ndarray, t: float) -> np.ndarray:
-        """Velocities (gdim, n) along the first axis, at rest below a foot, a height or (n,), not below the datum."""
         z, y = x[self.domain.up], x[1]
         speed = self.profile(z - self.datum, y, t)
         if np.any(foot > self.datum):
@@ -216,38 +204,33 @@ class BaseFlow:
 
 
 class LogLawFlow(BaseFlow):
-    """The mean profile of a turbulent flow, which a force keeps."""
+    """The mean profile of a turbulent flow, sustained by a force."""
 
     @cached_property
     def mean_profile(self) -> MeanProfile:
-        """The profile over its datum."""
         flow = self.flow
         return MeanProfile(flow.shear_velocity, self.viscosity, flow.roughness, self.depth)
 
     @property
     def layer(self) -> float:
-        """That of the mean profile."""
         return self.mean_profile.layer
 
     @property
     def mean_speed(self) -> float:
-        """Over the depth; the reference velocity is u*."""
         heights = self.depth * (np.arange(SAMPLES) + 0.5) / SAMPLES
         return float(np.mean(self.driving_speed(heights)))
 
     @property
     def body_force(self) -> Callable[[Any, Any], Any]:
-        """The force of the fluctuations on the mean flow."""
         from .driving_force import sustaining_force
 
         return sustaining_force(self.mean_profile, self.datum, self.domain.up)
 
     def driving_speed(self, z: Any) -> Any:
-        """The mean profile, at heights (n,)."""
         return self.mean_profile.speed(z)
 
     def bed_stress(self) -> float:
-        """u*^2, of which viscous stress is only a fraction where the bed is rough."""
+        """u*^2, of which viscous stress is only a fraction over a rough bed."""
         return float((self.speed * self.flow.shear_velocity) ** 2)
 
 
@@ -256,25 +239,21 @@ class OscillatoryFlow(BaseFlow):
 
     @property
     def layer(self) -> float:
-        """The Stokes thickness."""
         return self.flow.thickness(self.viscosity)
 
     def instants(self, end: float, samples: int) -> np.ndarray:
-        """Times (n,) within one period."""
         return np.linspace(0.0, min(self.flow.period, end), samples)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
-        """The layer at an instant; next to the bed it is an eighth of the period ahead of the flow above."""
+        """The layer at an instant; the bed stress leads the flow above by an eighth of the period."""
         phase, eta = self.flow.frequency * t, np.maximum(z, 0.0) / self.layer
         return self.flow.velocity * (np.cos(phase) - np.exp(-eta) * np.cos(phase - eta))
 
     @cached_property
     def entering(self) -> Velocity:
-        """The same through both ends, at rest on the higher of their beds: as much flows in as out."""
         return lambda x, t: self._risen_from(self._foot(x), x, t)
 
     def _foot(self, x: Floats) -> Floats:
-        """The higher bed (n,) of both ends at the width of positions (3, n), not below the datum."""
         foot, domain = np.full(x.shape[1], self.datum), self.domain
         for end in (domain.left, domain.right) if self.bed is not None else ():
             along = np.full(x.shape[1], end)
@@ -291,12 +270,10 @@ class FormulaFlow(BaseFlow):
     """A velocity given by formulas."""
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
-        """The formulas at positions (3, n)."""
         return np.vstack([component(x, t) for component in self._formulas])
 
     @cached_property
     def entering(self) -> Velocity:
-        """The formulas, also where the bed is above the datum."""
         return self.velocity
 
     @cached_property
@@ -309,7 +286,7 @@ KINDS = {"log-law": LogLawFlow, "oscillatory": OscillatoryFlow, "expression": Fo
 
 
 def base_flow_of(scene: Scene, speed: float = 1.0) -> BaseFlow:
-    """The base flow of a scene's flow faster by a factor, in its own units: only the datum may be another one."""
+    """The base flow of a scene's flow faster by a factor, in its own units: only the datum may differ."""
     return KINDS.get(scene.flow.kind, BaseFlow)(
         flow=scene.flow,
         domain=scene.domain,
@@ -325,9 +302,9 @@ def base_flow_of(scene: Scene, speed: float = 1.0) -> BaseFlow:
 def duct_speed(y: np.ndarray, z: np.ndarray, width: float, depth: float) -> np.ndarray:
     """Speed (n,) over its mean at distances y (n,) from one side and heights z (n,) above the bottom of a duct.
 
-    For unit pressure gradient and viscosity u = z (depth - z)/2 less the sum over odd numbers n, with m = n pi/depth,
-    of 4/(depth m^3) sin(m z) cosh(m e)/cosh(m width/2), e being the distance from the middle (White, Viscous Fluid
-    Flow, section 3-3).
+    For unit pressure gradient and viscosity u = z (depth - z)/2 less the sum over odd n, with m = n pi/depth, of
+    4/(depth m^3) sin(m z) cosh(m e)/cosh(m width/2), e being the distance from the middle (White, Viscous Fluid Flow,
+    section 3-3).
     """
     half, away = 0.5 * width, np.abs(np.asarray(y) - 0.5 * width)
     speed = 0.5 * np.asarray(z) * (depth - np.asarray(z))

@@ -1,4 +1,4 @@
-"""A scene's moving grain as a rigid body: mass, moments, freedom, and its state at time zero."""
+"""A scene's moving grain as a rigid body, and its state at time zero."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ OUT_OF_THE_PLANE = ("y", "rx", "rz")
 
 
 def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
-    """Mass, moments and freedom of a moving grain, of half of which the flow is computed if it is `symmetric`."""
+    """Mass, moments and freedom of a moving grain; `symmetric`: half of it is in the flow."""
     if body.course is None:
         held = {*body.locked, *(OUT_OF_THE_PLANE if symmetric else ())}
         freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
@@ -26,7 +26,7 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
 
 
 def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> BodyState:
-    """Place and velocities of a moving grain at time zero, when it is placed."""
+    """Position and velocities of a moving grain at time zero."""
     velocities = np.concatenate([np.atleast_1d(body.velocity), np.atleast_1d(body.spin)])
     return rigid_body(body, symmetric).consistent(BodyState.at(placement, velocities))
 
@@ -38,7 +38,6 @@ def velocity_at_first(body: Body, placement: Placement, symmetric: bool = False)
 
 
 def _inertia(body: Body) -> Inertia:
-    """Mass and moments; zero where the scene gives none, which a prescribed motion has no use for."""
     tensor = inertia_tensor(body)
     tensor = np.zeros((3, 3)) if tensor is None else tensor
     heavy = mass(body) or 0.0

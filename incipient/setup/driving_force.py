@@ -1,9 +1,8 @@
-"""Forces per unit mass that keep a base flow or change it.
+"""Forces per unit mass that sustain or change a base flow.
 
-A gust multiplies the base flow, u = f(t) U(z), whose rate of change f' U is due to pressure and stress of the
-surrounding flow. The force f' U represents them: without a grain the flow is f U exactly, whatever the size of the
-domain. It also acts on the volume of a grain: the force of the undisturbed flow on the fluid displaced (Maxey & Riley
-1983, Phys. Fluids 26, 883).
+A gust multiplies the base flow, u = f(t) U(z); the force f' U represents pressure and stress of the surrounding flow:
+without a grain the flow is f U exactly, whatever the size of the domain. It also acts on the volume of a grain, as the
+undisturbed flow on displaced fluid (Maxey & Riley 1983, Phys. Fluids 26, 883).
 """
 
 from __future__ import annotations
@@ -33,14 +32,13 @@ ACROSS = {2: 48, 3: 16}  # points across a grain, by the dimension
 
 @dataclass(frozen=True, eq=False)
 class DisplacedFluid:
-    """The fluid whose place a grain takes in a base flow."""
+    """The fluid displaced by a grain in a base flow."""
 
     grain: Grain | Solid
     base_flow: BaseFlow
 
     @cached_property
     def _points(self) -> Floats:
-        """(n, gdim) in the frame of the grain, of equal volumes, about its centroid."""
         grain, gdim = self.grain, self.base_flow.domain.gdim
         skin = (
             grain.chain.points(ACROSS[gdim])
@@ -59,7 +57,6 @@ class DisplacedFluid:
         return np.asarray(inside - inside.mean(axis=0))
 
     def points(self, placement: Placement) -> Floats:
-        """(n, gdim) points that represent equal volumes of the grain at its placement."""
         return placement.to_scene(self._points)
 
     def load(self, placement: Placement) -> Floats:
@@ -80,11 +77,9 @@ def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven:
 
 
 def _velocity(base_flow: BaseFlow) -> Any:
-    """Function of position (UFL) that gives the base flow without its gust (UFL)."""
     up = base_flow.domain.up
 
     def velocity(place: Any) -> Any:
-        """The base flow without its gust at a position, both in UFL; zero below the datum."""
         above, depth = place[up] - base_flow.datum, base_flow.depth
         speed = base_flow.driving_speed(ufl.max_value(0.0, ufl.min_value(above, depth)))
         flows = ufl.gt(above, -base_flow.round_off)
@@ -94,7 +89,7 @@ def _velocity(base_flow: BaseFlow) -> Any:
 
 
 def sustaining_force(profile: MeanProfile, datum: float, up: int) -> Any:
-    """A force per unit mass, function of place and time, that keeps a mean profile against its viscous stress.
+    """Force per unit mass, function of position and time, that sustains a mean profile against its viscous stress.
 
     datum: height at which it starts, in the coordinate numbered `up`
     """
@@ -104,11 +99,7 @@ def sustaining_force(profile: MeanProfile, datum: float, up: int) -> Any:
 
 
 def _force(profile: MeanProfile, height: Any) -> Any:
-    """-nu d2u/dy2 at a height above the datum as a UFL expression: what the viscous stress does not bring down.
-
-    With it and the viscosity the profile is the exact flow; below the datum it is zero. Its numbers are constants,
-    which recompile nothing.
-    """
+    """-nu d2u/dy2 at a height above the datum (UFL), zero below it; constants, so that nothing is recompiled."""
     per_length = profile.per_length
     scale, per_length, shift = _constants(
         height, profile.shear_velocity**2 * per_length, per_length, profile.shift

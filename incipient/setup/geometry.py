@@ -1,4 +1,4 @@
-"""The geometry of a scene: grain and bed in the domain, where the grain is placed, and the names of its sides."""
+"""The geometry of a scene: placed grain, bed, and the names of the sides of the domain."""
 
 from __future__ import annotations
 
@@ -51,13 +51,11 @@ class Geometry:
 
     @property
     def half(self) -> tuple[float, float]:
-        """The least and the largest y of what is computed of a 3-D domain."""
         low, high = self.scene.domain.across
         return (self.scene.domain.middle if self.symmetric else low), high
 
     @cached_property
     def contacts(self) -> Contacts:
-        """Contacts of the resting grain with the bed."""
         assert self.scene.placement is not None
         return touching(
             self.scene.grain,
@@ -68,7 +66,7 @@ class Geometry:
 
     @cached_property
     def stance(self) -> Stance:
-        """The grain where it rests or is held; over a bed on which it rests it is lifted by the gap."""
+        """The grain where it rests or is held; on a bed it is lifted by the gap."""
         if self.scene.grain is None or self.scene.bed_shape is None or self.scene.placement is None:
             return Stance(self.scene.placement, self.scene.placement)
         placement = self.scene.placement
@@ -86,7 +84,7 @@ class Geometry:
 
     @cached_property
     def closing(self) -> Closing:
-        """The closing of the space below the resting grain.
+        """Closing of the space below the resting grain.
 
         Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
         """
@@ -98,7 +96,6 @@ class Geometry:
 
     @cached_property
     def near_bed(self) -> Proximity:
-        """Places where the grain is near its bed, or the lower side instead."""
         level = self.scene.domain.bottom
         flat = Flat(level) if self.scene.gdim == 2 else Plane(origin_z=level)
         return proximity(
@@ -132,7 +129,7 @@ class Geometry:
         return Resolved((x, y), radius, passage, datum)
 
     def height_at_inflow(self, datum: float) -> float:
-        """Height of the bed where the flow enters, in 3-D on average, or that of the planar far bed there."""
+        """Height of the bed at the inflow, in 3-D the mean, or that of the planar far bed there."""
         bed, domain = self.scene.bed_shape, self.scene.domain
         if bed is None:
             return domain.bottom
@@ -145,7 +142,7 @@ class Geometry:
         return float(np.mean(bed.height(np.column_stack([np.full_like(y, domain.left), y]))))
 
     def halved(self, x: Place) -> Place:
-        """The point, or its mirror image, in what is computed: of half a domain that with larger y."""
+        """The point, or in a halved domain its mirror image with larger y."""
         if not self.symmetric:
             return x
         return x[0], self.scene.domain.middle + abs(x[1] - self.scene.domain.middle), x[2]
@@ -168,16 +165,13 @@ class SideNames:
 
     @property
     def around(self) -> tuple[str, str, str, str]:
-        """Names of bottom, right, top and left, counterclockwise."""
         return self.bottom, self.right, self.top, self.left
 
     @property
     def of_rectangle(self) -> tuple[str, ...]:
-        """Names at the least and the largest x and height."""
         return self.left, self.right, self.bottom, self.top
 
     def of_box(self, half: bool) -> tuple[str, ...]:
-        """Names at the least and the largest x, y and z; of half a domain y begins at the plane of symmetry."""
         return (
             self.left,
             self.right,
@@ -189,7 +183,7 @@ class SideNames:
 
 
 def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:
-    """Names of the sides of a domain, of which half is meshed if it is `symmetric`. Not collective."""
+    """Names of the sides of a domain, half of which is meshed if `symmetric`."""
     in_space = domain.width is not None
     right, left = ("downstream", "upstream") if in_space else ("right", "left")
     if domain.kind == "channel":

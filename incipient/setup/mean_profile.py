@@ -1,12 +1,12 @@
-"""The mean velocity of a log-law flow over a bed; `driving_force` has the force that keeps it.
+"""The mean velocity of a log-law flow over a bed; `driving_force` has the force that sustains it.
 
 With heights y and velocities in units of nu/u* and u*, the mixing length kappa (y + s) (1 - exp(-(y + s)/26)) gives
 
     du/dy = 2/(1 + sqrt(1 + 4 kappa^2 (y + s)^2 (1 - exp(-(y + s)/26))^2)),  s = 0.9 (sqrt(k) - k exp(-k/6)),
 
-k being the equivalent sand roughness: u = y within the viscous sublayer of a smooth bed, the logarithmic law above
-(van Driest 1956, J. Aeronaut. Sci. 23, 1007; the shift s of rough beds: Cebeci & Chang 1978, AIAA J. 16, 730). For k of
-70 to 500 that is within 0.3 of Nikuradse's law of rough beds, u = ln(y/k)/kappa + 8.5.
+k being the equivalent sand roughness: u = y within the viscous sublayer of a smooth bed, the logarithmic law above (van
+Driest 1956, J. Aeronaut. Sci. 23, 1007; the shift s of rough beds: Cebeci & Chang 1978, AIAA J. 16, 730). For k of 70
+to 500 that is within 0.3 of Nikuradse's law, u = ln(y/k)/kappa + 8.5.
 """
 
 import math
@@ -39,27 +39,24 @@ class MeanProfile:
 
     @property
     def per_length(self) -> float:
-        """u*/nu."""
         return self.shear_velocity / self.viscosity
 
     @property
     def layer(self) -> float:
-        """Height over which the profile bends next to the bed: ten wall units, or the shift of a rough one [length]."""
+        """Height over which the profile bends: ten wall units, or the shift of a rough bed [length]."""
         return max(LAYER, self.shift) / self.per_length
 
     def regime(self) -> str:
-        """Whether the bed is hydraulically smooth or rough, in words."""
         k = self.roughness_reynolds
         word = "smooth" if k <= SMOOTH else "rough" if k >= ROUGH else "between smooth and rough"
         return f"hydraulically {word}, u* k_s/nu = {k:.3g}"
 
     def speed(self, heights: np.ndarray) -> np.ndarray:
-        """Mean speeds (n,) at heights (n,) above the datum, of zero to the depth. Not collective."""
+        """Mean speeds (n,) at heights (n,) above the datum, of zero to the depth."""
         return self.shear_velocity * np.asarray(self._table(heights * self.per_length))
 
     @cached_property
     def _table(self) -> Any:
-        """u over y in units of the wall: integrated from node to node, with the gradient itself at the nodes."""
         from scipy.interpolate import CubicHermiteSpline
 
         y = np.sinh(np.linspace(0.0, np.arcsinh(self.depth * self.per_length), NODES))
@@ -71,12 +68,11 @@ class MeanProfile:
 
     @property
     def shift(self) -> float:
-        """s, which rough beds shift the profile by, in units of the wall."""
         k = self.roughness_reynolds
         return max(0.9 * (math.sqrt(k) - k * math.exp(-k / 6.0)), 0.0)
 
 
 def gradient(y: Any, shift: Any, functions: Any) -> Any:
-    """The gradient du/dy at y, in units of the wall, by the functions of numpy or of UFL."""
+    """The gradient du/dy at y, in wall units, with the functions of numpy or of UFL."""
     mixing = KAPPA * (y + shift) * (1 - functions.exp(-(y + shift) / DAMPING))
     return 2 / (1 + functions.sqrt(1 + 4 * mixing**2))

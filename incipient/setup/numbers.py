@@ -1,4 +1,4 @@
-"""The dimensionless numbers of a scene, on which decisions on effects are based."""
+"""The dimensionless numbers of a scene."""
 
 from __future__ import annotations
 
@@ -43,7 +43,6 @@ class Numbers:
     of_flow: dict[str, float] = field(default_factory=dict)  # of its kind alone, by name
 
     def text(self) -> str:
-        """The numbers that the scene has, on one line."""
         named = {
             "grain Re": self.grain_reynolds,
             "flow Re": self.flow_reynolds,
@@ -65,7 +64,7 @@ class Numbers:
 
 
 def numbers_of(setup: Setup) -> Numbers:
-    """The scene's dimensionless numbers. Not collective."""
+    """The scene's dimensionless numbers."""
     scene, base_flow, grain = setup.scene, setup.base_flow, setup.scene.grain
     viscosity, height = base_flow.viscosity, base_flow.domain.height
     reynolds = strouhal = ratio = stokes = froude = of_shear = shields = None
@@ -103,12 +102,11 @@ def numbers_of(setup: Setup) -> Numbers:
 
 
 def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
-    """Times at which an unsteady flow is sampled."""
     return np.zeros(1) if time is None else base_flow.instants(time.end, samples)
 
 
 def speed_past_grain(setup: Setup) -> float:
-    """The largest speed of the base flow over the grain's height."""
+    """Largest speed of the base flow over the grain's height."""
     grain, placement, base_flow = setup.scene.grain, setup.scene.placement, setup.base_flow
     assert grain is not None and placement is not None
     heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(
@@ -122,7 +120,7 @@ def speed_past_grain(setup: Setup) -> float:
 
 
 def _own_speed(setup: Setup) -> float:
-    """Estimated speed of the grain itself: prescribed, initial, or settling (Stokes, capped by free fall)."""
+    """Estimated speed of the grain: prescribed, initial, or settling (Stokes, capped by free fall)."""
     scene, size = setup.scene, setup.scene.grain.size
     body = scene.body
     if body is None or not body.moves:
@@ -141,7 +139,6 @@ def _own_speed(setup: Setup) -> float:
 
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    """Reynolds number of the bedforms, from the base flow up to their height above its datum; None for a plane."""
     if base_flow.bed is None:
         return None
     domain = base_flow.domain
@@ -156,7 +153,6 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
 
 
 def _wall_distance(setup: Setup) -> float:
-    """Distance [grain sizes] from the grain to the next wall above or below; without one the height of the domain."""
     scene, base_flow = setup.scene, setup.base_flow
     placement, domain, top = scene.placement, scene.domain, scene.top
     assert placement is not None
@@ -172,7 +168,7 @@ def _wall_distance(setup: Setup) -> float:
 
 
 def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
-    """Largest speed of the base flow over its largest rate of change; None where it does not change."""
+    """Largest speed of the base flow over its largest rate of change, or None."""
     domain = base_flow.domain
     if time is None or not base_flow.flow.changes:
         return None

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A scene and its parts: each is made on first use, and modules of absent parts are never imported.
+    """A scene and its parts, each made on first use; modules of absent parts are never imported.
 
     No method is collective.
     """
@@ -28,12 +28,10 @@ class Setup:
 
     @cached_property
     def geometry(self) -> Geometry:
-        """Grain and bed in the domain."""
         return Geometry(self.scene, self.symmetric)
 
     @cached_property
     def symmetric(self) -> bool:
-        """Whether only one half of a symmetric 3-D domain is computed."""
         asked = self.scene.domain.symmetric
         if self.scene.gdim == 2 or asked is False:
             return False
@@ -41,41 +39,33 @@ class Setup:
 
     @cached_property
     def numbers(self) -> Numbers:
-        """The scene's dimensionless numbers."""
         return numbers_of(self)
 
     @cached_property
     def sides(self) -> SideNames:
-        """Names of the sides of the domain."""
         return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric)
 
     @cached_property
     def base_flow(self) -> BaseFlow:
-        """The flow without grain and bed forms."""
         return self.base_flow_at(1.0)
 
     def base_flow_at(self, speed: float) -> BaseFlow:
-        """The base flow of a flow faster by a factor, in its own units: only the datum may be another one."""
         return base_flow_of(self.scene, speed)
 
     @property
     def turbulence(self) -> Turbulence:
-        """The section [turbulence], or what it is by default."""
         return self.scene.turbulence or Turbulence()
 
     @property
     def surface(self) -> Surface:
-        """The section [surface], or what it is by default."""
         return self.scene.surface or Surface()
 
     @property
     def is_averaged(self) -> bool:
-        """Whether turbulence is simulated by a model of the mean flow."""
         return self.scene.is_averaged
 
     @cached_property
     def walls(self) -> Walls:
-        """Walls of a mean flow, and the inflow between them."""
         from ..turbulence.walls import walls_of
 
         datum = 0.0 if self.scene.gdim == 2 else self.base_flow.datum
@@ -84,37 +74,36 @@ class Setup:
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
-        """Names of the sides to which fluid below a free surface sticks, and where its elevation stays."""
+        """Sides to which fluid below a free surface sticks, and where its elevation is fixed."""
         ends = (self.sides.left, self.sides.right) if self.surface.ends == "no-slip" else ()
         return ends if self.scene.sides == "slip" else (*ends, *self.sides.across)
 
     @cached_property
     def ceiling(self) -> float:
-        """Height of the upper side of what is meshed: below the layer of a wall on top."""
+        """Height of the upper side of the mesh: below the layer of a wall on top."""
         return self.walls.ceiling if self.is_averaged else self.scene.domain.ceiling
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        """The boundaries that the grain may meet."""
         return surroundings_of(self.geometry, self.sides, self.ceiling)
 
     def faster(self, factor: float) -> Setup:
-        """Makes the setup of a flow faster by a factor at the same viscosity, in units of that flow."""
+        """The setup of a flow faster by a factor at the same viscosity, in units of that flow."""
         plain = self.scene.model_dump()
         plain["fluid"]["reynolds"] *= factor
         return Setup(Scene(**{**plain, "units": None}))
 
     @property
     def stress_unit(self) -> float:
-        """(rho_s - rho_f) g d, by which the stress on the bed is divided for a Shields number."""
+        """(rho_s - rho_f) g d, the unit of bed stress in a Shields number."""
         scene = self.scene
         assert scene.grain is not None and scene.gravity is not None and scene.density is not None
         return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
 
     def bed_stress(self, speed: float = 1.0) -> float:
-        """Shear stress at the datum of a base flow `speed` times the scene's, in scene units with fluid density one.
+        """Shear stress at the datum of a base flow `speed` times the scene's, with fluid density one.
 
-        That of a mean flow is the inflow's. Not collective.
+        For a mean flow that of the inflow.
         """
         if not 0.0 < speed < float("inf"):
             return speed

@@ -20,7 +20,7 @@ SAMPLES = 2000
 
 @dataclass(frozen=True)
 class Clearance:
-    """The smallest distance of grain and surroundings, where it is, and from which side or whether the bed."""
+    """Smallest distance of grain and surroundings, its position, and the side or bed."""
 
     distance: float
     on_grain: Place
@@ -30,7 +30,7 @@ class Clearance:
 
 @dataclass(frozen=True)
 class Side:
-    """A straight side of the domain: at a `place` on an axis, with the fluid on the side `inwards` (1, -1) of it."""
+    """A straight side of the domain: at a `place` on an axis, with the fluid on the side `inwards` (1, -1)."""
 
     name: str
     axis: int
@@ -40,7 +40,7 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The sides of a domain, without the lower one where there is a bed, and that bed."""
+    """The sides of a domain, and the bed, if any, instead of the lower one."""
 
     grain: Grain | Solid
     sides: tuple[Side, ...]
@@ -48,7 +48,7 @@ class Surroundings:
     name_of_bed: str = "bed"
 
     def clearance(self, placement: Placement, within: float = np.inf) -> Clearance:
-        """The smallest distance [length] of the placed grain from sides and bed; negative beyond them.
+        """Smallest distance [length] of the placed grain from sides and bed; negative beyond them.
 
         The distance of the bed is computed only if it may be below `within`.
         """
@@ -71,7 +71,6 @@ class Surroundings:
         )
 
     def _extreme(self, placement: Placement, direction: Floats) -> Floats:
-        """The point (gdim,) of the grain farthest along a unit vector (gdim,), in the scene."""
         towards = direction @ placement.rotation
         if isinstance(self.grain, Grain):
             end = self._outline[np.argmax(self._outline @ towards)]
@@ -86,7 +85,7 @@ class Surroundings:
 
 
 def surroundings_of(geometry: Geometry, names: SideNames, ceiling: float) -> Surroundings:
-    """The boundaries that the grain may meet; a free surface replaces the top of the domain. Not collective."""
+    """The boundaries that the grain may meet; a free surface replaces the top of the domain."""
     scene, domain, up = geometry.scene, geometry.scene.domain, geometry.scene.up
     sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
     if not scene.has_surface:

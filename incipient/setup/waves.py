@@ -1,4 +1,4 @@
-"""Second-order Stokes wave on a current: what a wave maker lets into a channel with a free surface."""
+"""Second-order Stokes wave on a current, at the inflow of a channel with a free surface."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ HEIGHTS = 201  # at which a flow profile is sampled
 class StokesWave:
     """A wave of permanent form on a layer, to second order, relative to a current that carries it along.
 
-    Its first crest enters at x = 0 at t = 0; it begins gently, within two periods. Its mean discharge is zero: a
-    uniform current takes back what the wave carries between trough and crest. Source: Svendsen (2006), Introduction to
-    Nearshore Hydrodynamics, chapter 8, in a frame that moves with the flow. Where the flow has shear the first
-    harmonic is that of the current with its shear (see `stokes_wave`), the second that of the mean current.
+    Its first crest enters at x = 0 at t = 0, after a gentle start over two periods. Its mean discharge is zero: a
+    uniform current returns what the wave carries between trough and crest. Source: Svendsen (2006), Introduction to
+    Nearshore Hydrodynamics, chapter 8, in a frame that moves with the flow. In shear the first harmonic is that of the
+    sheared current (see `stokes_wave`), the second that of the mean current.
     """
 
     amplitude: float  # of the first harmonic of the elevation
@@ -43,22 +43,21 @@ class StokesWave:
     rise: Any
 
     def begun(self, t: float) -> float:
-        """The fraction of the amplitude reached at a time."""
         return float(1.0 - np.exp(-((t * self.frequency / (2.0 * np.pi)) ** 2)))
 
     @property
     def second(self) -> float:
-        """Amplitude of the second harmonic, which is bound to the first."""
+        """Amplitude of the bound second harmonic."""
         a, k, sinh = self.amplitude, self.number, np.sinh(self.number * self.depth)
         return float(a**2 * k * (2.0 + 3.0 / sinh**2) / (4.0 * np.tanh(k * self.depth)))
 
     def elevation(self, x: Floats, t: float) -> Floats:
-        """(n,) above the still level at places x (n,) along the channel."""
+        """(n,) above the still level at x (n,) along the channel."""
         grown, phase = self.begun(t), self.number * x - self.frequency * t
         return grown * self.amplitude * np.cos(phase) + grown**2 * self.second * np.cos(2.0 * phase)
 
     def velocity(self, x: Floats, y: Floats, t: float) -> tuple[Floats, Floats]:
-        """(n,) along the channel and (n,) upwards, added to the current's, at heights y above the bottom."""
+        """(n,) along the channel and (n,) upwards, relative to the current, at heights y above the bottom."""
         a, k, H, grown, y = (
             self.amplitude,
             self.number,
@@ -88,20 +87,18 @@ def stokes_wave(
     gravity: float,
     speed: Callable[[Floats], Floats],
 ) -> StokesWave:
-    """The wave of a frequency in the frame of the bed that runs with a current, faster than that.
+    """The wave of a frequency in the frame of the bed that propagates with a current, faster than that.
 
-    With U(y) the flow's `speed`, a function of heights (n,) above the bottom, and c = w/k, the velocity upwards
-    solves Rayleigh's equation (U - c) (f'' - k^2 f) = U'' f, f(0) = 0, with (U - c)^2 f' = ((U - c) U' + g) f on the
-    surface. A uniform flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The mean speed of the current is weighted
-    by 2 k cosh(2 k y)/sinh(2 k H) (Kirby & Chen 1989, J. Geophys. Res. 94, 1013).
+    With U(y) the flow's `speed` at heights (n,) above the bottom, and c = w/k, the velocity upwards solves Rayleigh's
+    equation (U - c) (f'' - k^2 f) = U'' f, f(0) = 0, with (U - c)^2 f' = ((U - c) U' + g) f on the surface. A uniform
+    flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The mean speed of the current is weighted by 2 k cosh(2 k
+    y)/sinh(2 k H) (Kirby & Chen 1989, J. Geophys. Res. 94, 1013).
     """
     y = np.linspace(0.0, depth, HEIGHTS)
     profile = CubicSpline(y, speed(y))
     fastest, surface = float(profile(y).max()), float(profile(depth))
 
     def shape(k: float) -> tuple[Floats, Floats]:
-        """The solution over its value on the surface, and its slope."""
-
         def slopes(height: float, f: Floats) -> list[float]:
             return [f[1], (k**2 + profile(height, 2) / (profile(height) - frequency / k)) * f[0]]
 
@@ -128,11 +125,7 @@ def stokes_wave(
 
 
 def wave_of(setup: Setup) -> StokesWave | None:
-    """The wave that a wave maker lets into a channel; None: there is none. Not collective.
-
-    Raises:
-        SceneError: it is too high for what is known of it.
-    """
+    """The wave at the inflow of a channel, or None. Raises SceneError if it is too high for second order."""
     settings, base_flow = setup.surface.wave, setup.base_flow
     if settings is None:
         return None

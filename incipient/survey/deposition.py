@@ -61,9 +61,9 @@ class Spheres:
 
 
 def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spheres:
-    """A bed of spheres with radii (n,), dropped in this order at places by a seed. Raises SceneError.
+    """A bed of spheres with radii (n,), dropped in this order at positions by a seed. Raises SceneError.
 
-    tries: places at which each is dropped; the lowest rest counts.
+    tries: positions at which each is dropped; the lowest rest counts.
     """
     if min(period) < 8.0 * radii.max():
         raise SceneError(

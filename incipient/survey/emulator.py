@@ -1,8 +1,8 @@
 """Load coefficients of grains without a run: a Gaussian process over the surroundings of a grain.
 
-Bars come from five-fold cross-validation, widened until 95% of the errors are within 1.96 of them, by the order
-statistic that holds for further runs (Vovk, Gammerman & Shafer 2005, *Algorithmic Learning in a Random World*). The
-largest of n errors holds with a probability of n/(n + 1): 95% needs 19 runs.
+Bars from five-fold cross-validation are widened until 95% of the errors are within 1.96 of them, by the order statistic
+that holds for further runs (Vovk, Gammerman & Shafer 2005, *Algorithmic Learning in a Random World*): the largest of n
+errors holds with a probability of n/(n + 1), so that 95% needs 19 runs.
 """
 
 from __future__ import annotations
@@ -67,13 +67,11 @@ class Emulator:
             raise MissingError(f"scikit-learn cannot be used ({error}): {remedy}") from None
 
     def predicted(self, features: Floats) -> tuple[Floats, Floats]:
-        """Coefficients (m, 6) and their standard deviations (m, 6) at features (m, 7)."""
         means, deviations = _predicted(self.processes, features)
         return means, deviations * self.widened
 
     @property
     def correlation(self) -> Floats:
-        """Correlation (6, 6) of the errors."""
         scaled = self.errors / np.maximum(np.sqrt((self.errors**2).mean(axis=0)), 1e-300)
         # A tenth of the identity keeps the correlations of few errors positive definite.
         return np.asarray(0.9 * scaled.T @ scaled / len(scaled) + 0.1 * np.eye(scaled.shape[1]))
@@ -124,7 +122,7 @@ def _predicted(processes: Sequence[Any], features: Floats) -> tuple[Floats, Floa
 
 
 def designed(features: Floats, count: int) -> Integers:
-    """Indices of the `count` of features (m, 7) to compute first, beginning in the middle.
+    """Indices of the first `count` of features (m, 7) to compute, beginning in the middle.
 
     Each is the farthest one from those before it (Kennard & Stone 1969, Technometrics 11, 137).
     """

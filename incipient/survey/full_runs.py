@@ -1,7 +1,7 @@
 """Full runs of the flow past grains of a bed: scenes, results of a sweep, and load coefficients.
 
-The units of a scene are the grain's diameter, the shear rate and the fluid's density. Coefficients are force over bed
-stress and diameter squared, and torque over bed stress and diameter cubed.
+Units are the grain's diameter d, the shear rate and the fluid's density. Coefficients are force over bed stress and
+d^2, and torque over bed stress and d^3.
 """
 
 from __future__ import annotations
@@ -105,10 +105,7 @@ def scene_of(
 
 
 def _fillers(near: Floats, radii: Floats, base: float) -> tuple[Floats, Floats]:
-    """Posts (k, 3) and radii (k,) that fill interstices between three neighbours up to the lowest of their centres.
-
-    The fluid below hardly moves, and cells for it would be many. None is near the grain.
-    """
+    """Posts (k, 3) and radii (k,) that fill interstices: the fluid there hardly moves, and would need many cells."""
     heap = SphereBed(near, radii, base)
     seen = np.flatnonzero(heap.highest(near[:, :2]) == np.arange(len(near)))
     if len(seen) < 4:
@@ -127,7 +124,7 @@ def _rows(places: Floats, radii: Floats) -> list[tuple[float, float, float, floa
 
 
 def reynolds_of(run: int, galileo: float | None) -> float:
-    """The Reynolds number of a run: of several, spread evenly in the logarithm over the range that thresholds may need.
+    """The Reynolds number of a run: several are spread evenly in the logarithm over the range of thresholds.
 
     galileo: Galileo number of the run's grain
     """

@@ -23,11 +23,10 @@ def kirchner(percentile: ArrayLike, ratio: ArrayLike = 1.0) -> Floats:
 
 
 def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:
-    """Shields number at which a constant drag coefficient and a rough log law, without lift, move a grain about its
-    pivot.
+    """Shields number at which a constant drag coefficient and a rough log law, without lift, move a grain.
 
-    protrusion: its top above the bed's mean level, where the velocity is zero; ratio: its diameter over the median.
-    Infinite without protrusion, or if no force along the flow moves it.
+    pivot: angle; protrusion: top above the bed's mean level, where the velocity is zero; ratio: diameter over the
+    median. Infinite without protrusion, or if no force along the flow moves the grain.
     """
     if not (protrusion > 0.0 and pivot < 90.0):
         return math.inf

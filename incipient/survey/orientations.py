@@ -1,4 +1,4 @@
-"""A grain in many orientations, and on beds of many seeds: the distribution of its thresholds."""
+"""The distribution of a grain's thresholds in many orientations, and on beds of many seeds."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Poses:
 class PoseOutcome:
     """Shields numbers by the nominal diameter, ascending, and the numbers of poses without one by reason.
 
-    refused: poses at which the grain does not come to rest, with the reason of the first; failed: runs
+    refused: poses without rest, with the reason of the first; failed: runs
     """
 
     shields: tuple[float, ...]

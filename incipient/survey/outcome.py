@@ -40,8 +40,7 @@ class EmulatorRecord:
 
     error, bar: root mean square of the cross-validated errors of the drag, over the mean drag; and of the bars of one
         standard deviation
-    within: fraction of the six coefficients of these within 1.96 bars; mean_bar: relative, of the critical Shields
-        number over grains without a run
+    within: fraction of the six coefficients within 1.96 bars; mean_bar: relative, of the critical Shields number
     to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None: not known
     level: probability with which bars hold
     """
@@ -123,7 +122,6 @@ class SurveyOutcome:
 
     @property
     def free(self) -> list[Pocket]:
-        """Exposed grains that carry no other one."""
         return [grain for grain in self.pockets if not grain.carries]
 
     @property
@@ -137,7 +135,6 @@ class SurveyOutcome:
         return grain.diameter / self.surface.median
 
     def distribution(self) -> list[dict[str, float]]:
-        """Percentiles, with bars, of the critical Shields number by the median grain."""
         own, draws = self._stress
         return [
             row | range_of(percentile(draws, row["percentile"]))
@@ -163,7 +160,6 @@ class SurveyOutcome:
         return [row | {"kirchner": float(kirchner(row["percentile"]))} for row in rows]
 
     def constant_drag(self) -> list[dict[str, float]]:
-        """Percentiles of the critical Shields number by a constant drag coefficient and a log law."""
         shields = [self._ratio(grain) * self._by_constant_drag(grain) for grain in self.free]
         return _percentiles("shields", np.array(shields))
 

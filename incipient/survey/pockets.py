@@ -45,7 +45,6 @@ class Surface:
 
     @classmethod
     def of(cls, spheres: Spheres) -> Surface:
-        """The surface of a bed, from a raster of heights."""
         centres, radii = spheres.centres, spheres.radii
         median, inside = 2.0 * float(np.median(radii)), np.ones(len(spheres), dtype=bool)
         if spheres.period is not None:
@@ -84,12 +83,12 @@ class Pocket:
 
     number: of the sphere; centre (3,) in the bed's own frame
     neighbours (k, 3), relative to it in the frame of the flow, and their radii (k,); contacts: in the same frame
-    protrusion: its top above the bed's mean level; exposure: above the tops upstream of it
-    sheltered, backed: fraction of its disc across the flow that is hidden upstream, downstream; skew: left less right
-    visible: fraction of its area in plan that is visible from above
-    carries: number of grains that rest on it; shifted: how far it was moved to rest on its neighbours
+    protrusion: top above the bed's mean level; exposure: above the tops upstream of it
+    sheltered, backed: fraction of its disc across the flow hidden upstream, downstream; skew: left less right
+    visible: fraction of its area in plan visible from above
+    carries: number of grains that rest on it; shifted: distance moved to rest on its neighbours
     pivot: angle [degrees] whose tangent is the force along the flow, through the centre, over the weight, that moves it
-        without friction; critical_force: that force over the weight with friction, infinite if none moves it
+        without friction; critical_force: that force with friction, infinite if none moves it
     """
 
     number: int
@@ -111,7 +110,6 @@ class Pocket:
 
     @property
     def features(self) -> Floats:
-        """Features (5,) of the emulator except size and Reynolds number."""
         return np.array([self.protrusion, self.exposure, self.sheltered, self.backed, self.skew])
 
 
@@ -191,7 +189,6 @@ def critical_force(contacts: Contacts, law: Law) -> float:
 
 
 def _hidden(near: Floats, radii: Floats, radius: float, sign: float) -> tuple[float, float]:
-    """Fraction of the disc across the flow that neighbours hide, upstream with -1; and the left part less the right."""
     side = radius * (2.0 * (np.arange(DISC) + 0.5) / DISC - 1.0)
     points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     points = points[np.linalg.norm(points, axis=1) < radius]

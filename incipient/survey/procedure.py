@@ -66,8 +66,7 @@ def survey(
         more: full runs beyond those of the request.
         sweep: arguments of the sweep of full runs, such as jobs, wall, retry, scheduler, limit.
 
-    Raises:
-        IncipientError: on all ranks; finished runs are in the directory.
+    Raises IncipientError on all ranks; finished runs are in the directory.
     """
     voice = voice or Silent()
     with locked(directory, comm, make=True):
@@ -94,7 +93,6 @@ def survey(
 
 
 def _mark(request: SurveyRequest, spheres: Spheres) -> str:
-    """Mark of the runs of this bed and flow, to distinguish them from others in the directory."""
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
@@ -102,7 +100,6 @@ def _mark(request: SurveyRequest, spheres: Spheres) -> str:
 
 
 def _begun(record: Path, mark: str) -> tuple[int, ...]:
-    """Grains with a full run of an earlier call for this bed and flow, in their order."""
     try:
         runs = json.loads(record.read_text(encoding="utf-8"))["runs"]
         return tuple(map(int, runs["grains"])) if runs["of"] == mark else ()
@@ -169,14 +166,12 @@ class _Loads:
     def _further(
         self, chosen: Sequence[int], runs: Sequence[LoadCoefficients], more: int
     ) -> list[int]:
-        """Grains to compute besides those chosen: where the emulator is least certain, or far from others."""
         numbers = np.array([grain.number for grain in self.outcome.free])
         left = np.flatnonzero(~np.isin(numbers, chosen))
         wanted = self._emulator(runs).most_wanted if len(runs) >= FEWEST else designed
         return list(map(int, numbers[left[wanted(self._features[left], more)]]))
 
     def _full_runs(self, numbers: Sequence[int], place: int = 0) -> list[FullRun]:
-        """Runs of grains; the first ones with error bars, and once more with a wider gap."""
         outcome, runs = self.outcome, []
         free = {grain.number: grain for grain in outcome.free}
         median, galileo = outcome.surface.median, outcome.request.flow.galileo

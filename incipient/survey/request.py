@@ -88,7 +88,6 @@ class FlowPast(Section):
     )
 
     def law(self, size: float, weight: float) -> FrictionCone:
-        """The law of contact of a grain by its diameter over the median one, and its submerged weight."""
         return FrictionCone.of(self.friction, weight * self.cohesion / size**3)
 
 

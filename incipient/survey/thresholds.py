@@ -61,7 +61,6 @@ class LoadErrors:
     seed: int
 
     def of_emulator(self, number: int) -> Floats:
-        """Correlated errors (DRAWS, 6) of a grain in standard deviations."""
         drawn = np.random.default_rng([self.seed, 3, number]).standard_normal((DRAWS, 6))
         return np.asarray(drawn @ np.linalg.cholesky(self.correlation).T)
 
@@ -108,14 +107,13 @@ def thresholds(
 
 
 def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:
-    """Features (7,) of a grain for the emulator: its pocket, its size, and the logarithm of the Reynolds number."""
+    """Features (7,) of a grain for the emulator: pocket, size, and the logarithm of the Reynolds number."""
     return np.array([*grain.features, grain.diameter / median, math.log10(reynolds)])
 
 
 def _critical(
     grain: Pocket, coefficients: Floats, law: FrictionCone, strengths: Floats | None
 ) -> Floats:
-    """Critical Shields numbers (m,) by load coefficients (strengths or 1, m, 6)."""
     if strengths is None:
         return np.asarray(_judged(grain, coefficients[0], law).factors)
     loads = strengths[:, None, None] * coefficients
@@ -148,7 +146,6 @@ def _mode(grain: Pocket, coefficients: Floats, shields: float, law: FrictionCone
 
 
 def _judged(grain: Pocket, loads: Floats, law: FrictionCone, with_mode: bool = False) -> Batch:
-    """Verdicts on loads (m, 6), in units of diameter and submerged specific weight."""
     surface = 0.5 * grain.contacts.normals, grain.contacts.normals
     acting = loads[:, :3], loads[:, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3)
     inert = (SUBMERGED_WEIGHT, 0.1 * SUBMERGED_WEIGHT * np.eye(3)) if with_mode else ()

@@ -132,8 +132,7 @@ def combined(
 ) -> list[Settings]:
     """Overrides of all cases: every combination of axes and rows; `together`: axes vary side by side.
 
-    Raises:
-        SceneError: lengths differ of axes that vary together, a key comes twice, or there are too many cases.
+    Raises SceneError if axes that vary together differ in length, a key comes twice, or there are too many cases.
     """
     keys = [axis.key for axis in axes]
     if twice := next((key for key in keys if keys.count(key) > 1), None):

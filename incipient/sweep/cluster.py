@@ -44,9 +44,7 @@ def usual_jobs() -> int:
 def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
     """Client of new worker processes of this machine, one thread each, which end with the block.
 
-    memory_mib: of each process; None: a fraction of the free memory
-
-    Raises OutputError: the processes do not start.
+    memory_mib: of each process; None: a fraction of the free memory. Raises OutputError if they do not start.
     """
     import dask
     from distributed import Client, LocalCluster
@@ -109,7 +107,6 @@ def client_of(scheduler: Any) -> Iterator[Any]:
 
 
 def _silence(*loggers: str) -> None:
-    """Suppress messages on the ends of workers and on interrupted calls, which the sweep reports."""
     for name in loggers:
         logging.getLogger(name).setLevel(logging.CRITICAL)
 

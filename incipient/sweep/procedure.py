@@ -88,7 +88,6 @@ class SweepProgress:
 
     @property
     def finished(self) -> int:
-        """Number of cases that need no computation."""
         return self.known + self.done + self.failed
 
 
@@ -258,7 +257,6 @@ class _Sweep:
             raise OutputError(self.left("worker processes do not start; free memory for them"))
 
     def _give(self) -> None:
-        """Submit as many cases as there are workers, so that each has one at a time."""
         self._count_workers()
         idle = max(self._places - len(self._running), 0)
         for identity in list(islice(self._waiting, idle)):
@@ -313,7 +311,6 @@ class _Sweep:
             return CaseOutcome(reason=f"its worker failed: {message}", wall=spent)
 
     def _of_death(self, case: SweepCase, worker: str, spent: float) -> CaseOutcome | None:
-        """The outcome of a case whose process has died; None: it is tried again."""
         limit, tries = self._means.limit, self._tries[case.identity]
         if spent >= limit:
             return CaseOutcome(reason=f"was stopped: it took longer than {limit:.0f} s", wall=spent)

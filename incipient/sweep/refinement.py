@@ -1,10 +1,9 @@
 """Cases that a sweep adds: where the mode changes along a key, and where a quantity bends.
 
-One key, or several that vary together, is refined; the others make families. An interval is halved while longer than
-the tolerance if the modes of its ends differ, or if the quantity is not straight: f[a, b, c] h^2/4 estimates its
-deviation from a line on an interval of length h (f[a, b, c]: second divided difference of three neighbours of one
-mode). Lengths and deviations are fractions of the ranges. A round is complete before the next one begins, so that a
-killed sweep resumes with the same cases.
+One key, or several that vary together, is refined; the others make families. An interval of length h is halved while
+longer than the tolerance if the modes of its ends differ, or f[a, b, c] h^2/4, the estimated deviation from a line, is
+too large (f[a, b, c]: second divided difference of three neighbours of one mode). Lengths and deviations are fractions
+of the ranges. A round is complete before the next one begins, so that a killed sweep resumes with the same cases.
 """
 
 from __future__ import annotations
@@ -75,13 +74,12 @@ class _Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """Keys that are refined together; `along` (n,): positions of the given numbers, from 0 to 1."""
+    """Keys refined together; `along` (n,): positions of the given numbers, from 0 to 1."""
 
     keys: Sequence[_Numbers]
     along: Floats
 
     def at(self, position: float) -> float:
-        """Distance of a position from the first number, as a fraction of the range."""
         return float(np.interp(position, np.arange(len(self.along)), self.along))
 
     def settings(self, position: float) -> Settings:
@@ -130,7 +128,6 @@ class Family:
         ]
 
     def length(self, low: float, high: float) -> float:
-        """Length of an interval as a fraction of the range."""
         return self.along.at(high) - self.along.at(low)
 
     def wanted(self, tolerance: float, span: float) -> Iterator[tuple[tuple[int, float], float]]:
@@ -177,7 +174,7 @@ class SweepRefinement:
     def following(self, results: Mapping[str, Columns]) -> list[SweepCase]:
         """The next cases, from the columns of finished ones; none if the aim or the budget is reached.
 
-        Raises SceneError: no case has the quantity.
+        Raises SceneError if no case has the quantity.
         """
         names = list(dict.fromkeys(name for columns in results.values() for name in columns))
         if results and self._aim.quantity not in names:

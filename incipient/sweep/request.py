@@ -64,7 +64,6 @@ class Request:
     aim: Aim | None = None
 
     def cases(self, voice: Silent | None = None) -> list[SweepCase]:
-        """The distinct cases; `voice` counts those checked. Raises SceneError."""
         settings = axes.combined(self.over, self.together, self._rows())
         pairs = [(source, varied) for source in self.sources for varied in settings]
         cases: dict[str, SweepCase] = {}
@@ -79,7 +78,7 @@ class Request:
         return list(cases.values())
 
     def refinement(self, cases: Sequence[SweepCase]) -> SweepRefinement | None:
-        """The refinement between these cases; None without one. Raises SceneError if no key with numbers is varied."""
+        """The refinement between these cases, or None. Raises SceneError if no key with numbers is varied."""
         if self.aim is None:
             return None
         along, others = direction(self.over, self.together)
@@ -107,10 +106,8 @@ def requested(
 ) -> Request:
     """The request; missing arguments come from the section [sweep] of the first source.
 
-    refine, most, quantity: tolerance of a refinement, True for the default; number of cases; a column
-
-    Raises:
-        SceneError: nothing is varied, or the section is invalid.
+    refine, most, quantity: tolerance of a refinement, True for the default; number of cases; a column. Raises
+    SceneError if nothing is varied, or the section is invalid.
     """
     section = _section_of(sources[0])
     if not over and table is None:
@@ -132,7 +129,6 @@ def requested(
 
 
 def _section_of(source: Source) -> SweepSection:
-    """The section [sweep]; empty without one, or if the file is not TOML, which is reported later."""
     try:
         section = tomllib.loads(source.text).get("sweep", {})
     except (ValueError, RecursionError):

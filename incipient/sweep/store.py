@@ -1,7 +1,7 @@
 """The SQLite file of a sweep: scenes, results, costs, versions and status of its cases.
 
 The table `cases` has a row for each case, with JSON; the view `results` has varied keys and quantities as columns. A
-lock beside the file admits one writer.
+lock file admits one writer.
 """
 
 from __future__ import annotations
@@ -49,8 +49,7 @@ _REMEDIES = {
 class Store:
     """The open file; a context manager for one process.
 
-    Raises:
-        OutputError: it is not the file of a sweep, is damaged, of another version, or cannot be read or written.
+    Raises OutputError if it is not the file of a sweep of this version, or cannot be read or written.
     """
 
     def __init__(self, path: Path, make: bool = False):
@@ -172,7 +171,6 @@ class Store:
             return dict(map(tuple, self._base.execute("SELECT id, status FROM cases")))
 
     def columns(self, identities: Iterable[str]) -> dict[str, dict[str, Any]]:
-        """Quantities of finished cases, by identity."""
         query = "SELECT columns FROM cases WHERE id = ? AND status = ?"
         with self._reported():
             rows = {

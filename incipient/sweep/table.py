@@ -85,7 +85,6 @@ def _moves(table: Iterable[Mapping[str, Any]], key: str, keys: Sequence[str]) ->
 
 
 def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, float]:
-    """Distance of two centres over the grain's size, and the angle between the rotations [rad]."""
     centres, turns = (
         [[row.get(f"{name}_{axis}", 0.0) for axis in AXES] for row in (one, other)]
         for name in ("centre", "rotation")

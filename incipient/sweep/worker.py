@@ -152,6 +152,5 @@ def _logged() -> Iterator[list[str]]:
 
 
 def _processor_time() -> float:
-    """CPU time [s] of this process and of compilers that it has started."""
     used = os.times()
     return used.user + used.system + used.children_user + used.children_system

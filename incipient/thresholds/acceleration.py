@@ -47,7 +47,6 @@ def load_of_growth(setup: Setup, comm: Comm) -> Floats:
 class CriticalStrength:
     """Critical strength of a growing or fading flow. Near the critical flow the load is a power of the strength.
 
-    threshold: the critical steady flow
     of_growth: (6,) load at growth of the strength by one in unit time
     """
 
@@ -66,7 +65,7 @@ class CriticalStrength:
         return float(np.interp(abs(growth), ends, known))
 
     def at(self, growth: float, relative: bool) -> float:
-        """The critical strength at growth in unit time by `growth` times the scene's flow, or its own if `relative`."""
+        """Critical strength at growth in unit time by `growth` times the scene's flow, or its own if `relative`."""
         key = (float(f"{growth:.8g}"), relative)
         if key not in self._known:
             self._known[key] = self._solved(*key)

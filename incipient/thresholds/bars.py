@@ -1,7 +1,7 @@
 """Error bars of a critical flow.
 
-The safety factor S is 1 there, with a range [S_low, S_high] within the errors of the load, and nearby proportional to
-f^-p with the flow's factor f. The critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
+The safety factor S is 1 there, with a range [S_low, S_high], and nearby proportional to f^-p with the flow's factor f:
+the critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
 """
 
 from __future__ import annotations

@@ -63,10 +63,8 @@ def find_threshold(
 ) -> Threshold:
     """Find the critical flow of a scene with a grain resting on a bed. Collective.
 
-    With `numerics.accuracy` the mesh is refined until its error is small enough.
-
-    Args:
-        keep: called with the threshold before its error bars are estimated; returns its directory.
+    With `numerics.accuracy` the mesh is refined until its error is small enough. `keep` is called with the threshold
+    before its error bars are estimated, and returns its directory.
 
     Raises:
         SceneError: a scene without weight, friction or bed, or an unsteady one.

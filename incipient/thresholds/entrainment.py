@@ -1,7 +1,7 @@
 """Entrainment by random gusts: fraction of time with a velocity at the grain above the critical one.
 
 The velocity is the mean times a random factor of mean 1 (`laws`). The load is that of the steady flow of equal
-strength, with that of the acceleration if the time scales are known.
+strength, plus that of the acceleration if the time scales are known.
 """
 
 from __future__ import annotations
@@ -69,8 +69,7 @@ class InMeanFlow:
 class OfStrength(InMeanFlow):
     """Motion in a given mean flow.
 
-    low, high: range of the probability from the errors of threshold and series, and with the other law of the same
-        intensity
+    low, high: range of the probability from threshold and series, and the other law of equal intensity
     """
 
     low: float
@@ -85,7 +84,6 @@ class Quantile(InMeanFlow):
 
     @property
     def error(self) -> float | None:
-        """Error of the Shields number, the sum of the terms; None: not known."""
         return sum(self.terms.values()) if "flow" in self.terms else None
 
     def line(self) -> str:
@@ -102,8 +100,7 @@ class Quantile(InMeanFlow):
 class Entrainment:
     """The probability of motion.
 
-    threshold: the critical steady flow; law: of the factor of the velocity
-    scene: motion in the scene's own mean flow
+    law: of the factor of the velocity; scene: motion in the scene's own mean flow
     quantiles: mean flows of given probabilities; curve: motion in weak to strong mean flows
     assumed: assumptions, one line each
     """
@@ -159,10 +156,9 @@ def find_entrainment(
 
     Args:
         setup: of a grain that rests on a bed, in a steady flow, with [gusts].
-        probabilities: for which mean flows are computed; default: those of `PROBABILITIES` within the range of the
-            data.
-        strengths: mean flows over the scene's, for which probabilities are computed; default: along the curve.
-        weakest: weakest gusts that move the grain out of its pocket, for the rate of such gusts.
+        probabilities: for which mean flows are computed; default: `PROBABILITIES` within the range of the data.
+        strengths: mean flows over the scene's, for which probabilities are computed.
+        weakest: weakest gusts that move the grain out of its pocket, for their rate.
 
     Raises:
         SceneError: the scene has no gusts or no threshold; a probability is outside the range of a measured series.
@@ -353,13 +349,12 @@ class Motion:
         return float(WEIGHTS @ exceeded)
 
     def nearest(self, probability: float) -> float:
-        """The nearest probability within the range of the data that a flow of at most `ENOUGH` has."""
         least, most = self.law(1.0).known_range
         most = min(most, max(least, self.probability(ENOUGH * self.factor)))
         return min(max(probability, least), most)
 
     def strength(self, probability: float) -> float:
-        """The mean flow with a probability of motion; infinite without one."""
+        """Mean flow with a probability of motion; infinite without one."""
         if math.isinf(self.factor):
             return math.inf
         if self._data is not None:

@@ -1,6 +1,6 @@
 """The weakest gusts that move a grain out of its pocket, by their duration.
 
-The critical strength is bracketed and bisected; that of a shorter gust is not lower. The discretisation error is the
+The critical strength, not lower for a shorter gust, is bracketed and bisected. The discretisation error is the
 difference from the same search with coarser cells and longer steps.
 """
 
@@ -37,7 +37,6 @@ def runs_expected(durations: int, with_error_bars: bool) -> int:
 class CriticalGust:
     """The critical strength for one duration.
 
-    duration: of the gust [time]; shape: of the gust over time
     held, leaves: bounds of the critical strength: the grain stays, and leaves
     error: of the strength, from bracket and discretisation; None: not estimated
     runs: number of simulations
@@ -67,10 +66,9 @@ class CriticalGust:
 class GustSearch:
     """Search for the weakest gusts, with shape and start of the scene's [flow.gust].
 
-    longer: time steps over those of the scene
-    runs: simulations so far
+    longer: time steps over those of the scene; runs: simulations so far
 
-    Raises SceneError for a scene without a released grain in a pocket or without a gust.
+    Raises SceneError without a released grain in a pocket or without a gust.
     """
 
     scene: Scene
@@ -84,7 +82,6 @@ class GustSearch:
             raise SceneError(why)
 
     def static_strength(self) -> float:
-        """Critical strength of the steady flow. Collective."""
         plain = self._plain()
         plain["body"]["motion"] = "fixed"
         plain["flow"].pop("gust", None)
@@ -135,7 +132,6 @@ class GustSearch:
         return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
-        """Close bounds of the critical strength. Collective."""
         while not self.leaves(leaves, duration):
             held, leaves = leaves, STRONGER * leaves
             if leaves > STRONGEST:
@@ -148,7 +144,6 @@ class GustSearch:
         return held, leaves
 
     def leaves(self, strength: float, duration: float) -> bool:
-        """Whether the grain leaves its pocket in a gust. Collective."""
         self.runs += 1
         result = simulate(self._in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None

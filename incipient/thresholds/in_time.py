@@ -22,21 +22,17 @@ PERIODIC = 0.05  # largest change of the loads from period to period, of the lar
 
 
 class _History(Recorder):
-    """The rows of a run."""
-
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
 
     def step(self, row: dict[str, Any]) -> None:
-        """Keep a row."""
         self.rows.append(row)
 
 
 def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
     """Loads in the scene's flow multiplied by a factor, when they demand most of the contacts. Collective.
 
-    The flow is computed from its start on; `start` is that of steady flows. Raises SceneError if it does not become
-    periodic.
+    `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
     scene, history = _faster(run.scene, factor), _History()
     with solved(scene, run.comm, history, accounts=run.accounts):
@@ -60,7 +56,6 @@ def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces,
 
 
 def _faster(scene: Scene, factor: float) -> Scene:
-    """The scene in a flow faster by a factor, of the same period and viscosity."""
     plain = scene.model_dump() | {"units": None}
     plain["flow"]["velocity"] *= factor
     plain["fluid"]["reynolds"] *= factor
@@ -68,7 +63,6 @@ def _faster(scene: Scene, factor: float) -> Scene:
 
 
 def _vectors(rows: list[dict[str, Any]], gdim: int) -> tuple[Floats, Floats]:
-    """Forces and torques (n, 3) of rows of a history."""
     parts = []
     for name, names in (("force", named), ("torque", named_torque)):
         columns = names(name, np.zeros(3), gdim)
@@ -80,7 +74,6 @@ def _vectors(rows: list[dict[str, Any]], gdim: int) -> tuple[Floats, Floats]:
 
 
 def _change(times: Floats, loads: Floats, period: float) -> float:
-    """Largest change of loads (n, k) in the last period from those a period before, over the largest load."""
     last = times > times[-1] - period
     before = np.column_stack([np.interp(times[last] - period, times, one) for one in loads.T])
     return float(np.abs(loads[last] - before).max() / (np.abs(loads[last]).max() or 1.0))

@@ -1,8 +1,8 @@
 """Gusts that last long enough to move a grain out of its pocket, in a series of the factor of the velocity.
 
-Such a gust exceeds a strength for the duration of the weakest gust of that strength (`gusts`). Gaussian series are
-generated with the correlation (T1 exp(-t/T1) - T2 exp(-t/T2))/(T1 - T2), of integral time T1 + T2 and microscale
-sqrt(2 T1 T2) (Sawford 1991, Phys. Fluids A 3, 1577).
+Such a gust exceeds a strength for the duration of the weakest gust of that strength (`gusts`). Gaussian series have the
+correlation (T1 exp(-t/T1) - T2 exp(-t/T2))/(T1 - T2), of integral time T1 + T2 and microscale sqrt(2 T1 T2) (Sawford
+1991, Phys. Fluids A 3, 1577).
 """
 
 from __future__ import annotations
@@ -61,7 +61,6 @@ class WeakestGusts:
         return cls(durations, strengths, errors, static, known)
 
     def require_of(self, critical: float) -> None:
-        """Raise SceneError for a flow with another critical strength."""
         if not critical / DIFFERENT < self.static < critical * DIFFERENT:
             why = f"there a steady flow moves the grain from {self.static:.3g} on, here from {critical:.3g}"
             raise _refused(f"{why}; search gusts of this scene with incipient gust")

@@ -27,7 +27,6 @@ class Gaussian:
     """The law of a factor that is a function of a Gaussian process.
 
     intensity: root mean square of the fluctuation over the mean
-    lognormal: whether the factor is lognormal
     microscale: lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known
     """
 
@@ -41,7 +40,6 @@ class Gaussian:
         return math.sqrt(math.log1p(self.intensity**2))
 
     def standard(self, level: float) -> float:
-        """The process of variance 1 at a level of the factor."""
         if not self.lognormal:
             return (level - 1.0) / self.intensity
         if level <= 0.0:
@@ -49,7 +47,6 @@ class Gaussian:
         return math.log(level) / self._deviation + 0.5 * self._deviation
 
     def factor(self, standard: Floats) -> Floats:
-        """The factor at values of the process of variance 1."""
         if not self.lognormal:
             return np.asarray(1.0 + self.intensity * standard)
         return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
@@ -65,7 +62,6 @@ class Gaussian:
         return float(norm.sf(self.standard(level)))
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability."""
         return float(self.factor(norm.isf(probability)))
 
     def upcrossings(self, level: float) -> float | None:
@@ -134,7 +130,6 @@ class Measured:
 
     @property
     def known_range(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the series determines."""
         return 1.0 / self.independent, 1.0 - 1.0 / self.independent
 
     def exceeded(self, level: float) -> float:
@@ -144,7 +139,7 @@ class Measured:
         return float(np.diff(self.times) @ above) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability. Raises SceneError outside the known range."""
+        """Level exceeded with a probability. Raises SceneError outside the known range."""
         _require_known(probability, self.known_range, "series")
         low, high = float(self.factors.min()), float(self.factors.max())
         if self.exceeded(low) <= probability:  # the series has its minimum otherwise
@@ -158,7 +153,7 @@ class Measured:
         return float(np.count_nonzero(rises)) / self.duration
 
     def spread(self, probability: float) -> float:
-        """Standard error of a fraction of the time, from the number of independent samples."""
+        """Standard error of a fraction of the time."""
         if not 0.0 < probability < 1.0:
             return NO_EVENT / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)
@@ -193,7 +188,7 @@ class Events:
         return float(self.lengths[self.strengths > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability. Raises SceneError outside the known range."""
+        """Level exceeded with a probability. Raises SceneError outside the known range."""
         _require_known(probability, self.known_range, "events")
         return float(np.interp(probability, self._fractions, self.strengths))
 

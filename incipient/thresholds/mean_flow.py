@@ -1,4 +1,4 @@
-"""The mean flow at a grain: velocity, shear velocity, intensity and time scales of its fluctuation, by strength."""
+"""The mean flow at a grain: velocity, intensity and time scales of its fluctuation."""
 
 from __future__ import annotations
 
@@ -41,7 +41,6 @@ class MeanFlow:
         return cache(self.setup.bed_stress)
 
     def intensity(self, strength: float) -> float:
-        """Root mean square of the velocity's fluctuation over its mean, at the grain."""
         intensity = self.gusts.intensity
         if isinstance(intensity, float):
             return intensity
@@ -96,7 +95,6 @@ class MeanFlow:
         )
 
     def require_intensity(self) -> None:
-        """Raise SceneError for an intensity or a depth outside the range of the laws."""
         grain, depth = self.setup.scene.grain, self.gusts.depth
         if grain is not None and depth is not None and depth < grain.size:
             why = f"is {depth:g}, less than the grain's size of {grain.size:g}"
@@ -118,7 +116,6 @@ class MeanFlow:
 
     @cached_property
     def _energy_and_loss(self) -> tuple[float, float]:
-        """Mean k and epsilon of the inflow at the heights of the grain."""
         energy, other = np.exp(self._inflow[1](self._at_inflow))
         asked = self.setup.turbulence
         loss = other if asked.model == "k-epsilon" else asked.c_mu * other * energy
@@ -149,7 +146,6 @@ class MeanFlow:
 
     @cached_property
     def _inflow(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
-        """Velocity, and logarithms of k and its loss or frequency, at the inflow of a turbulent flow."""
         inflow = self.setup.walls.inflow
         return inflow.velocity, inflow.logarithms
 

@@ -1,7 +1,7 @@
 """Meshes of the search for a critical flow: refined to an accuracy, or made for the walls.
 
-Boundary layers of faster flows are thinner: after the mesh of the scene's flow, turbulent searches repeat on meshes for
-the last critical flow until wall cells agree to a tenth.
+Boundary layers of faster flows are thinner: turbulent searches repeat on meshes for the last critical flow until wall
+cells agree to a tenth.
 """
 
 from __future__ import annotations
@@ -55,7 +55,6 @@ class CriticalGoal:
     name: str = "critical flow"
 
     def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
-        """Relative error of the critical factor for errors (3,) of force and torque."""
         low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_torque])))
         return max(high / self.flow.factor - 1.0, 1.0 - low / self.flow.factor)
 

@@ -29,11 +29,10 @@ AS_THEY_ARE = (
 class Threshold:
     """The critical flow of a scene, or the reason for none.
 
-    factor:          critical speed over the scene's; 0: any flow, or the weight alone, moves the grain; inf: no
-                     computed flow does
+    factor:          critical speed over the scene's; 0: any flow, or the weight alone, moves the grain; inf: none
     computed:        the same for the uncorrected load, if `factor` is corrected
     held_to:         factor up to which the grain is stable; inf: always
-    reason:          why the search ended without a critical flow, or without one computed near it
+    reason:          why there is no critical flow, or none computed near it
     shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
     reynolds:        the scene's Reynolds number, critical
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f

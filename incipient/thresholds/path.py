@@ -1,8 +1,8 @@
 """The load on a grain as the flow grows from rest, interpolated between computed flows.
 
-The load over the flow's factor, c(f), is smooth; the safety factor need not be: c is interpolated, and the exact
-criterion applied to it. Between two flows the grain counts as stable if it is stable under every load within half of
-the change of c from its chord: twice the deviation of a parabola with its vertex at one end.
+The exact criterion is applied to the interpolated load over the flow's factor, c(f), which is smooth; the safety factor
+need not be. Between two flows the grain counts as stable if it is so under every load within half of the change of c
+from its chord: twice the deviation of a parabola with its vertex at one end.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The search for the critical flow on one mesh, as the flow grows from rest.
 
 It begins with Stokes flow, which always converges. The interpolated load (`path`) determines the next flow: the
-critical one, an intermediate one to exclude motion, or a faster one. Flows that do not converge are avoided.
+critical one, an intermediate one to exclude motion, or a faster one.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class CriticalFlow:
 
     @property
     def load(self) -> Load:
-        """The critical load; without one that of a weak flow if any flow moves the grain, otherwise of the fastest."""
+        """The critical load; otherwise that of a weak flow if any flow moves the grain, or of the fastest."""
         if self.factor == 0.0:
             drag = float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
             return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / drag)
@@ -105,8 +105,7 @@ class CriticalFlow:
 class CriticalSearch:
     """The search in a prepared run. Public methods are collective.
 
-    Args:
-        solve: computes the loads in a flow faster by a factor, starting from another (see `simulation.steady`).
+    solve: computes the loads in a flow faster by a factor, starting from another (see `simulation.steady`)
     """
 
     def __init__(self, run: Run, solve: Solve = loads_at):
@@ -197,7 +196,6 @@ class CriticalSearch:
         return self._solved[nearest]
 
     def rocks(self, factor: float) -> Rocking | None:
-        """Equilibria of the grain under the growing load of a computed flow; the trial records its critical factor."""
         rocking = from_first(self.run.comm, lambda: followed(self.run.scene, self._load(factor)))
         if rocking is not None:
             self.trials[-1] = SolvedFlow(factor, rocking.critical)

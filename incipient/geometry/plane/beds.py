@@ -1,7 +1,4 @@
-"""Rigid beds y = b(x) in 2-D.
-
-`origin_y` is the height of the base line in the scene. Lengths are scene units, angles radians.
-"""
+"""Rigid beds y = b(x) in 2-D; `origin_y` is the height of the base line in the scene."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -58,7 +55,6 @@ class Bed(ABC):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """The abscissae between which `curves` is defined."""
         return -np.inf, np.inf
 
     @abstractmethod
@@ -71,19 +67,18 @@ class Bed(ABC):
         """A height that the bed nowhere exceeds."""
 
     def crest_level(self, x0: float, x1: float) -> float:
-        """The height of the crests from x0 to x1, whatever the phase of a periodic bed there."""
+        """Height of the crests from x0 to x1, whatever the phase of a periodic bed."""
         return self.crest
 
     def mean(self, x0: float, x1: float) -> float:
-        """The mean height over a period; of a bed without one from x0 to x1."""
+        """Mean height over a period; of a bed without one from x0 to x1."""
         return self.origin_y
 
     @abstractmethod
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """db/dx left and right of the abscissae (n,); they differ at corners and may be infinite."""
+        """db/dx (n,) left and right of abscissae (n,); infinite at a step."""
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """Abscissae in [x0, x1] of the bed's corners, ascending."""
         return np.empty(0)
 
     @abstractmethod
@@ -96,7 +91,6 @@ class Bed(ABC):
 
     @property
     def period(self) -> float | None:
-        """The length after which the bed repeats; None: it does not, or is flat."""
         return None
 
     def normal(self, x: ArrayLike) -> Floats:
@@ -108,13 +102,12 @@ class Bed(ABC):
         return np.where(length > 1e-12, total / np.maximum(length, 1e-300), [0.0, 1.0])
 
     def side_normals(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """Unit normals (n, 2) into the fluid left and right of abscissae (n,)."""
         angles = np.arctan(self.slopes(x))
         left, right = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)
         return left, right
 
     def distance(self, points: Floats) -> Floats:
-        """The signed distance (n,) of points (n, 2) from the bed, negative below it."""
+        """Signed distance (n,) of points (n, 2), negative below the bed."""
         points = rows(points)
         length = np.linalg.norm(points - self.nearest(points), axis=1)
         return np.where(points[:, 1] < self.height(points[:, 0]), -length, length)
@@ -157,7 +150,6 @@ class Sinusoidal(Bed):
 
     @property
     def feature(self) -> float:
-        """Half a wavelength, or the radius of curvature at a crest if smaller."""
         curvature = self.amplitude * self._wavenumber**2
         return min(0.5 * self.wavelength, 1.0 / curvature if curvature > 0.0 else np.inf)
 
@@ -206,7 +198,7 @@ class Sinusoidal(Bed):
 
 @dataclass(frozen=True)
 class HalfDiscs(Bed):
-    """Half-discs on y = origin_y, one centred at x = offset, the others `spacing` apart."""
+    """Half-discs on y = origin_y, `spacing` apart, one centred at x = offset."""
 
     radius: float
     spacing: float
@@ -236,7 +228,6 @@ class HalfDiscs(Bed):
         return np.asarray(self.offset + self.spacing * np.round((x - self.offset) / self.spacing))
 
     def _centres(self, x0: float, x1: float) -> Floats:
-        """Abscissae of the centres between x0 and x1, and of some beyond."""
         first = np.floor((x0 - self.offset) / self.spacing) - 1
         last = np.ceil((x1 - self.offset) / self.spacing) + 1
         return np.asarray(self.offset + self.spacing * np.arange(first, last + 1))
@@ -283,7 +274,6 @@ class HalfDiscs(Bed):
         return np.asarray(centre + feet)
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """Quarter arcs, and lines where the half-discs leave room, cut at x0 and x1."""
         sliver, curves = 1e-9 * self.radius, list[Curve]()
         x = np.union1d(self.corners(x0, x1), self._centres(x0, x1))
         x = np.array([x0, *x[(x > x0 + sliver) & (x < x1 - sliver)], x1])
@@ -299,8 +289,6 @@ class HalfDiscs(Bed):
 
 
 def _foot(bed: Bed, points: Floats, low: Floats, high: Floats) -> Floats:
-    """The nearest points (n, 2) of a smooth bed to points (n, 2), at abscissae between bounds (n,)."""
-
     def slope(x: Floats) -> Floats:
         return np.asarray(x - points[:, 0] + (bed.height(x) - points[:, 1]) * bed.slopes(x)[0])
 
@@ -314,7 +302,6 @@ def abscissae(x: ArrayLike) -> Floats:
 
 
 def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
-    """Abscissae from x0 to x1 at most `step` apart, `end_step` at both ends, growing by 2% a step."""
     growing = end_step * 1.02 ** np.arange(np.ceil(np.log(step / end_step) / np.log(1.02)))
     middle = max(int(np.ceil((x1 - x0 - 2.0 * growing.sum()) / step)), 4)
     x = np.append(0.0, np.cumsum([*growing, *np.full(middle, step), *growing[::-1]]))
@@ -325,8 +312,8 @@ def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
 class Polyline(Bed):
     """Straight lines through `points` (n, 2) with ascending x; y counts from origin_y.
 
-    Two points with the same x are a vertical step, whose x belongs to its right side. Beyond the ends the height
-    continues unchanged, but `curves` are given only between them.
+    Two points with the same x are a vertical step, whose x belongs to its right side. Beyond the ends the height is
+    constant, but has no `curves`.
     """
 
     points: tuple[Point, ...]
@@ -348,7 +335,6 @@ class Polyline(Bed):
 
     @cached_property
     def feature(self) -> float:
-        """The shortest horizontal extent of a line, or height of a step."""
         dx, dy = np.abs(np.diff(self._vertices, axis=0)).T
         return float(np.where(dx > 0.0, dx, dy).min())
 
@@ -357,7 +343,7 @@ class Polyline(Bed):
         return float(self._vertices[:, 1].max())
 
     def crest_level(self, x0: float, x1: float) -> float:
-        """The height reached in every third from x0 to x1 and at x0: one obstacle does not count."""
+        """Height reached in every third from x0 to x1 and at x0: one obstacle does not count."""
         cuts = np.linspace(x0, x1, 4)
         thirds = [self._cut(*cut)[:, 1].max() for cut in pairwise(cuts)]
         return float(max(min(thirds), self.height([x0])[0]))
@@ -367,7 +353,6 @@ class Polyline(Bed):
         return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
 
     def _cut(self, x0: float, x1: float, sliver: float = 0.0) -> Floats:
-        """Points (n, 2) at x0, x1 and the corners between at least `sliver` away from both."""
         x = self._vertices[:, 0]
         inner = self._vertices[(x > x0 + sliver) & (x < x1 - sliver)]
         first, last = np.column_stack([[x0, x1], self.height([x0, x1])])
@@ -389,7 +374,6 @@ class Polyline(Bed):
         return slope[left], slope[right]
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """The points between x0 and x1, including collinear ones."""
         x = self._vertices[:, 0]
         return np.unique(x[(x >= x0) & (x <= x1)])
 
@@ -403,7 +387,6 @@ class Polyline(Bed):
         return feet
 
     def _nearest(self, points: Floats) -> Floats:
-        """The nearest points (n, 2) for a few points (n, 2), among the lines no farther than the bed below."""
         if len(points) == 0:
             return points
         v = self._vertices
@@ -427,8 +410,8 @@ class Polyline(Bed):
 class Curved(Polyline):
     """A smooth curve through `knots` (n, 2) with ascending x, y counting from origin_y.
 
-    Piecewise cubic with crests and troughs at knots only (Fritsch & Carlson 1980, SIAM J. Numer. Anal. 17, 238).
-    Lines between the dense `points` represent it.
+    Piecewise cubic with crests and troughs at knots only (Fritsch & Carlson 1980, SIAM J. Numer. Anal. 17, 238);
+    represented by lines between the dense `points`.
     """
 
     knots: tuple[Point, ...] = ()
@@ -445,7 +428,6 @@ class Curved(Polyline):
         return PchipInterpolator(*np.array(self.knots).T)
 
     def _stretches(self) -> list[tuple[float, float, bool]]:
-        """The ends of curved and straight stretches, in order."""
         x, y = np.array(self.knots).T
         slope, chord = self._curve(x, 1), np.diff(y) / np.diff(x)
         away = np.maximum(np.abs(slope[:-1] - chord), np.abs(slope[1:] - chord))
@@ -458,7 +440,6 @@ class Curved(Polyline):
         return [(float(x[a]), float(x[b]), bends[a]) for a, b in pairwise(ends)]
 
     def _on_curve(self, a: float, b: float, bends: bool) -> Floats:
-        """Evenly spaced points (n, 2), counted from origin_y, of a stretch from a to b."""
         x = np.linspace(a, b, self._lines(b - a) + 1 if bends else 2)
         return np.column_stack([x, self._curve(x)])
 
@@ -471,7 +452,6 @@ class Curved(Polyline):
 
     @cached_property
     def feature(self) -> float:
-        """The smallest radius of curvature, from the lines between the knots."""
         sides = np.diff(np.array(self.knots), axis=0)
         turns = np.abs(np.diff(np.arctan2(sides[:, 1], sides[:, 0])))
         lengths = np.linalg.norm(sides, axis=1)
@@ -501,7 +481,6 @@ class Curved(Polyline):
         return _foot(self, points, x - self._longest, x + self._longest)
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """Lines where the bed is straight and splines between, cut at x0 and x1."""
         curves, sliver = list[Curve](), 1e-9 * (x1 - x0)
         for a, b, bends in self._stretches():
             start, end = max(a, x0), min(b, x1)
@@ -514,7 +493,7 @@ class Curved(Polyline):
 def effective_level(bed: Bed) -> float:
     """Height above the base line of the plane equivalent to a periodic bed for creeping shear far above.
 
-    Far above, u = y - d for unit shear, d being this level (Luchini, Manzo & Pozzi 1991). Raises SceneError for beds
+    For unit shear u = y - d far above, d being this level (Luchini, Manzo & Pozzi 1991). Raises SceneError for beds
     without a table.
     """
     if isinstance(bed, HalfDiscs):

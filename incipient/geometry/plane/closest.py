@@ -1,7 +1,7 @@
 """Closest points of a grain and a bed in 2-D.
 
-The outline is sampled once. Along it the distance changes by at most the arc length, which bounds most samples;
-between the neighbours of a sampled minimum the derivative of the distance has a root.
+Along the sampled outline the distance changes by at most the arc length, which bounds most samples; between the
+neighbours of a sampled minimum the derivative of the distance has a root.
 """
 
 from collections.abc import Iterator
@@ -50,17 +50,14 @@ class PlanarProximity(Proximity):
 
     @cached_property
     def _samples(self) -> tuple[np.ndarray, Floats, Floats]:
-        """Curves (m,), parameters (m,) and points (m, 2) of samples in order."""
         curve, s = self.grain.chain.samples(self._steps)
         return curve, s, self.grain.chain.point(curve, s)
 
     @cached_property
     def sampling(self) -> float:
-        """The longest way between samples; lengths of curves are estimates."""
         return 1.1 * float((self.grain.chain.lengths / self._steps).max())
 
     def _distances(self, points: Floats, within: float) -> Floats:
-        """Distances (m,) of placed samples; infinite where they exceed `within`."""
         known, distances = self.bed.distance(points[::STRIDE]), np.full(len(points), np.inf)
         near = np.repeat(known <= within + (STRIDE + 1) * self.sampling, STRIDE)[: len(points)]
         distances[near] = self.bed.distance(points[near])
@@ -71,7 +68,7 @@ class PlanarProximity(Proximity):
     ) -> ClosestPoints:
         """Local minima along the outline, and its corners, with gaps of at most `within` (a length).
 
-        touching: minima alone, whose gaps up to this length count as closed; by default round-off
+        touching: return minima alone; gaps up to this length count as closed (default: round-off)
         """
         curve, s, points = self._samples
         points = placement.to_scene(points)
@@ -95,7 +92,6 @@ class PlanarProximity(Proximity):
     def _lowest(
         self, placement: Placement, k: np.ndarray, low: Floats, high: Floats, group: np.ndarray
     ) -> tuple[np.ndarray, Floats]:
-        """Curves and parameters of the least distance in each group of brackets (m,) on curves (m,)."""
         s = increasing_roots(lambda s: self._slopes(placement, k, s), low, high)
         gaps = self.bed.distance(placement.to_scene(self.grain.chain.point(k, s)))
         gaps -= LEVEL * self.size * ((s == 0.0) | (s == 1.0))  # of a flat contact the end
@@ -105,7 +101,6 @@ class PlanarProximity(Proximity):
         return (k[best] + ends) % len(self._steps), np.where(ends, 0.0, s[best])
 
     def _slopes(self, placement: Placement, k: np.ndarray, s: Floats) -> Floats:
-        """Derivatives (m,) of the distance along the curves, up to positive factors."""
         points = placement.to_scene(self.grain.chain.point(k, s))
         feet = self.bed.nearest(points)
         left, right = self.bed.side_normals(feet[:, 0])
@@ -147,7 +142,6 @@ class PlanarProximity(Proximity):
     def _joints(
         self, placement: Placement, within: float, curves: np.ndarray | None = None
     ) -> ClosestPoints:
-        """The starts of curves (m,) seen from every piece of bed within a distance; by default all close ones."""
         starts = self.grain.chain.starts
         if curves is None:
             points = placement.to_scene(starts[self._ends])
@@ -174,7 +168,6 @@ class PlanarProximity(Proximity):
         )
 
     def _seen(self, point: Floats, within: float) -> Iterator[tuple[float, Floats]]:
-        """Distances and normals (2,) of a point from the pieces of bed beside it."""
         above = abs(point[1] - float(self.bed.height(point[:1])[0]))
         reach = max(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
         left, right = (
@@ -209,7 +202,7 @@ class PlanarProximity(Proximity):
     def _followed(
         self, placement: Placement, k: np.ndarray, s: Floats
     ) -> tuple[np.ndarray, Floats]:
-        """The minima downhill from places, perhaps some samples away: rolling moves them."""
+        """The minima downhill, perhaps some samples away: rolling moves them."""
         count = len(self._steps)
         for _ in range(MOST_WALKED if len(k) else 0):
             step = 1.0 / self._steps[k]
@@ -237,7 +230,6 @@ class PlanarProximity(Proximity):
     def locally_least(
         self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
     ) -> ClosestPoints:
-        """Local minima, and ends of straight sides of which both are given; on request all corners."""
         if corners:
             return minima
         joint, k = minima.origin[:, 1] == 1, minima.origin[:, 0]
@@ -249,7 +241,6 @@ class PlanarProximity(Proximity):
         return minima.only(~joint | chain.sharp[k] | sides)
 
     def drop(self, placement: Placement) -> float:
-        """The least height of samples above the bed, and of chords between them above its corners."""
         points = placement.to_scene(self._samples[2])
         x, ahead = points[:, 0], np.roll(points, -1, axis=0)
         drops = points[:, 1] - self.bed.height(x)
@@ -291,7 +282,6 @@ class PlanarProximity(Proximity):
         return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
     def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:
-        """Straight sides, or parts of them, on the bed: at their ends and at Gauss's points between."""
         chain, patches = self.grain.chain, list[Patch]()
         starts = placement.to_scene(chain.starts)
         sides = np.roll(starts, -1, axis=0) - starts
@@ -310,7 +300,6 @@ class PlanarProximity(Proximity):
 
 
 def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, Floats]]:
-    """The distance and normal of a point beside a line or an arc of the bed."""
     if isinstance(piece, Line):
         along, away = piece.tangent([0.0])[0], point - np.asarray(piece.start)
         place = float(away @ along) / piece.length
@@ -335,7 +324,6 @@ def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bo
 
 
 def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]:
-    """The patches with a long enough one added, joined to the last if it continues that."""
     (start, end), outward = patch
     if np.linalg.norm(end - start) <= tolerance:
         return patches

@@ -1,7 +1,6 @@
 """Closing of the interstice between a resting grain and its bed in 2-D.
 
-The wedge next to a contact is left out where it is narrower than some width, up to a straight line across it on
-either side of all contacts.
+Wedges next to contacts are left out where narrower than some width, up to a straight line across each.
 """
 
 from collections.abc import Sequence
@@ -32,9 +31,9 @@ class Closing:
 
 
 def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) -> Closing:
-    """Close the space between an outline, counter-clockwise and in its place, and a bed that it touches.
+    """Close the space between an outline, counter-clockwise in scene coordinates, and a bed that it touches.
 
-    contacts: (k, 2) points of the outline, or next to it, in any order
+    contacts: (k, 2) points at or next to the outline, in any order
 
     Raises SceneError if the space is nowhere wider than `width`.
     """
@@ -73,7 +72,6 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
 
 
 def _without_crumbs(outline: Sequence[Curve], place: float, sense: int, width: float) -> float:
-    """The place, or the joint of curves next to it if only a crumb lies between."""
     joint = float(sense * np.ceil(sense * place))
     left = abs(joint - place) * outline[int(place) % len(outline)].length
     return joint if left < CRUMB * width else place

@@ -34,11 +34,9 @@ class Curve(ABC):
         """Derivatives (n, 2) with respect to the parameter."""
 
     def tangent(self, s: ArrayLike) -> Floats:
-        """Unit tangents (n, 2)."""
         return unit(self.derivative(s))
 
     def moved(self, placement: Placement) -> "Curve":
-        """The curve carried from the body frame to its place in the scene."""
         points = {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
         moved = {k: plain(placement.to_scene([x])[0]) for k, x in points.items() if x is not None}
         return replace(self, **moved)  # type: ignore[type-var]
@@ -77,7 +75,6 @@ class Arc(Curve):
 
     @cached_property
     def _axes(self) -> tuple[Floats, float, float]:
-        """The semi-axes as rows (2, 2), the first eccentric angle and the swept one."""
         ends = np.array([self.start, self.end]) - np.asarray(self.centre)
         axis = ends[0] if self.major is None else np.asarray(self.major) - np.asarray(self.centre)
         axes = np.array([axis, [-axis[1], axis[0]]])
@@ -149,7 +146,7 @@ def increasing_roots(
 ) -> Floats:
     """Parameters (n,) between bounds at which functions become positive, otherwise the nearer end.
 
-    Chandrupatla's method (1997): inverse quadratic interpolation, bisection where that is not safe.
+    Chandrupatla's method (1997).
     """
     a, b = np.array(high, dtype=float), np.array(low, dtype=float)
     fa, fb = values(a), values(b)
@@ -182,7 +179,7 @@ def increasing_roots(
 
 
 def nearest_on_sides(x: Floats, starts: Floats, sides: Floats) -> tuple[np.ndarray, Floats]:
-    """Numbers and parameters (n,) of the nearest of sides (m, 2) from starts (m, 2) to points (n, 2)."""
+    """Numbers and parameters (n,) of the sides (m, 2) from starts (m, 2) nearest to points (n, 2)."""
     away = x[:, None] - starts
     s = np.clip((away * sides).sum(axis=2) / (sides * sides).sum(axis=1), 0.0, 1.0)
     k = ((away - s[..., None] * sides) ** 2).sum(axis=2).argmin(axis=1)

@@ -69,7 +69,6 @@ class Chain:
 
     @cached_property
     def sharp(self) -> np.ndarray:
-        """Whether a curve begins at a corner, (n,)."""
         each = np.arange(len(self.curves))
         first, last = (self.tangent(each, np.full(len(each), s)) for s in (0.0, 1.0))
         return np.asarray(np.abs(first - np.roll(last, 1, axis=0)).max(axis=1) > SHARP)
@@ -79,7 +78,6 @@ class Chain:
         return np.roll(self.starts, -1, axis=0) - self.starts
 
     def point(self, curve: np.ndarray, s: Floats) -> Floats:
-        """Points (m, 2) on curves of numbers (m,) at parameters (m,)."""
         return self._curved("point", curve, s, self.starts[curve] + s[:, None] * self._sides[curve])
 
     def derivative(self, curve: np.ndarray, s: Floats) -> Floats:
@@ -89,13 +87,12 @@ class Chain:
         return unit(self.derivative(curve, s))
 
     def _curved(self, name: str, curve: np.ndarray, s: Floats, table: Floats) -> Floats:
-        """A table (m, 2) of lines, completed on the other curves."""
         for k in np.unique(curve[~self.straight[curve]]):
             table[curve == k] = getattr(self.curves[k], name)(s[curve == k])
         return table
 
     def samples(self, steps: np.ndarray) -> tuple[np.ndarray, Floats]:
-        """Curves and parameters (m,) of places in order, of each curve as many as its steps (n,)."""
+        """Curves and parameters (m,) in order, with steps (n,) for each curve."""
         s = np.concatenate([np.arange(count) / count for count in steps])
         return np.repeat(np.arange(len(steps)), steps), s
 
@@ -104,7 +101,7 @@ class Chain:
         return self.point(*self.samples(np.where(self.straight, 1, count - 1)))
 
     def nearest(self, x: Floats) -> tuple[np.ndarray, Floats]:
-        """Curves and parameters (m,) of the outline's nearest places to points (m, 2)."""
+        """Curves and parameters (m,) of the points of the outline nearest to points (m, 2)."""
         steps = np.where(self.straight, 1, SEARCHED)
         curve, s = self.samples(steps)
         vertices = self.point(curve, s)
@@ -121,20 +118,19 @@ class Chain:
 
 
 class Grain(Shape):
-    """A rigid grain in 2-D, known by its outline."""
+    """A rigid grain in 2-D, defined by its outline."""
 
     gdim = 2
 
     @abstractmethod
     def outline(self) -> tuple[Curve, ...]:
-        """The surface as a closed counter-clockwise chain of curves in the body frame."""
+        """Closed counter-clockwise chain of curves in the body frame."""
 
     @cached_property
     def chain(self) -> Chain:
         return Chain(self.outline())
 
     def drawn(self) -> tuple[Curve, ...]:
-        """The outline as it is meshed."""
         return self.chain.curves
 
     @cached_property
@@ -154,7 +150,6 @@ class Grain(Shape):
         return self._normal(*self.chain.nearest(rows(x)))
 
     def _normal(self, curve: np.ndarray, s: Floats) -> Floats:
-        """Outward unit normals (m, 2) on curves (m,) at parameters (m,), at corners the bisector."""
         side = np.where(s < 1e-9, -1, np.where(s > 1.0 - 1e-9, 1, 0))
         beside = (curve + side) % len(self.chain.curves), np.where(side, 0.5 - 0.5 * side, s)
         return -quarter_turned(unit(self.chain.tangent(curve, s) + self.chain.tangent(*beside)))
@@ -210,12 +205,11 @@ class Rectangle(Grain):
 
     @property
     def rounding(self) -> float:
-        """The corner radius, zero where it is lost in round-off."""
+        """Corner radius; zero where lost in round-off."""
         return self.corner_radius * (self.corner_radius > 1e-9 * min(self.width, self.height))
 
     @property
     def core(self) -> Floats:
-        """Half the sides of the rectangle that the corner circle rolls around."""
         return 0.5 * np.array([self.width, self.height]) - self.rounding
 
     @property
@@ -242,13 +236,12 @@ class Smooth(Grain):
         """Points (n, 2) of the outline at parameter angles (n,)."""
 
     def outline(self) -> tuple[Curve, ...]:
-        """Four quarters, within 1e-11 of the grain's size."""
         return tuple(
             Spline(self.trace(np.linspace(k, k + 1.0, CLOSE) * 0.5 * pi)) for k in range(4)
         )
 
     def drawn(self) -> tuple[Curve, ...]:
-        """Splines of the quarters, cut in blunt corners so that no piece turns by more than TURN."""
+        """Splines, cut in blunt corners so that no piece turns by more than TURN."""
         cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
         if all(len(quarter) == 2 for quarter in cuts):
             # Ten times as dense at the ends, where splines have to guess their slope
@@ -258,7 +251,6 @@ class Smooth(Grain):
         return tuple(self._even(a, b) for quarter in cuts for a, b in pairwise(quarter))
 
     def _cuts(self, first: float) -> Floats:
-        """Angles (n,) from the start of a quarter: its ends, and equal turns where it is curved most."""
         angle = np.linspace(0.0, 0.5 * pi, 2049)
         sides = np.diff(self.trace(first + angle), axis=0)
         turn = np.diff(np.unwrap(np.arctan2(sides[:, 1], sides[:, 0])))
@@ -271,7 +263,6 @@ class Smooth(Grain):
         return np.unique([0.0, *(inner if count else ()), 0.5 * pi])
 
     def _even(self, first: float, last: float) -> Spline:
-        """A spline between two angles through evenly spaced points, as the nodes of its cells are."""
         angle = np.linspace(first, last, 4097)
         way = np.cumsum(np.linalg.norm(np.diff(self.trace(angle), axis=0), axis=1))
         at = np.interp(np.linspace(0.0, way[-1], EVEN + 1), np.append(0.0, way), angle)
@@ -323,7 +314,7 @@ class Star(Smooth):
     """A star-shaped grain: harmonics give the distance from a pole towards an angle.
 
     r(angle) = mean (1 + sum of cosines[k-1] cos(k angle) + sines[k-1] sin(k angle)), k = 1, 2, ... Raises SceneError
-    if r is not positive everywhere.
+    unless r > 0.
     """
 
     mean: float
@@ -348,7 +339,7 @@ class Star(Smooth):
 
     @cached_property
     def pole(self) -> Floats:
-        """The point from which the radius is measured, in the body frame (2,)."""
+        """Origin of the radius in the body frame (2,)."""
         angle = 2.0 * pi * np.arange(RADII) / RADII
         r = self._radius(angle)
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -356,7 +347,7 @@ class Star(Smooth):
 
     @cached_property
     def size(self) -> float:
-        """The largest distance of two points, found by closer and closer ones, to 1e-9."""
+        """Largest distance of two points, to 1e-9."""
         ends, step = np.full(2, pi), pi
         for _ in range(3):
             angles = ends[:, None] + np.linspace(-step, step, AMONG)
@@ -402,7 +393,7 @@ class Polygon(Grain):
         return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
 
     def drawn(self) -> tuple[Curve, ...]:
-        """Short sides in a row are one smooth curve through their vertices."""
+        """The outline, with rows of short sides as one smooth curve."""
         corners, short = self.chain.starts, self.chain.lengths < SHORT * self.size
         turns = _turns(corners, self.chain.lengths, self.size)
         knots = np.union1d(np.flatnonzero(~(short & np.roll(short, 1))), turns).astype(int)
@@ -415,7 +406,7 @@ class Polygon(Grain):
 
     @property
     def smoothed(self) -> "Polygon | None":
-        """The grain with the outline that is meshed; None where that is its own."""
+        """The grain with the meshed outline; None where that is its own."""
         return None if self.drawn() == self.chain.curves else _Smoothed(self.vertices)
 
 
@@ -434,7 +425,6 @@ def _through(points: Floats) -> Curve:
 
 
 def _turns(corners: Floats, lengths: Floats, size: float) -> list[int]:
-    """Vertices at which the outline, seen from WINDOW to both sides, turns most and by more than CORNER."""
     way, window, turns = np.append(0.0, np.cumsum(lengths)), WINDOW * size, list[int]()
     whole, at = way[-1], way[:-1]
     closed = np.vstack([corners, corners[:1]])
@@ -451,7 +441,7 @@ def _turns(corners: Floats, lengths: Floats, size: float) -> list[int]:
 
 
 def meeting_sides(corners: Floats) -> tuple[int, int] | None:
-    """The first two sides of a polygon (n, 2) that meet without being neighbours."""
+    """First two sides of a polygon (n, 2) that meet without being neighbours."""
     start, end = corners, np.roll(corners, -1, axis=0)
     low, high, n = np.minimum(start, end), np.maximum(start, end), len(corners)
     # Sides overlap along the axis along which fewer of them do; one side and the next, the next but one, ...
@@ -476,7 +466,6 @@ def meeting_sides(corners: Floats) -> tuple[int, int] | None:
 
 
 def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
-    """Whether the lines through a and b separate, or meet, c and d; (m,) for points (m, 2)."""
     return np.asarray(
         np.sign(planar_cross(b - a, c - a)) * np.sign(planar_cross(b - a, d - a)) <= 0.0
     )
@@ -487,7 +476,7 @@ Arcs = tuple[np.ndarray, Floats, Floats]
 
 
 def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
-    """The parts of circles (n,) that lie in no other disc; of equal discs the last counts."""
+    """The parts of circles (n,) in no other disc; of equal discs the last counts."""
     result, number = list[tuple[int, float, float]](), np.arange(len(radii))
     for i, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
         away = centres - centre

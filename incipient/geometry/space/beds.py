@@ -1,7 +1,7 @@
 """Rigid beds z = b(x, y) in 3-D.
 
-A bed is the union of its pieces, half-spaces and balls or one smooth graph: a grain clear of every piece is clear of
-the bed. `origin_z` is the height of the base plane in the scene. Lengths are scene units, angles radians.
+A bed is the union of its pieces, half-spaces and balls or one smooth graph. `origin_z` is the height of the base plane
+in the scene.
 """
 
 from __future__ import annotations
@@ -40,24 +40,20 @@ class HalfSpacesAndBalls:
 
     @property
     def flat(self) -> np.ndarray:
-        """Which pieces are half-spaces."""
         return np.arange(len(self.origins) + len(self.centres)) < len(self.origins)
 
     def distance_estimate(self, points: Floats) -> Floats:
-        """The exact distances (k, n)."""
         above = points @ self.directions.T - (self.origins * self.directions).sum(axis=1)
         away = self._beside(points[:, None], np.arange(len(self.radii)))
         return np.concatenate([above.T, (np.linalg.norm(away, axis=2) - self.radii).T])
 
     def _beside(self, points: Floats, balls: np.ndarray) -> Floats:
-        """Vectors (..., 3) to points from the centres of balls, from the axes of posts."""
         away = points - self.centres[balls]
         if self.posts is not None:
             away[..., 2] = np.where(self.posts[balls], np.maximum(away[..., 2], 0.0), away[..., 2])
         return np.asarray(away)
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        """Closest points on pieces (n,); `near` does not matter."""
         flat = which < len(self.origins)
         away, level = np.empty_like(points), which[flat]
         away[flat] = self.directions[level]
@@ -72,10 +68,7 @@ class HalfSpacesAndBalls:
 
 
 def _hessians(gaps: Floats, slope: Floats, second: Floats) -> Floats:
-    """Second derivatives (n, 3, 3) of the distance from a graph with a second form (n, 2, 2).
-
-    At a distance d a curvature k of the bed becomes k / (1 + d k).
-    """
+    """Second derivatives (n, 3, 3): at a distance d a curvature k of the bed becomes k / (1 + d k)."""
     tangents = np.zeros((len(gaps), 3, 2))
     tangents[:, 0, 0] = tangents[:, 1, 1] = 1.0
     tangents[:, 2] = slope
@@ -102,7 +95,6 @@ class Terrain(ABC):
 
     @property
     def extent(self) -> Extent:
-        """The abscissae between which the bed is known, for both directions."""
         return (-np.inf, np.inf), (-np.inf, np.inf)
 
     @abstractmethod
@@ -115,11 +107,11 @@ class Terrain(ABC):
         """A height that the bed nowhere exceeds."""
 
     def crest_level(self, x: Sides, y: Sides) -> float:
-        """The height that the crests reach over a rectangle."""
+        """Height that the crests reach over a rectangle."""
         return self.crest
 
     def mean(self, x: Sides, y: Sides) -> float:
-        """The mean height over a rectangle, by the midpoint rule with ten points per feature."""
+        """Mean height over a rectangle, by the midpoint rule with ten points per feature."""
         places = []
         for low, high in (x, y):
             count = int(np.clip(10.0 * (high - low) / self.feature, 2, MOST_ACROSS))
@@ -135,16 +127,14 @@ class Terrain(ABC):
         """The pieces within a horizontal distance `reach` of a point (2,)."""
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Unit normals (n, 3) into the fluid at points (n, 2)."""
         slope = self.gradient(x)
         return unit(np.column_stack([-slope, np.ones(len(slope))]))
 
     def nearest(self, points: ArrayLike) -> Floats:
-        """The nearest points (n, 3) of the bed to points (n, 3) close to it; on smooth beds locally nearest."""
+        """Points (n, 3) of the bed nearest to points (n, 3) close to it; on smooth beds locally nearest."""
         return self._closest(rows(points)).feet
 
     def distance(self, points: ArrayLike) -> Floats:
-        """The signed distance (n,) of points (n, 3) from the bed, negative below it; see `nearest`."""
         return self._closest(rows(points)).gaps
 
     def _closest(self, points: Floats) -> ClosestPoints:
@@ -219,7 +209,7 @@ class SphereBed(Terrain):
         layers: int = 1,
         seed: int = 0,
     ) -> SphereBed:
-        """Spheres of one size in a regular array; the centres of the lowest lie on the plane z = origin_z.
+        """Equal spheres in a regular array; the centres of the lowest lie on the plane z = origin_z.
 
         arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x with neighbours in
         equilateral triangles; "random": the triangular one in disorder, by its seed. Further layers lie in the
@@ -242,18 +232,16 @@ class SphereBed(Terrain):
 
     @property
     def feature(self) -> float:
-        """The smallest radius, of a sphere if there is one, or half the spacing of an array if smaller."""
         free = self.radii[self.posts if self.posts.all() else ~self.posts]
         spacing = np.inf if self.periods is None else np.linalg.norm(self.periods[0])
         return float(min(free.min(), 0.5 * spacing))
 
     @property
     def crest(self) -> float:
-        """The top of the highest sphere (without the shifts of a `seed`), or the base plane."""
         return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
 
     def crest_level(self, x: Sides, y: Sides) -> float:
-        """The height that spheres with centres over a rectangle reach; `crest` of an array."""
+        """Height that spheres with centres over a rectangle reach; `crest` of an array."""
         if self.periods is not None:
             return self.crest
         low, high = np.array([x, y]).T
@@ -262,7 +250,6 @@ class SphereBed(Terrain):
         return max(float(tops.max(initial=-np.inf)), self.origin_z)
 
     def near(self, middle: ArrayLike, reach: float) -> tuple[np.ndarray, Floats]:
-        """Numbers (k,) and centres (k, 3) of the spheres within a horizontal distance."""
         middle, which, centres = np.asarray(middle, float), np.arange(len(self.radii)), self.centres
         if self.periods is not None:
             away = (reach + self.radii.max()) / np.linalg.norm(self.periods[0])
@@ -280,7 +267,7 @@ class SphereBed(Terrain):
         return which[close], centres[close]
 
     def _disorder(self, places: Floats, layer: np.ndarray) -> Floats:
-        """Shifts (n, 3) of spheres at positions (n, 2) of layers (n,), mixed as by Steele, Lea & Flood (2014)."""
+        """Shifts (n, 3) of spheres, mixed as by Steele, Lea & Flood (2014)."""
         chances = []
         for number in range(3):
             state = np.zeros(len(places), dtype=np.uint64)
@@ -304,7 +291,6 @@ class SphereBed(Terrain):
         )
 
     def _seen(self, x: ArrayLike) -> tuple[Floats, np.ndarray, Floats]:
-        """Heights (n,) at points (n, 2), the sphere there, -1 on the base, and its centre (n, 3)."""
         from scipy.spatial import cKDTree  # which takes time to import
 
         points = rows(x)
@@ -340,7 +326,7 @@ class SmoothTerrain(Terrain):
 
     @property
     def steepest(self) -> float:
-        """The tangent of the steepest slope at the bed's resolution; 0: unknown."""
+        """Steepest slope (tangent) at the bed's resolution; 0: unknown."""
         return 0.0
 
     @abstractmethod
@@ -348,7 +334,6 @@ class SmoothTerrain(Terrain):
         """Height (n,), gradient (n, 2) and second derivatives (n, 2, 2) at points (n, 2)."""
 
     def pieces(self, middle: ArrayLike, reach: float) -> SmoothTerrain:
-        """The whole bed."""
         return self
 
     @property
@@ -356,13 +341,11 @@ class SmoothTerrain(Terrain):
         return np.array([False])
 
     def distance_estimate(self, points: Floats) -> Floats:
-        """The height above the tangent plane straight below, (1, n)."""
         above = points[:, 2] - self.height(points[:, :2])
         slope = self.gradient(points[:, :2])
         return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        """The local nearest points by Newton's method from `near`."""
         x = self._feet(points, near)
         height, slope, curvature = self.shape(x)
         stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))
@@ -373,7 +356,6 @@ class SmoothTerrain(Terrain):
         return ClosestPoints(gaps, points, normals, second)
 
     def _feet(self, points: Floats, near: Floats) -> Floats:
-        """Feet (n, 2) of the normals of the bed through the points."""
         best, least, pending = near.copy(), np.full(len(near), np.inf), np.arange(len(near))
         x = near
         for _ in range(30):
@@ -389,7 +371,6 @@ class SmoothTerrain(Terrain):
         return best
 
     def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
-        """Residual (n, 2) of x as the foot of the points, and the bounded Newton update."""
         height, slope, curvature = self.shape(x)
         offset = height - points[:, 2]
         residual = x - points[:, :2] + offset[:, None] * slope
@@ -427,7 +408,6 @@ class Ridges(SmoothTerrain):
 
     @property
     def feature(self) -> float:
-        """Half the wavelength, or the radius of curvature at a crest if smaller."""
         k = 2.0 * np.pi / self.wavelength
         return min(np.pi / k, 1.0 / (self.amplitude * k * k) if self.amplitude else np.inf)
 

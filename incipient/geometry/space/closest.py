@@ -1,7 +1,7 @@
 """Closest points of a grain and a bed in 3-D.
 
-A grain with cores (flat faces, balls, rods) is searched part by part of its cores, a smooth one over its surface,
-both by Newton's method with the second derivatives of the bed's distance.
+Each part of the cores of a grain (flat faces, balls, rods), or the surface of a smooth grain, is searched by Newton's
+method with the second derivatives of the bed's distance.
 """
 
 from collections.abc import Callable
@@ -37,14 +37,13 @@ Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points,
 
 @dataclass(frozen=True, eq=False)
 class SpatialProximity(Proximity):
-    """A grain and a bed in 3-D. Parts of a core are numbered: its triangles, corners, edges."""
+    """A grain and a bed in 3-D. A core's triangles, corners and edges are numbered as its parts."""
 
     grain: Solid
     bed: Terrain
 
     @cached_property
     def spacing(self) -> float:
-        """The distance of samples on the grain's surface."""
         return float(min(self.size / SAMPLES, self.bed.feature / SAMPLES_PER_FEATURE))
 
     @cached_property
@@ -66,7 +65,6 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _parts(self) -> list[Floats]:
-        """The corners (m, 3, 3) of the parts of each core, in the body frame."""
         result = []
         for core in self.grain.cores:
             edges = Surface(core.points, core.triangles).edges
@@ -79,10 +77,7 @@ class SpatialProximity(Proximity):
 
     @cached_property
     def _places(self) -> list[tuple[np.ndarray, Floats]]:
-        """Parts (m,) and points (m, 3): corners of each core, on smooth beds also points along edges.
-
-        An edge may lie across crests of a smooth bed, half a feature from each other at least.
-        """
+        """Corners of each core, on smooth beds also points along edges, half a feature from each other at least."""
         result = []
         for core, parts in zip(self.grain.cores, self._parts, strict=True):
             first, corners = len(core.triangles), len(core.points)
@@ -96,10 +91,7 @@ class SpatialProximity(Proximity):
         return result
 
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
-        """All minima of at most `within` (a length): over the surface, or over each part of a core.
-
-        A minimum over a part need not be one over the surface (see `locally_least`).
-        """
+        """Minima of at most `within` (a length) over the surface, or over each part of a core (see `locally_least`)."""
         pieces = self.bed.pieces(placement.centre[:2], self.size + max(within, 0.0))
         valleys = np.empty((0, 3)), np.empty(0, dtype=int)
         if isinstance(pieces, SmoothTerrain) or not self.grain.cores:
@@ -123,7 +115,6 @@ class SpatialProximity(Proximity):
         return ClosestPoints.joined(parts)
 
     def _tracked_on_core(self, placement: Placement, old: ClosestPoints, k: int) -> ClosestPoints:
-        """The lowest minima over the triangles around each old one, or on its corner or edge."""
         core = self.grain.cores[k]
         fixed = old.origin[:, 1] >= len(core.triangles)
         row, part = core.search.near(old.anchors, 0.1 * self.spacing)
@@ -141,7 +132,6 @@ class SpatialProximity(Proximity):
     def _valleys(
         self, placement: Placement, pieces: Pieces, within: float
     ) -> tuple[Floats, np.ndarray]:
-        """Sampled points (m, 3) nearer to a piece (m,) than the samples around them."""
         points = placement.to_scene(self._samples.points)
         rough = pieces.distance_estimate(points)
         close = rough <= within + self._samples.spacing
@@ -153,8 +143,6 @@ class SpatialProximity(Proximity):
     def _descended(
         self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray
     ) -> ClosestPoints:
-        """Minima over a smooth surface from points (m, 3) near it, in distance from pieces (m,)."""
-
         def onto(x: Floats) -> Floats:
             return placement.to_scene(self.grain.project(placement.to_body(x)))
 
@@ -167,7 +155,6 @@ class SpatialProximity(Proximity):
         return ClosestPoints(sight.gaps, points, sight.normals, None, anchors, origin, None, pieces)
 
     def _newton_step(self, placement: Placement, points: Floats, sight: ClosestPoints) -> Floats:
-        """Bounded steps (n, 3) along the surface towards the least distance."""
         h = 1e-5 * self.size
         outward = self.grain.normal(placement.to_body(points)) @ placement.rotation.T
         tangents = np.stack(frame_of(outward), axis=1)  # (n, 2, 3)
@@ -186,7 +173,6 @@ class SpatialProximity(Proximity):
     def _starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
     ) -> Starts:
-        """Corners (and edges) of a core near a plane or a smooth bed, and triangles."""
         core, curved = self.grain.cores[k], isinstance(pieces, SmoothTerrain)
         parts, points = self._places[k]
         points, bound = placement.to_scene(points), within + core.radius
@@ -207,7 +193,6 @@ class SpatialProximity(Proximity):
         return part, piece, start, near
 
     def _near_balls(self, pieces: Pieces, corners: Floats, bound: float) -> Starts:
-        """Triangles (m, 3, 3) within a bound of balls, from their middles."""
         middle = corners.mean(axis=1)
         reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
         close = (pieces.distance_estimate(middle) - reach <= bound) & (reach > 0.0)
@@ -215,7 +200,6 @@ class SpatialProximity(Proximity):
         return triangle, piece, middle[triangle], middle[triangle, :2]
 
     def _below(self, placement: Placement, k: int, valleys: Floats) -> Starts:
-        """The triangles of a core next to samples (m, 3) that are lower than those around them."""
         core, body = self.grain.cores[k], placement.to_body(valleys)
         sample, triangle = core.search.near(body, core.radius + self.spacing)
         nearest = nearest_on_triangles(body[sample], self._parts[k][triangle])
@@ -237,7 +221,6 @@ class SpatialProximity(Proximity):
         start: Floats,
         near: Floats,
     ) -> ClosestPoints:
-        """Minima over parts (m,) of a core in distance from pieces (m,)."""
         radius, corners = self.grain.cores[k].radius, placement.to_scene(self._parts[k][part])
         # So that no step leads across a crest.
         longest = 0.5 * self.bed.feature if isinstance(pieces, SmoothTerrain) else np.inf
@@ -258,7 +241,7 @@ class SpatialProximity(Proximity):
         corners: bool = False,
         slack: float = 0.0,
     ) -> ClosestPoints:
-        """The minima over the whole surface, each once; on request also all corners.
+        """Minima over the whole surface, each once; on request also all corners.
 
         Points whose neighbourhood is lower by at most `slack` (a length) count as minima.
         """
@@ -308,7 +291,6 @@ class SpatialProximity(Proximity):
     def _flat(
         self, placement: Placement, k: int, close: ClosestPoints, tolerance: float
     ) -> list[Floats]:
-        """The connected faces (m, 3, 3) of a core that lie on the piece of bed of its minima."""
         core, bound, piece = (
             self.grain.cores[k],
             self.grain.cores[k].radius + tolerance,
@@ -339,7 +321,6 @@ def _shortened(steps: Floats, longest: float) -> Floats:
 
 
 def _grows(search: Triangles, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
-    """Whether from anchors (m, 3) no triangle that meets there falls by more than `slack`."""
     size = float(np.abs(search.corners).max())
     row, triangle = search.near(anchors, SAME * size)
     corners = search.corners[triangle]
@@ -360,7 +341,7 @@ def descended(
     onto: Callable[[Floats], Floats],
     size: float,
 ) -> tuple[Floats, ClosestPoints]:
-    """The least distance from pieces (m,) next to points (m, 3) of a surface: points, and their closest ones.
+    """Points of a surface at least distance from pieces (m,), next to points (m, 3), and their closest points.
 
     `step_of` gives steps (k, 3) from closest points of rows (k,); `onto` carries points back onto the surface. `near`
     (m, 2) lies near the feet on the bed.
@@ -420,9 +401,9 @@ def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Flo
 
 
 def _patch(triangles: Floats, radius: float) -> Contacts:
-    """The corners of the convex hull of triangles (m, 3, 3) in one plane, carried outward by the radius.
+    """Corners of the convex hull of coplanar triangles (m, 3, 3), carried outward by the radius.
 
-    Each has half of both triangles with its neighbours and the hull's centroid, so that the areas have that centroid.
+    The area of each keeps the hull's centroid.
     """
     from scipy.spatial import ConvexHull  # which takes time to import
 
@@ -443,7 +424,6 @@ def _patch(triangles: Floats, radius: float) -> Contacts:
 
 
 def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
-    """Which points to keep: of those with one normal on a straight line the two ends."""
     keep = np.ones(len(minima), dtype=bool)
     _, label = np.unique(np.round(minima.normals, 6), axis=0, return_inverse=True)
     for item in np.unique(label):

@@ -17,7 +17,7 @@ LARGEST_FILE = 256  # MiB: five million triangles
 def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
     """Vertices (n, 3), all of them used, and triangles (m, 3) of an STL, PLY or OBJ file.
 
-    Raises SceneError if the file is missing or cannot be read, or its vertices are missing or out of range.
+    Raises SceneError if the file cannot be read, or its vertices are missing or out of range.
     """
     path = Path(path)
     kind, remedy = (
@@ -40,7 +40,7 @@ def _by_trimesh(path: Path) -> tuple[Floats, Integers]:
 
 
 def _obj(path: Path) -> tuple[Floats, Integers]:
-    """Lines `v x y z` and `f a b c`; vertices are counted from 1, or back from the last one before the line."""
+    """Vertices are counted from 1, or back from the last one."""
     points: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     lines = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ").splitlines()
@@ -59,7 +59,6 @@ def _obj(path: Path) -> tuple[Floats, Integers]:
 
 
 def _index(path: Path, line: int, text: str, before: int) -> int:
-    """The number from 0 of the vertex that a face names, after `before` others."""
     decimal(text.partition("/")[0])  # which refuses what Python reads otherwise
     number = int(text.partition("/")[0])
     if number == 0:
@@ -70,7 +69,6 @@ def _index(path: Path, line: int, text: str, before: int) -> int:
 
 
 def _checked(path: Path, points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
-    """The surface without unused vertices."""
     if len(triangles) == 0:
         raise SceneError(f"{path} holds no triangles; export it again")
     if len(wrong := triangles[(triangles < 0) | (triangles >= len(points))]):

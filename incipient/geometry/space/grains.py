@@ -41,7 +41,7 @@ Triple = tuple[float, float, float]
 class SphereSwept:
     """Triangles (m, 3) of points (n, 3), swept by a ball of a radius (0: the triangles themselves).
 
-    A triangle may be a point (a sphere) or a segment: then its indices repeat.
+    A point (a sphere) or a segment is a triangle with repeated indices.
     """
 
     points: Floats
@@ -67,7 +67,7 @@ class Solid(Shape):
 
     @abstractmethod
     def surface(self, spacing: float) -> Surface:
-        """The surface as triangles with corners on it, about `spacing` apart at most."""
+        """The surface as triangles with corners on it, at most about `spacing` apart."""
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
@@ -79,7 +79,6 @@ class Solid(Shape):
         raise NotImplementedError
 
     def extreme(self, direction: Floats) -> Floats:
-        """The point (3,) of the grain farthest along a unit vector (3,)."""
         ends = [
             core.points[np.argmax(core.points @ direction)] + core.radius * direction
             for core in self.cores
@@ -127,7 +126,6 @@ class Superquadric(Solid):
         return section * along / m
 
     def _norm(self, x: Floats) -> Floats:
-        """The scales (n,) of the similar superquadrics through points."""
         m, n = self.exponents
         scaled = np.abs(x) / np.asarray(self.semi_axes)
         return power_norm(np.column_stack([power_norm(scaled[:, :2], n), scaled[:, 2]]), m)
@@ -137,7 +135,6 @@ class Superquadric(Solid):
         return np.asarray(min(self.semi_axes) * (self._norm(rows(x)) - 1.0))
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 3) of the similar superquadrics through points (n, 3)."""
         m, n = self.exponents
         axes = np.asarray(self.semi_axes)
         scaled = rows(x) / axes
@@ -150,12 +147,11 @@ class Superquadric(Solid):
         return unit(slope / axes)
 
     def project(self, x: ArrayLike) -> Floats:
-        """The points (n, 3) of the surface on rays from the origin."""
         x = rows(x)
         return np.asarray(x / self._norm(x)[:, None])
 
     def extreme(self, direction: Floats) -> Floats:
-        """The point (3,) farthest along a unit vector (3,): where Hoelder's inequality is an equality."""
+        """The point (3,) at which Hoelder's inequality is an equality."""
         (m, n), scaled = self.exponents, np.asarray(self.semi_axes) * direction
         sizes = np.abs(scaled)
         section = power_norm(sizes[None, :2], n / (n - 1.0))[0]
@@ -245,12 +241,11 @@ class Box(Solid):
 
     @cached_property
     def core(self) -> Floats:
-        """Half the sides of the box that the ball rolls around."""
         return 0.5 * np.array(self.sides) - self.edge_radius
 
     @cached_property
     def moments(self) -> Moments:
-        """The sum over cells: along each axis a point is beside the core or beyond it."""
+        """Sum over cells: along each axis a point is beside the core or beyond it."""
         volume, second, r = 0.0, np.zeros(3), self.edge_radius
         for beyond in choices((False, True), repeat=3):
             out = np.array(beyond)
@@ -263,12 +258,10 @@ class Box(Solid):
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
-        """The core, flat or thin where the rounding takes a whole side."""
         corners = surfaces.box(np.ones(3), 2.0)
         return (SphereSwept(corners.points * self.core, corners.triangles, self.edge_radius),)
 
     def surface(self, spacing: float) -> Surface:
-        """The sharp box's faces, pressed onto the rounded one."""
         sharp = surfaces.box(0.5 * np.array(self.sides), spacing)
         if self.edge_radius == 0.0:
             return sharp
@@ -277,7 +270,6 @@ class Box(Solid):
 
 
 def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
-    """Integrals of 1, x and x^2 over the part of a ball of radius r with all coordinates positive."""
     return (
         (1.0, 0.0, 0.0),
         (r, r**2 / 2.0, r**3 / 3.0),
@@ -290,7 +282,7 @@ def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
 class Triangulated(Solid):
     """A grain bounded by a closed surface of triangles, shifted to its centroid, which was at `centre` (3,).
 
-    `vertices` (n, 3) and `triangles` (m, 3), all in the same sense. Raises SceneError if the surface is not closed,
+    `vertices` (n, 3), `triangles` (m, 3). Raises SceneError if the surface is not closed or consistently oriented,
     encloses no volume, or is in several parts.
     """
 
@@ -322,7 +314,7 @@ class Triangulated(Solid):
     def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
         """A grain from an STL, PLY or OBJ file, its coordinates times `scale`, repaired where possible.
 
-        Raises SceneError if the file cannot be read, or its surface is not closed or intersects itself.
+        Raises SceneError if the surface cannot be read, is not closed or intersects itself.
         """
         points, triangles = triangles_in(path)
         surface = repaired(Surface(scale * points, triangles))
@@ -349,8 +341,7 @@ class Triangulated(Solid):
     def _outward(self, points: Floats) -> tuple[Floats, Floats]:
         """Vectors (n, 3) from the nearest points of the surface, and the normals (n, 3) there.
 
-        At edges and corners the angle-weighted mean, whose side of the surface is that of the points (Baerentzen and
-        Aanaes 2005).
+        At edges and corners the angle-weighted mean, which decides the side (Baerentzen and Aanaes 2005).
         """
         feet, row, triangle = self.cores[0].search.nearest(points, 1e-12 * self.size)
         corners = self._surface.corners[triangle]
@@ -367,7 +358,6 @@ class Triangulated(Solid):
         return np.copysign(np.linalg.norm(away, axis=1), (away * normals).sum(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
-        """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean."""
         away, normals = self._outward(rows(x))
         on_surface = np.linalg.norm(away, axis=1, keepdims=True) <= 1e-9 * self.size
         side = np.sign((away * normals).sum(axis=1, keepdims=True))
@@ -388,7 +378,7 @@ class Polyhedron(Triangulated):
 
 @dataclass(frozen=True)
 class Cylinder(Solid):
-    """The tube of a diameter and a length about the second axis, its ends in the sides of a domain."""
+    """A cylinder about the second axis, its ends in the sides of a domain."""
 
     spans_width = True
     diameter: float
@@ -396,7 +386,6 @@ class Cylinder(Solid):
 
     @property
     def size(self) -> float:
-        """The diameter: the extent across the flow."""
         return self.diameter
 
     @cached_property
@@ -411,7 +400,6 @@ class Cylinder(Solid):
         return (SphereSwept(ends, np.array([[0, 1, 1]]), 0.5 * self.diameter),)
 
     def level(self, x: ArrayLike) -> Floats:
-        """The signed distance (n,) of points (n, 3) from the endless tube."""
         return np.asarray(np.linalg.norm(rows(x) * ACROSS, axis=1) - 0.5 * self.diameter)
 
     def normal(self, x: ArrayLike) -> Floats:
@@ -477,7 +465,6 @@ class Spheres(Balls, Solid):
 
 
 def _showing(centres: Floats, radii: Floats) -> np.ndarray:
-    """The spheres that lie within no other; of equal ones the last."""
     apart = np.linalg.norm(centres[:, None] - centres, axis=2)
     first, second = np.meshgrid(np.arange(len(radii)), np.arange(len(radii)), indexing="ij")
     larger = (radii > radii[:, None]) | ((radii == radii[:, None]) & (second > first))
@@ -490,7 +477,6 @@ def _union(centres: Floats, radii: Floats) -> Moments:
     from scipy.integrate import quad_vec  # which takes time to import
 
     def section(height: float) -> Floats:
-        """The integrals (10,) of 1, x and x x^T over the section at a height."""
         squared = radii**2 - (height - centres[:, 2]) ** 2
         cut = squared > 0.0
         middles, sizes = centres[cut, :2], np.sqrt(squared[cut])

@@ -1,4 +1,4 @@
-"""Beds from height maps: rasters read from an image or a table, between which cubics run."""
+"""Beds from height maps: rasters from an image or a table, with bicubic interpolation."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,8 +33,7 @@ NO_DATA = (-9999.0, 9999.0, -32768.0, -32767.0, float(np.finfo(np.float32).min))
 class HeightMap(SmoothTerrain):
     """Heights (rows, columns) at points `cell` apart, the first row lowest in y, the first point at `origin`.
 
-    Bicubic interpolation (Keys 1981): surface and normals are continuous; beyond the outermost points it continues
-    level.
+    Bicubic (Keys 1981), with continuous normals; level beyond the outermost points.
     """
 
     heights: Floats
@@ -61,9 +60,9 @@ class HeightMap(SmoothTerrain):
     ) -> "HeightMap":
         """A bed from a PNG or TIFF image, an array in a .npy file, or an ESRI ASCII grid (.asc).
 
-        Heights are `relief` times what the file holds: whole numbers of images are divided by the largest of their
-        type. The first row is that of largest y, of a .npy array that of least y. `origin` is added to an ASCII
-        grid's own corner. Raises SceneError if the file cannot be read or is no table of finite heights.
+        Heights are `relief` times the file's; whole numbers of images are divided by the largest of their type (black
+        0, white 1). The first row is that of largest y, of a .npy array that of least y. `origin` is added to an ASCII
+        grid's own corner. Raises SceneError for a file without finite heights.
         """
         path = Path(path)
         heights, own_cell, corner = _read(path)
@@ -129,13 +128,12 @@ class HeightMap(SmoothTerrain):
 
     @property
     def steepest(self) -> float:
-        """The largest difference of neighbouring heights over their distance."""
         rises = (np.abs(np.diff(self.heights, axis=axis)).max() for axis in (1, 0))
         return max(float(rise / step) for rise, step in zip(rises, self.cell, strict=True))
 
     @property
     def crest(self) -> float:
-        """The highest of the heights, and by how much cubics may exceed them."""
+        """Highest of the heights, plus what cubics may exceed them by."""
         rise = float(np.ptp(self.heights))
         return float(self.origin[2] + self.heights.max() + OVERSHOOT * rise)
 
@@ -170,7 +168,6 @@ class HeightMap(SmoothTerrain):
         return self.origin[2] + table[:, 0, 0], first, second.reshape(-1, 2, 2)
 
     def _derivatives(self, x: ArrayLike, most: int) -> Floats:
-        """Derivatives (n, most + 1, most + 1) at points (n, 2), by their orders in y and x."""
         at = (rows(x) - np.asarray(self.origin[:2])) / np.asarray(self.cell)
         count = np.array(self.heights.shape[::-1])
         # Beyond the edge everything is as at the edge.
@@ -193,13 +190,11 @@ class HeightMap(SmoothTerrain):
 
 
 def _gap(heights: Floats) -> tuple[int, int] | None:
-    """Row and column of the first height that is not finite."""
     gaps = np.argwhere(~np.isfinite(heights))
     return None if not len(gaps) else (int(gaps[0, 0]), int(gaps[0, 1]))
 
 
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
-    """The highest points (rows, columns) of triangles (m, 3, 3) above a raster; -inf: there is none."""
     heights = np.full((len(across), len(along)), -np.inf)
     low, high = corners.min(axis=1) - slack, corners.max(axis=1) + slack
     left, right = np.searchsorted(along, low[:, 0]), np.searchsorted(along, high[:, 0])
@@ -234,7 +229,6 @@ def _read(path: Path) -> Raster:
 
 
 def _require_data(path: Path, heights: Floats) -> None:
-    """Refuse values of NO_DATA that are farther from all other heights than those are from each other."""
     lacking = np.isin(heights, NO_DATA)
     others = heights[~lacking]
     if not lacking.any() or not others.size:
@@ -250,7 +244,7 @@ def _read_array(path: Path) -> Raster:
 
 
 def array_in(path: Path) -> np.ndarray:
-    """The numbers in a .npy file, mapped into memory; raises SceneError for other types and too many."""
+    """The numbers in a .npy file, mapped into memory. Raises SceneError."""
     result = np.load(path, mmap_mode="r", allow_pickle=False)
     if not isinstance(result, np.ndarray):
         raise SceneError(f"{path} is an archive of arrays; save one array with numpy.save")
@@ -270,7 +264,6 @@ def require_few(path: Path, *counts: float) -> None:
 
 
 def _read_image(path: Path) -> Raster:
-    """Grey values; of a colour image the mean of red, green and blue."""
     from PIL import Image
 
     with Image.open(path) as opened:
@@ -287,7 +280,7 @@ def _read_image(path: Path) -> Raster:
 
 
 def _read_grid(path: Path) -> Raster:
-    """An ESRI ASCII grid: header lines of a word and a number, then rows from the north."""
+    """An ESRI ASCII grid, whose rows begin in the north."""
     header: dict[str, float] = {}
     lines = path.read_text(encoding="ascii").splitlines()
     while lines and lines[0].split() and lines[0].split()[0][0].isalpha():

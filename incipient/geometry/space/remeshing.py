@@ -1,7 +1,7 @@
 """Remeshing of a triangulated surface to given edge lengths: edges are split, collapsed and swapped.
 
-After Botsch and Kobbelt (2004), with sizes that vary and points on the exact surface. Independent operations are done
-together; lengths and qualities are rounded to a few digits, so that round-off has no effect.
+After Botsch and Kobbelt (2004), with sizes that vary and points on the exact surface. Lengths and qualities are
+rounded, so that round-off has no effect.
 """
 
 from abc import ABC, abstractmethod
@@ -50,7 +50,7 @@ class Topology:
         self.of_sides = inverse.reshape(3, -1).T
 
     def number(self, pairs: np.ndarray) -> np.ndarray:
-        """The numbers (n,) of the edges between pairs (n, 2) of points; -1: there is none."""
+        """Numbers (n,) of the edges between pairs (n, 2) of points; -1: none."""
         low, high = pairs.min(axis=1), pairs.max(axis=1)
         key = low.astype(np.int64) * self._width + high
         place = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
@@ -67,12 +67,11 @@ class Topology:
 
     @cached_property
     def open(self) -> np.ndarray:
-        """Whether each edge has a triangle on one side only, (k,)."""
         return np.asarray(self.beside[:, 1] < 0)
 
     @cached_property
     def opposite(self) -> np.ndarray:
-        """The corners (k, 2) opposite to each edge; -1: there is no triangle."""
+        """Corners (k, 2) opposite to each edge; -1: no triangle."""
         sums = self.triangles.sum(axis=1)
         return np.where(self.beside >= 0, sums[self.beside] - self.edges.sum(axis=1)[:, None], -1)
 
@@ -102,7 +101,7 @@ class Draft:
 
 
 class ExactSurface(ABC):
-    """An exact surface; points are in a unit in which its extent is about one."""
+    """An exact surface, in a unit in which its extent is about one."""
 
     @abstractmethod
     def draft(self) -> Draft:
@@ -134,19 +133,17 @@ class SurfaceMesh:
 
     @cached_property
     def kept(self) -> np.ndarray:
-        """Which edges (k,) are sharp or the surface's boundary."""
         kept = self.topology.open.copy()
         kept[self.topology.number(self.sharp)] = True
         return kept
 
     @cached_property
     def on_curve(self) -> np.ndarray:
-        """Which points (n,) lie on kept edges."""
         return np.isin(np.arange(len(self.points)), self.topology.edges[self.kept])
 
     @cached_property
     def lengths(self) -> Floats:
-        """The lengths (k,) of edges over the target there, to six digits."""
+        """Lengths (k,) of edges over the target there, to six digits."""
         edges = self.topology.edges
         first, second = self.points[edges].transpose(1, 0, 2)
         wanted = self.sizes[edges].mean(axis=1)
@@ -162,7 +159,6 @@ class Remesher:
     curves: Triangles | None  # the sharp edges, as triangles without area
 
     def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
-        """Points (n, 3) carried onto the surface or its sharp edges, rounded to the frame's grid."""
         on_curve = on_curve & (self.curves is not None)
         result = np.empty_like(points)
         if self.curves is not None:
@@ -192,7 +188,6 @@ def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
 
 
 def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
-    """The draft with its sharp edges, and these as segments."""
     surface, count = draft.surface, len(draft.surface.points)
     topology = Topology(surface.triangles)
     sharp = (
@@ -213,7 +208,6 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
 
 
 def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
-    """Whether edges (k,) are kept: where the angle between facets is to be resolved."""
     surface = draft.surface
     areas = vector_areas(surface.corners)
     first, second = topology.beside.T
@@ -250,7 +244,6 @@ def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.ndarray:
-    """Triangles cut at the middles of their sides (m, 3), -1: the side is not cut."""
     cut, parts = middles >= 0, []
     number = cut.sum(axis=1)
     # Turned so that the first side, or all but the last one, is cut.
@@ -282,7 +275,6 @@ def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _collapsible(mesh: SurfaceMesh, which: np.ndarray) -> np.ndarray:
-    """Which of some edges (k,) may vanish without changing the topology of surface and kept edges."""
     from scipy.sparse import coo_matrix
 
     edges, count = mesh.topology.edges, len(mesh.points)
@@ -298,7 +290,6 @@ def _collapsible(mesh: SurfaceMesh, which: np.ndarray) -> np.ndarray:
 
 
 def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) -> SurfaceMesh:
-    """The mesh without those candidates (k,) that are shortest around."""
     edges, count = mesh.topology.edges, len(mesh.points)
     rank = _ranks(mesh.lengths[candidates])
     # No two whose ends are neighbours: then no triangle is touched by both.
@@ -336,10 +327,7 @@ def _ranks(values: Floats) -> Floats:
 
 
 def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
-    """Which collapses turn a triangle over or make an edge too long, (k,).
-
-    A folded triangle may turn to the common orientation of its neighbours, otherwise folds would remain.
-    """
+    """Mask (k,) of collapses that turn a triangle over (except to unfold it) or make an edge too long."""
     owner, moved = np.full(len(mesh.points), -1), mesh.points.copy()
     owner[stays] = owner[goes] = np.arange(len(stays))
     moved[stays] = moved[goes] = target
@@ -364,14 +352,12 @@ def _longest(corners: Floats) -> Floats:
 
 
 def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
-    """Which triangles (m, 3, 3) turn until the cosine is less; those without area yet may."""
     old, new = vector_areas(before), vector_areas(after)
     proper = np.linalg.norm(old, axis=1) > FLAT * _longest(before) ** 2
     return np.asarray(proper & ((unit(old) * unit(new)).sum(axis=1) < least))
 
 
 def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
-    """Swap edges within their two triangles where that improves the quality of these."""
     topology, free = mesh.topology, np.flatnonzero(~mesh.kept)
     (a, b), (c, d) = topology.edges[free].T, topology.opposite[free].T
     now = _roundness(mesh.points, *mesh.triangles.T)[topology.beside[free]].min(axis=1)
@@ -403,7 +389,7 @@ def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Floats:
-    """The least angle's sine, nearly: area over the product of the two longest sides."""
+    """The least angle's sine, nearly."""
     # Components first: sums over three neighbouring numbers take several times as long.
     places = np.ascontiguousarray(points.T)
     p, q, r = (places[:, corner] for corner in (a, b, c))
@@ -415,7 +401,6 @@ def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> F
 
 
 def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
-    """Move points along the surface towards the mean of their neighbours, weighted by their fineness."""
     of, wanted = mesh.triangles.T.ravel(), mesh.sizes[mesh.triangles].mean(axis=1)
     areas = vector_areas(mesh.corners)
     weight = np.linalg.norm(areas, axis=1) / wanted**3
@@ -439,14 +424,12 @@ def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _towards(mesh: SurfaceMesh, of: np.ndarray, weights: Floats, places: Floats) -> Floats:
-    """Vectors (n, 3) from the points to the weighted means of positions (k, 3) by point (k,)."""
     total = summed(of, weights, len(mesh.points))
     pull = summed(of, weights[:, None] * places, len(mesh.points))
     return pull / np.maximum(total, 1e-300)[:, None] - mesh.points
 
 
 def _without_folds(mesh: SurfaceMesh, target: Floats) -> Floats:
-    """The points moved, but those of triangles that would turn over."""
     was = mesh.corners
     for _ in range(5):
         folded = _overturned(was, target[mesh.triangles], 0.5)

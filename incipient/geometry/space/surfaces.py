@@ -37,7 +37,6 @@ class Surface:
 
     @cached_property
     def edges(self) -> Indices:
-        """The sides of the triangles (k, 2), each once."""
         return np.unique(np.sort(sides(self.triangles), axis=1), axis=0)
 
     @property
@@ -46,7 +45,6 @@ class Surface:
 
     @cached_property
     def spacing(self) -> float:
-        """The length of the longest side."""
         ends = self.points[sides(self.triangles)]
         return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))
 
@@ -108,7 +106,7 @@ def box(half_sides: Floats, spacing: float) -> Surface:
 
 
 def grid(us: Floats, vs: Floats) -> tuple[Floats, Indices]:
-    """Points (n, 2) of a grid with these abscissae and ordinates, and its triangles (m, 3)."""
+    """Points (n, 2) and triangles (m, 3) of a grid with these abscissae and ordinates."""
     u, v = np.meshgrid(us, vs, indexing="ij")
     index = np.arange(u.size).reshape(u.shape)
     a, b, c, d = (
@@ -119,7 +117,7 @@ def grid(us: Floats, vs: Floats) -> tuple[Floats, Indices]:
 
 
 def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
-    """The surface with one of the points that agree to a tolerance, without collapsed triangles."""
+    """The surface with points that agree to a tolerance as one, without collapsed triangles."""
     rounded = np.round(points / tolerance)
     _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     triangles = inverse.ravel()[triangles]
@@ -136,7 +134,6 @@ def refined(surface: Surface, spacing: float) -> Surface:
 
 
 def _split(surface: Surface, parts: int) -> Surface:
-    """Every triangle cut into parts^2 similar ones."""
     i, j = (
         k.ravel() for k in np.meshgrid(np.arange(parts + 1), np.arange(parts + 1), indexing="ij")
     )
@@ -165,7 +162,7 @@ def joined(surfaces: list[Surface]) -> Surface:
 
 
 def require_closed(surface: Surface, name: str) -> None:
-    """Refuse a surface that does not enclose one volume. Raises SceneError with the reason."""
+    """Raise SceneError, with the reason, for a surface that does not enclose one volume."""
     directed = sides(surface.triangles)
     _, number, counts = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
@@ -210,14 +207,14 @@ def repaired(surface: Surface) -> Surface:
 
 
 def require_plain(surface: Surface, name: str) -> None:
-    """Refuse a surface that runs through itself. Raises SceneError with the number of triangles."""
+    """Raise SceneError for a surface that intersects itself, with the number of triangles."""
     count = len(crossed(surface))
     if count:
         raise SceneError(f"{name} runs through itself in {count} triangles; remesh it")
 
 
 def crossed(surface: Surface) -> np.ndarray:
-    """The triangles (k,) that edges run through with which they share no point."""
+    """Triangles (k,) that edges run through with which they share no point."""
     edges, corners = surface.edges, surface.corners
     ends = surface.points[edges]
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -236,7 +233,6 @@ def crossed(surface: Surface) -> np.ndarray:
 
 
 def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
-    """Which segments (n, 2, 3) run through the triangles (n, 3, 3)."""
     along, first = ends[:, 1] - ends[:, 0], corners[:, 1] - corners[:, 0]
     second = corners[:, 2] - corners[:, 0]
     # start + t along = corner + u first + v second
@@ -257,7 +253,6 @@ class Triangles:
 
     @cached_property
     def _reach(self) -> Floats:
-        """The largest distance (m,) of a triangle's corners from its centroid."""
         middle = self.corners.mean(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.corners - middle, axis=2).max(axis=1))
 
@@ -279,7 +274,7 @@ class Triangles:
         return row[close], triangle[close]
 
     def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
-        """The nearest points (n, 3); rows and triangles (k,) that are as near but for a slack."""
+        """Nearest points (n, 3); rows and triangles (k,) that are as near but for a slack."""
         result, before = [(np.empty((0, 3)), np.empty(0, int), np.empty(0, int))], 0
         for block in self._blocks(points):
             row, triangle = self.near(block, self._corners.query(block)[0] + slack)
@@ -307,7 +302,6 @@ def tree(points: Floats) -> "cKDTree":
 
 
 def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of points (n, d) and numbers of indexed points (k,) within distances (n,)."""
     result = index.query_ball_point(points, within)
     counts = np.fromiter(map(len, result), int, len(result))
     indices = np.fromiter(chain.from_iterable(result), int, counts.sum())
@@ -340,7 +334,7 @@ def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
 
 
 def grouped(owner: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """The values (k,) of each of `count` owners (k,) in a row, filled up with its last value."""
+    """Values (k,) of each of `count` owners (k,) in a row, filled up with its last value."""
     values = values[np.argsort(owner, kind="stable")]
     number = np.bincount(owner, minlength=count)
     place = np.minimum(np.arange(number.max(initial=1)), number[:, None] - 1)
