@@ -263,7 +263,7 @@ def opened_new(path: Path) -> Iterator[io.FileIO]:
         try:
             file = path.open("xb", buffering=0)
         except FileExistsError:
-            raise SceneError(f"{path}: exists already; choose another name") from None
+            raise SceneError(f"{path}: already exists; choose another name") from None
         with file:
             yield file
 

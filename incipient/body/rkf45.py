@@ -1,6 +1,6 @@
 """Ordinary differential equations y' = f(t, y): Runge-Kutta-Fehlberg 4(5) with an interface like SUNDIALS' CVODE.
 
-The error of a step is kept below the tolerances in CVODE's norm, the root mean square of error_i / (relative |y_i| +
+The error of a step is held below the tolerances in CVODE's norm, the root mean square of error_i / (relative |y_i| +
 absolute_i); the solution of fifth order is propagated.
 
 Sources: E. Fehlberg, NASA TR R-315 (1969), formula 2; Hairer, Norsett & Wanner, Solving Ordinary Differential Equations

@@ -49,6 +49,8 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
 
 def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
     """The wall time of runs of the same kind in the results directory, scaled to this one's size, as a line."""
+    if plan.estimate is None:
+        return []
     own = _work(plain(plan.to_dict()), scene.model_dump(mode="json"))
     times = []
     for path in _newest(Path("results")):
@@ -67,7 +69,6 @@ def _expected_time(plan: Plan, scene: Scene, ranks: int) -> list[str]:
 
 
 def _newest(directory: Path) -> list[Path]:
-    """The newest results of runs in a directory."""
     with suppress(OSError):
         runs = [(path.stat().st_mtime, path) for path in directory.glob("*/result.json")]
         return [path for _, path in sorted(runs, reverse=True)[:NEWEST]]
@@ -77,7 +78,6 @@ def _newest(directory: Path) -> list[Path]:
 def _work(
     plan: dict[str, Any], scene: dict[str, Any], unknowns: int = 0
 ) -> tuple[list[Any], float]:
-    """What a run's cost depends on, and its unknowns times its steps."""
     time, numerics, turbulence = scene["time"], scene["numerics"], scene["turbulence"]
     kind = [plan[key] for key in ("scheme", "order", "convection")]
     kind += [
@@ -118,7 +118,6 @@ def cost(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _exact(settings: Sequence[str]) -> dict[str, float]:
-    """Exact values by name, from settings such as force_x=9.4. Raises SceneError."""
     try:
         return {name: float(value) for name, value in (text.split("=") for text in settings)}
     except ValueError as error:

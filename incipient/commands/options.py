@@ -23,7 +23,7 @@ def overrides(parser: argparse.ArgumentParser, example: str) -> None:
 
 
 def named(text: str) -> Path:
-    """A nonempty path: an empty one would mean the working directory."""
+    """A nonempty path: an empty one would be the working directory."""
     if not text.strip():
         raise argparse.ArgumentTypeError("the name is empty; give the name of a directory or file")
     return Path(text)
@@ -68,7 +68,7 @@ def _details(parser: argparse.ArgumentParser) -> None:
 
 
 def of_run(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient run`."""
+    """Options of `run`."""
     _scene_to(parser)
     parser.add_argument(
         "--overwrite",
@@ -79,19 +79,19 @@ def of_run(parser: argparse.ArgumentParser) -> None:
 
 
 def of_resume(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient resume`."""
+    """Options of `resume`."""
     parser.add_argument("directory", type=Path, help="directory of the run")
     overrides(parser, "time.end=20")
     _details(parser)
 
 
 def of_threshold(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient threshold`."""
+    """Options of `threshold`."""
     _scene_to(parser, "_threshold")
 
 
 def of_gust(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient gust`."""
+    """Options of `gust`."""
     _scene_to(parser, "_gusts")
     parser.add_argument(
         "--durations",
@@ -104,7 +104,7 @@ def of_gust(parser: argparse.ArgumentParser) -> None:
 
 
 def of_entrainment(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient entrainment`."""
+    """Options of `entrainment`."""
     add = parser.add_argument
     _scene_to(parser, "_entrainment")
     usual = "0.001 0.01 0.05 0.5, as far as data resolve them"
@@ -139,13 +139,13 @@ def of_entrainment(parser: argparse.ArgumentParser) -> None:
 
 
 def of_plan(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient plan`."""
+    """Options of `plan`."""
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
 
 
 def of_cost(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient cost`."""
+    """Options of `cost`."""
     add = parser.add_argument
     _scene_to(parser, "_cost", "study")
     add("--do", choices=("run", "threshold"), default="run", help="what to run (default: run)")
@@ -164,7 +164,7 @@ def of_cost(parser: argparse.ArgumentParser) -> None:
 
 
 def of_show(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient show`."""
+    """Options of `show`."""
     add = parser.add_argument
     add("directory", type=Path, help="directory of the results, or the file of a sweep")
     add("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
@@ -181,7 +181,7 @@ def of_show(parser: argparse.ArgumentParser) -> None:
 
 
 def of_report(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient report`."""
+    """Options of `report`."""
     parser.add_argument("path", type=Path, help="directory of the results, or the file of a sweep")
     parser.add_argument(
         "--out",
@@ -192,7 +192,7 @@ def of_report(parser: argparse.ArgumentParser) -> None:
 
 
 def of_sweep(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient sweep`."""
+    """Options of `sweep`."""
     add = parser.add_argument
     add(
         "scenes",
@@ -264,7 +264,7 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
 
 
 def of_survey(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient survey`."""
+    """Options of `survey`."""
     add = parser.add_argument
     add("bed", type=Path, help="survey file (TOML); with --orientations or --seeds a 3-D scene")
     overrides(parser, "bed.seed=2")
@@ -335,7 +335,7 @@ def _share(text: str) -> float:
 
 
 def of_table(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient table`."""
+    """Options of `table`."""
     parser.add_argument(
         "file", type=Path, help="file of a sweep; for size classes also grains.csv of a survey"
     )
@@ -365,7 +365,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def of_judge(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient judge`."""
+    """Options of `judge`."""
     add = parser.add_argument
     add(
         "case",
@@ -442,7 +442,7 @@ def _length(text: str) -> float:
 
 
 def of_flume(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient flume`."""
+    """Options of `flume`."""
     parser.add_argument(
         "--diameter", type=_length, required=True, help="of the grains, as in 2mm or 0.002 [m]"
     )
@@ -474,6 +474,6 @@ def of_flume(parser: argparse.ArgumentParser) -> None:
 
 
 def of_new(parser: argparse.ArgumentParser) -> None:
-    """Options of `incipient new`."""
+    """Options of `new`."""
     parser.add_argument("name", help="name of the scene; NAME.toml is written")
     parser.add_argument("--space", action="store_true", help="write a 3-D scene")

@@ -1,4 +1,4 @@
-"""`incipient run` and `resume`, and the searches `threshold`, `gust` and `entrainment`."""
+"""`incipient run`, `resume`, `threshold`, `gust` and `entrainment`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`incipient show` and `incipient report`: pictures, films and pages of results."""
+"""`incipient show` and `incipient report`."""
 
 from __future__ import annotations
 

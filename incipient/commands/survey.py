@@ -1,4 +1,4 @@
-"""`incipient survey`: thresholds of the grains of a bed, or of one grain in many poses."""
+"""`incipient survey`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`incipient sweep`: many cases in one file."""
+"""`incipient sweep`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`incipient table`: the cases of a sweep as a table."""
+"""`incipient table`."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""Accelerations of a grain released from rest under Coulomb's law.
-
-In 2-D the planes N_i y = 0 and T_i y = 0 cut the space of accelerations y into cells with fixed
-admissible forces, whose motions are enumerated: the free acceleration, sliding on one contact, and
-lines where two contacts close or one sticks. In 3-D Newton's method solves the equations of
-`impulses` from several starts.
-"""
+"""Accelerations of a grain released from rest under Coulomb's law: enumerated in 2-D, by Newton's method in 3-D."""
 
 import math
 from contextlib import suppress
@@ -50,7 +44,7 @@ class ContactState(Enum):
 
 
 class Mode(Enum):
-    """Exclusive modes of incipient motion, from the states of all contacts and the angular acceleration alpha.
+    """Modes of incipient motion, from the states of all contacts and the angular acceleration alpha.
 
     - Without alpha: SLIDING if any contact slides, otherwise LIFTING.
     - No contact rolls: PIVOTING_AND_SLIDING if any slides, otherwise LIFTING_AND_ROTATING.
@@ -71,7 +65,6 @@ class Mode(Enum):
 
     @property
     def label(self) -> str:
-        """The name in words."""
         return self.name.lower().replace("_", " ")
 
 
@@ -89,7 +82,7 @@ class Uniqueness(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """An admissible motion at the instant of release; arrays (3,), contacts (n, 3).
+    """Admissible motion at the instant of release; vectors (3,), contacts (n, 3).
 
     `residual`: violation of Newton's and Coulomb's laws, relative to the load.
     """
@@ -105,10 +98,9 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class IncipientMotion:
-    """Possible distinct accelerations of a grain, rest first, then by energy (m a.a + alpha.J.alpha) / 2.
+    """Possible accelerations of a grain, rest first, then by energy (m a.a + alpha.J.alpha) / 2.
 
-    `jams`: contact forces can balance one another, so that rest may depend on how the grain was
-    wedged in.
+    `jams`: contact forces can balance one another, so that rest may depend on history.
     """
 
     solutions: tuple[Solution, ...]
@@ -122,7 +114,7 @@ class IncipientMotion:
 
     @property
     def moves(self) -> bool:
-        """Whether the grain must move: rest is no solution."""
+        """Whether rest is no solution."""
         return self.first.mode is not Mode.REST
 
     @property
@@ -149,7 +141,6 @@ class ReleaseProblem:
 
     @classmethod
     def of(cls, contacts: ContactProblem, mass: Floats, inertia: Floats) -> "ReleaseProblem":
-        """Build the problems of grains of mass (n,) and central inertia (n, 3, 3)."""
         wrench, size = contacts.wrench(1.0)
         left = np.sqrt((wrench * wrench).sum(axis=1))
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
@@ -172,13 +163,12 @@ class ReleaseProblem:
 
     @cached_property
     def scale(self) -> Floats:
-        """Magnitude (n,) of the free acceleration."""
         return np.asarray(np.linalg.norm((self.inverse @ self.wrench[:, :, None])[:, :, 0], axis=1))
 
     def motions(self, most: int) -> tuple[Integers, Floats, Floats]:
         """Motions in order of energy: number (n,), accelerations (n, most, m), local forces (n, most, 3k).
 
-        Complete in 2-D, without rest; in 3-D those that converged.
+        Complete in 2-D, without rest.
         """
         count, motions, forces = MOTIONS(
             self.columns,
@@ -191,10 +181,7 @@ class ReleaseProblem:
         return count, motions[:, :, :-1], forces
 
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
-        """Accelerations (n, 6) of grains and (n, k, 3) of contacts, their states (n, k), and modes (n,).
-
-        Negligible accelerations are set to zero.
-        """
+        """Accelerations (n, 6) of grains and (n, k, 3) of contacts, contact states (n, k), and modes (n,)."""
         projection, zero = self.contacts.projection, ZERO * self.scale[:, None]
         if projection is not None:
             accelerations = (accelerations[:, None] @ projection)[:, 0]
@@ -207,7 +194,6 @@ class ReleaseProblem:
 
     @cached_property
     def coulomb(self) -> CoulombLaw:
-        """Coulomb's law of a single case, for local forces (k, 3) and accelerations."""
         gained, friction = self.inverse[0] @ self.columns[0], float(self.contacts.law.moving[0])
         return CoulombLaw.of(self.columns[0].T @ gained, self.wrench[0] @ gained, friction)
 
@@ -285,7 +271,6 @@ def motion_of(
 
 
 def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
-    """Accelerations (s, m) and forces (s, k, 3), rest first, and whether the set is complete."""
     law, scale, held = case.contacts.law, case.scale[0], None
     if may_rest or law.is_frictionless:
         free = _frictionless(case)
@@ -310,7 +295,6 @@ def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool
 
 
 def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
-    """Admissible acceleration (1, m) nearest to the free one, and its forces (1, k, 3)."""
     root, columns = np.linalg.cholesky(case.inverse[0]), case.columns[0]
     _, pressures = balance(columns[:, ::3].T @ root, case.wrench[0] @ root)
     forces = np.zeros((1, len(pressures), 3))
@@ -321,7 +305,7 @@ def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
 def _families(
     case: ReleaseProblem, accelerations: Floats, forces: Floats
 ) -> tuple[bool, list[int]]:
-    """Whether there is a continuous family, and the solutions to keep: the ends of a family."""
+    """Whether there is a continuous family, and the solutions to keep: its ends."""
     law, moving = case.coulomb, [i for i in range(len(forces)) if accelerations[i].any()]
     if case.planar:
         pairs = [(i, j) for j in moving for i in moving if i < j]
@@ -340,7 +324,7 @@ def _families(
 
 
 def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
-    """Whether contact forces of a 2-D motion also balance the load, so that it may be arbitrarily slow."""
+    """Whether contact forces of a 2-D motion also balance the load: it may be arbitrarily slow."""
     assert case.contacts.generators is not None
     at, zero = (acceleration @ case.columns[0]).reshape(-1, 3), ZERO * case.scale[0]
     slips = np.stack([at[:, 1] <= zero, at[:, 1] >= -zero], axis=1)
@@ -376,10 +360,8 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
 def inner_forces(
     case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats, forces: Floats
 ) -> tuple[Floats, bool]:
-    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether `forces` are the only ones.
-
-    Lifting contacts have none, sliding ones full friction; otherwise the shortest, or those deepest
-    inside the cones.
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, the shortest or deepest in the cones; and
+    whether unique.
     """
     problem, slides, stays = case.contacts, np.flatnonzero(kinds == 2), np.flatnonzero(kinds < 2)
     edges = problem.generators
@@ -403,7 +385,7 @@ def inner_forces(
 def states_and_modes(
     at: Floats, inward: Floats, turning: Floats, zero: Floats, slow: Floats
 ) -> tuple[Integers, Integers]:
-    """Indices (n, k) in `ContactState` and (n,) in `MODES` from local motions (n, k, 3) and rotations (n, 3).
+    """Indices (n, k) in `ContactState` and (n,) in `MODES` from local motions and rotations (n, 3).
 
     zero, slow (n, 1): thresholds of motion, and of rotation about other axes.
     """
@@ -432,7 +414,7 @@ def states_and_modes(
 
 
 class Case(NamedTuple):
-    """A case and its motions (most, m + 1), the last entry the energy, and forces (most, 3k)."""
+    """A case with motions (most, m + 1), the last entry the energy, and forces (most, 3k)."""
 
     columns: Floats
     inverse: Floats
@@ -445,10 +427,9 @@ class Case(NamedTuple):
 def motion_rows(
     columns: Floats, inverse: Floats, friction: Floats, wrench: Floats, most: int
 ) -> tuple[Integers, Floats, Floats]:
-    """Motions of n cases as `ReleaseProblem.motions`, with the energy as last entry of (n, most, m + 1).
+    """`ReleaseProblem.motions` of n cases, with the energy as last entry of (n, most, m + 1).
 
-    columns (n, m, 3k): wrenches of unit local forces; inverse (n, m, m) of mass and inertia; wrench
-    (n, m).
+    columns (n, m, 3k): wrenches of unit local forces; inverse (n, m, m) of mass and inertia; wrench (n, m).
     """
     count, m, width = columns.shape
     reached = np.zeros(count, dtype=np.int64)
@@ -463,7 +444,6 @@ def motion_rows(
 
 
 def _search(case: Case) -> int:
-    """Run Newton's method from no force, frictionless sliding, and each contact alone; count the motions."""
     width = case.columns.shape[1]
     gained = case.inverse @ case.columns
     gain, b = case.columns.T @ gained, case.wrench @ gained
@@ -499,7 +479,6 @@ def _search(case: Case) -> int:
 
 
 def _rub(pressure: float, way: Floats, friction: float, force: Floats, j: int) -> None:
-    """Set a pressure with full friction against an acceleration at the contact of entry j."""
     speed = max(math.hypot(way[j + 1], way[j + 2]), 1e-300)
     force[j] = pressure
     force[j + 1] = -friction * pressure * way[j + 1] / speed
@@ -507,7 +486,6 @@ def _rub(pressure: float, way: Floats, friction: float, force: Floats, j: int) -
 
 
 def _keep(case: Case, force: Floats, count: int) -> int:
-    """Insert the motion under forces (3k,) in order of energy unless present; returns the new count."""
     whole, m = case.wrench.copy(), len(case.wrench)
     for i in range(m):
         whole[i] += dot(case.columns[i], force)

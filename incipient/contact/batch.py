@@ -1,7 +1,4 @@
-"""Batches of contact problems: safety factor and mode of each, with the kernels of a single case.
-
-Frictionless cases, coincident contacts and unconverged motions are evaluated one by one.
-"""
+"""Batches of contact problems; frictionless, coincident and unconverged cases are evaluated one by one."""
 
 from __future__ import annotations
 
@@ -79,7 +76,7 @@ class Cases:
 
     @property
     def contacts(self) -> Integers:
-        """Number of contacts (n,): up to the last that is not all NaN."""
+        """Number of contacts (n,)."""
         there = ~np.isnan(np.concatenate([self.points, self.normals], axis=2)).all(axis=2)
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
@@ -117,10 +114,10 @@ class Batch:
 
 
 def judge_many(cases: Cases) -> Batch:
-    """Evaluate a batch of contact problems by the exact criterion. Not collective.
+    """Evaluate a batch of contact problems by the exact criterion.
 
-    An invalid case fails with its reason and does not affect the others. Safety factors equal those
-    of `safety_factor`, in 2-D to round-off, in 3-D to 1e-9.
+    An invalid case fails with its reason. Safety factors equal those of `safety_factor`, in 2-D to round-off, in
+    3-D to 1e-9.
     """
     count = len(cases)
     factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)
@@ -148,7 +145,6 @@ def judge_many(cases: Cases) -> Batch:
 
 
 def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem]]:
-    """Indices from `start`, and problems, of cases with equal numbers of contacts and equations."""
     counts = cases.contacts
     for count in np.unique(counts[counts > 0]).tolist():
         places = np.flatnonzero(counts == count)
@@ -192,7 +188,6 @@ def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
 def _together(
     problem: ContactProblem, mass: Floats, inertia: Floats
 ) -> tuple[Floats, Booleans, Integers]:
-    """Safety factors, whether held, and modes of `LABELS`, (n,); FAILED where unsolved."""
     balanced = intervals(problem)
     held, answered = balanced.held, balanced.state != UNANSWERED
     modes = np.where(answered, np.where(held, 0, 1), FAILED)

@@ -1,5 +1,4 @@
-"""Kernels of a batched interior-point method for max s such that G f + s flow + weight = 0, f in
-the product K of friction cones.
+"""Batched interior-point method for max s such that G f + s flow + weight = 0, f in the friction cones K.
 
 The homogeneous self-dual embedding a x = b tau, a^T y + z = c tau, b.y - c.x = kappa with x, z in K
 and tau, kappa >= 0 is solved as in Vandenberghe, The CVXOPT linear and quadratic cone program
@@ -55,8 +54,7 @@ def _interval(
 ) -> tuple[float, float, int]:
     """Smallest and largest balanced factor of the flow, NaN if none, and the state of the weight.
 
-    `forces` (h,) balance the load at the largest factor, in units of the weight, or of the flow
-    without it.
+    Fills in `forces` (h,) at the largest factor, in units of the weight, or of the flow without it.
     """
     has_flow = largest(flow) > 0.0
     rank, short = _orthonormalise(q, flow, weight)
@@ -129,8 +127,7 @@ def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
 def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
     """Largest relative margin inside the cones of forces (h,), filled in, that balance a wrench; NaN if unsolved.
 
-    The shortest forces if inside, otherwise max m such that q f + wrench = 0 and f - m e is in the
-    cones with axes e.
+    The shortest forces if inside, otherwise max m such that f - m e is in the cones with axes e.
     """
     size = length(wrench)
     forces[:] = 0.0
@@ -206,9 +203,9 @@ def _orthonormalise(rows: Floats, flow: Floats, weight: Floats) -> tuple[int, fl
 
 
 def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tuple[int, float]:
-    """Minimise cost x[0] subject to a x = b with x in the cones; returns status and dual value, fills in x[1:].
+    """Minimise cost x[0] subject to a x = b, x in the cones; returns status and dual value, fills in x[1:].
 
-    `answer` is kept if there is no minimum. UNANSWERED: the dual program did not converge.
+    UNANSWERED: the dual program did not converge.
     """
     m, n = a.shape
     degree, q, lower = 1.0 + linear + (n - linear) // 3, np.empty((m, n)), np.empty((m, m))
@@ -302,7 +299,7 @@ def _direction(
 ) -> tuple[float, float, float, float]:
     """Predictor-corrector steps except that of z; returns step length, eta, steps of tau and kappa.
 
-    point: tau, kappa, the residual of the third equation, and the gap over the degree of the cones.
+    point: tau, kappa, residual of the third equation, gap over the degree of the cones.
     """
     _, _, dx, dz, missed, lam, size, turn, goal, p = v
     _, dy, rho, beta, pull = u
@@ -335,7 +332,7 @@ def _direction(
 
 
 def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:
-    """Scaling T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False if x or z is on the boundary."""
+    """Scaling T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False on the boundary."""
     for i in range(linear):
         if x[i] <= 0.0 or z[i] <= 0.0:
             return False
@@ -411,7 +408,6 @@ def _determinant(x: Floats, i: int) -> float:
 
 
 def _factorise(rows: Floats, lower: Floats) -> None:
-    """Orthonormalise rows (m, n) = lower (m, m) q by modified Gram-Schmidt."""
     for i in range(len(rows)):
         lower[i], after, before = 0.0, length(rows[i]), np.inf
         while after < 0.5 * before:  # reorthogonalise after cancellation

@@ -51,15 +51,12 @@ class FrictionCone:
         return cone
 
     def rows(self, count: int) -> FrictionCone:
-        """Broadcast to n cases."""
         return self._each(lambda number: np.broadcast_to(number, count))
 
     def part(self, rows: Rows) -> FrictionCone:
-        """Select cases."""
         return self._each(lambda number: number[rows] if number.shape else number)
 
     def _each(self, change: Callable[[Floats], Floats]) -> FrictionCone:
-        """Change each number; the class stays."""
         return replace(self, **{one.name: change(getattr(self, one.name)) for one in fields(self)})
 
     def changed(self, change: float) -> FrictionCone:
@@ -81,14 +78,13 @@ class FrictionCone:
 
     @cached_property
     def moving(self) -> Floats:
-        """Coefficient in the equations of motion, 0 to INFINITE."""
         return np.where(
             self.coefficient < FRICTIONLESS, 0.0, np.minimum(self.coefficient, INFINITE)
         )
 
     @cached_property
     def scaling(self) -> Floats:
-        """Cosine, sine, sine of the friction angle, (..., 3), which turn the unit cone into the friction cone."""
+        """Cosine, sine, sine of the friction angle, (..., 3)."""
         scaling = np.empty((*self.coefficient.shape, 3))
         scaling[..., 0] = 1.0 / np.hypot(1.0, self.coefficient)
         scaling[..., 1:] = np.sin(np.arctan(self.coefficient))[..., None]
@@ -117,7 +113,6 @@ class FrictionCone:
         return self.scaling[..., None, :] * edge
 
     def project(self, local: Floats) -> Floats:
-        """Project local forces (..., k, 3) onto the cone."""
         outside = self.margin(local) < 0.0
         if not outside.any():
             return local
@@ -126,7 +121,6 @@ class FrictionCone:
         return np.where(outside[..., None], along[..., None] * edge, local)
 
     def mobilised(self, pressure: Floats, shear: Floats) -> Floats:
-        """Fraction (..., k) of the shear that friction balances under normal and tangential forces (..., k)."""
         limit = self.coefficient[..., None] * pressure
         sticks = limit >= shear
         return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))

@@ -1,5 +1,4 @@
-"""Signorini's and Coulomb's laws for local velocities u = W p + b and impulses p (normal, two
-tangential) at k contacts.
+"""Signorini's and Coulomb's laws for velocities u = W p + b and impulses p (normal, two tangential).
 
 0 <= u_N, 0 <= p_N, u_N p_N = 0 and |p_T| <= friction p_N, with equality and p_T against u_T where
 u_T is not zero (Moreau 1988; Jean 1999, Comput. Methods Appl. Mech. Eng. 177, 235), that is p =
@@ -53,7 +52,6 @@ class CoulombLaw:
         return cls(gain, free, friction, np.ascontiguousarray(onto), -step * free)
 
     def residual(self, local: Floats) -> float:
-        """Residual of impulses p (k, 3) in the contact laws."""
         trial = (local.ravel() @ self.onto + self.offset).reshape(-1, 3)
         pressure = np.maximum(trial[:, 0], 0.0)
         shear = np.hypot(trial[:, 1], trial[:, 2])
@@ -62,7 +60,7 @@ class CoulombLaw:
         return float(np.abs(local - projected).max())
 
     def is_open(self, local: Floats) -> bool:
-        """Whether the equations at a solution (k, 3) leave a direction of varying velocities open."""
+        """Whether velocities may vary at a solution (k, 3)."""
         derivative = np.empty_like(self.onto)
         trial = local.ravel() @ self.onto + self.offset
         DERIVATIVE(self.onto, self.friction, trial, derivative, rows=2.0 / len(local) ** 3)
@@ -78,7 +76,7 @@ class CoulombLaw:
         ).reshape(-1, *starts.shape[1:])
 
     def solutions(self, start: Floats) -> Iterator[Floats]:
-        """Sets of solutions (s', k, 3) from p (k, 3), from more and more distant starts."""
+        """Sets of solutions (s', k, 3) from more and more distant starts."""
         path = [start]
         for part in np.linspace(0.0, 0.95, 20):
             path.extend(replace(self, friction=part * self.friction).newton(path[-1][None]))
@@ -132,10 +130,9 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
     Args:
         gain, free: W (6k, 6k) and b (6k,), for each torque an unused entry and the turns about both
             tangents times a length.
-        friction: (k,) coefficients.
         rolling: the largest torque over that length and the pressure.
 
-    Raises ConvergenceError if the iteration does not converge.
+    Raises ConvergenceError.
     """
     count = len(friction)
     pressures = 3 * np.arange(count)
@@ -148,9 +145,7 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
 
 
 def _by_cases(law: CoulombLaw) -> Floats | None:
-    """Smallest impulses (k, 3) of one or two 2-D contacts, of linear cases: stick, slide either
-    way, open; or None.
-    """
+    """Smallest impulses (k, 3) of one or two 2-D contacts, by cases (stick, slide, open), or None."""
     count = len(law.free) // 3
     if count > 2 or law.gain[2::3].any() or law.free[2::3].any():
         return None
@@ -173,7 +168,7 @@ def _by_cases(law: CoulombLaw) -> Floats | None:
 def newton(
     onto: Floats, offset: Floats, friction: float, starts: Floats, few: int, many: int
 ) -> Floats:
-    """Solutions (s', h) by damped Newton steps from starts (s, h); `many` steps if `few` give none."""
+    """Solutions (s', h) of damped Newton steps from starts (s, h); `many` steps if `few` give none."""
     count, width = starts.shape
     force, trial, miss = starts.copy(), np.empty((count, width)), np.empty((count, width))
     merit, done, near = np.empty(count), np.zeros(count), np.zeros(count)
@@ -214,7 +209,7 @@ def newton(
 def _miss(
     onto: Floats, offset: Floats, friction: float, force: Floats, trial: Floats, miss: Floats
 ) -> float:
-    """Trial p - r u and residual of p (h,); returns the squared residual."""
+    """Fill in trial p - r u and residual of p (h,); returns the squared residual."""
     trial[:] = offset
     for i in range(len(force)):
         add(trial, force[i], onto[i])
@@ -229,7 +224,7 @@ def _miss(
 
 
 def differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> None:
-    """Generalised Jacobian (h, h) of the residual; at kinks a one-sided derivative."""
+    """Generalised Jacobian (h, h) of the residual; one-sided at kinks."""
     for i in range(0, len(trial), 3):
         pressure = max(trial[i], 0.0)
         shear = max(math.hypot(trial[i + 1], trial[i + 2]), 1e-300)

@@ -18,8 +18,7 @@ AT_ONCE = (
 class Kernel:
     """Function that numba compiles once it is called often, cached in `__pycache__`.
 
-    `interpreted`: rows with three equations before compilation; the first argument ends in a matrix
-    per row.
+    `interpreted`: number of rows with three equations before compilation.
     """
 
     def __init__(self, function: Callable[..., Any], interpreted: float = INTERPRETED) -> None:
@@ -38,7 +37,6 @@ class Kernel:
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
-    """Compile the function and its callees at the first call; None without numba."""
     try:
         from numba import njit  # takes a third of a second
     except ImportError:

@@ -1,8 +1,6 @@
-"""Contact problems of rigid grains, with lengths over the longest arm from the centre of mass and
-forces over their own magnitude.
+"""Contact problems of rigid grains, with lengths over the longest arm and forces over their magnitude.
 
-Wrenches (6,) are force and torque about the centre of mass; planar cases have three equations,
-others six.
+Wrenches (6,) are force and torque about the centre of mass; planar cases have three equations, others six.
 """
 
 from __future__ import annotations
@@ -54,7 +52,7 @@ class Load:
 
     @property
     def force(self) -> Floats:
-        """F_flow&g of (9): flow force and weight, (3,)."""
+        """F_flow&g of (9), (3,)."""
         return self.flow_force + self.weight
 
     def shifted(self, change: Floats) -> Load:
@@ -69,9 +67,8 @@ class ContactProblem:
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward
     normals. `wrenches` (n, 2, 6): unit wrenches of flow and weight, or zero; `sizes` (n, 2): their
-    dimensional magnitudes. `plane` (n, 3, 3): two in-plane axes and the normal of planar cases.
-    `copy`, `fraction` (j,): the distinct contact of each input contact, and its fraction of the
-    force.
+    magnitudes. `plane` (n, 3, 3): two in-plane axes and the normal of planar cases. `copy`,
+    `fraction` (j,): the distinct contact of each input contact, and its fraction of the force.
     """
 
     arms: Floats
@@ -119,7 +116,7 @@ class ContactProblem:
         return cls(*scaled, law, None, np.arange(k), np.ones(k))
 
     def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
-        """Nearest coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar cases.
+        """Coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar cases.
 
         With `inertia` (n, 3, 3), planar cases need the normal as a principal axis.
         """
@@ -144,7 +141,7 @@ class ContactProblem:
 
     @cached_property
     def frames(self) -> Floats:
-        """Inward normal and two tangents, (n, k, 3, 3); in planar cases the second tangent is out of plane."""
+        """Inward normal and two tangents, (n, k, 3, 3), the second out of plane in planar cases."""
         across = None if self.plane is None else self.plane[:, None, 2, :, None]
         return contact_frames(self.inward, across)
 
@@ -159,7 +156,6 @@ class ContactProblem:
 
     @property
     def columns(self) -> Floats:
-        """`basis` reshaped to (n, 6, 3k)."""
         return self.basis.reshape(len(self), 6, -1)
 
     @cached_property
@@ -178,11 +174,9 @@ class ContactProblem:
 
     @property
     def linear(self) -> int:
-        """Number of multipliers of `cone_columns` that are merely non-negative: all or none."""
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:
-        """Local forces (n, k, 3) of multipliers (n, h) of `cone_columns`."""
         parts = factors.reshape(len(self), self.arms.shape[1], -1)
         if self.generators is None:
             return np.asarray(parts * self.law.scaling[:, None])
@@ -190,7 +184,7 @@ class ContactProblem:
 
     @cached_property
     def projection(self) -> Floats | None:
-        """Projection (n, 3, 6) of wrenches and accelerations onto the planes of planar cases."""
+        """Projection (n, 3, 6) of wrenches onto the planes of planar cases."""
         if self.plane is None:
             return None
         rows = np.zeros((len(self), 3, 6))
@@ -202,16 +196,14 @@ class ContactProblem:
         return wrenches if self.projection is None else np.asarray(self.projection @ wrenches)
 
     def wrench(self, factor: float) -> tuple[Floats, Floats]:
-        """Sum of `factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,);
-        both are returned.
-        """
+        """`factor` times flow and weight, (n, 6), over the sum of their magnitudes (n,), and that sum."""
         sizes = self.sizes * [factor, 1.0]
         size = sizes.sum(axis=1)
         whole = (sizes[:, :, None] * self.wrenches).sum(axis=1)
         return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:
-        """Forces (j, 3) on the grain at the input contacts from local cone forces (k, 3) of a single case."""
+        """Forces (j, 3) on the grain at the input contacts from local forces (k, 3) of a single case."""
         local = local - [self.law.cohesion.item(), 0.0, 0.0]
         return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames[0])[self.copy, 0])
 
@@ -225,7 +217,7 @@ def require_outward(arms: Floats, normals: Floats) -> None:
 
 
 def contact_frames(inward: Floats, across: Floats | None) -> Floats:
-    """Inward normals and two tangents, (n, k, 3, 3); `across` (n, 1, 3, 1), if given, is the last tangent."""
+    """Inward normals and two tangents, (n, k, 3, 3); `across` (n, 1, 3, 1) is the last tangent."""
     turns = _skew(inward)
     if across is None:
         least = np.abs(inward).argmin(axis=2).ravel()
@@ -254,7 +246,7 @@ def plain(value: Any) -> Any:
 
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
-    """Indices of distinct contacts; the distinct contact of each contact, and its fraction of the force."""
+    """Indices of distinct contacts; the distinct contact of each contact, and its fraction."""
     count, near = len(arms), SAME_PLACE * np.abs(arms).max()
     same = np.abs(arms[:, None] - arms).max(axis=2) <= near
     if np.count_nonzero(same) > count:

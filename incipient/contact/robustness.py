@@ -1,8 +1,7 @@
-"""Effect of errors of load and friction on the verdict: bounds over a box of loads, and sampled probabilities.
+"""Effect of errors of load and friction on the verdict: bounds over a box, and sampled probabilities.
 
-The loads that contacts hold form a convex cone, so that one conic program tells whether some load
-weight + s (flow + directions u), |u_i| <= 1, is held, and the corners of the box tell whether all
-are.
+The loads that contacts hold form a convex cone: one conic program tells whether some load
+weight + s (flow + directions u), |u_i| <= 1, is held, the corners of the box whether all are.
 """
 
 import itertools
@@ -44,11 +43,10 @@ class ErrorBox:
 
     @classmethod
     def of(cls, errors: Floats) -> "ErrorBox":
-        """Box of errors (6,) of force and torque."""
         return cls(np.diag(errors)[:, np.asarray(errors) > 0.0])
 
     def corners(self) -> Floats:
-        """Changes (1 + 2^m, 6) of the load: zero, and those at the corners."""
+        """Changes (1 + 2^m, 6) of the load: zero, and the corners."""
         count = self.error_directions.shape[1]
         signs = np.array([[0.0] * count, *itertools.product((-1.0, 1.0), repeat=count)])
         return np.asarray(signs @ self.error_directions.T)
@@ -126,7 +124,7 @@ def _flows(problem: ContactProblem, changes: Floats) -> Floats:
 
 
 def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, bool]:
-    """Smallest and largest factor at which some load of the box is held, and whether the weight is.
+    """Interval of factors at which some load of the box is held, and whether the weight is.
 
     s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, like further contact
     forces. An unsolved program excludes no load.
@@ -184,7 +182,6 @@ def _contains(interval: Interval | None, factor: float) -> bool:
 
 
 def _extent(interval: Interval | None) -> float:
-    """Length of an interval of factors s on the scale of s / (1 + s)."""
     return 0.0 if interval is None else 1.0 / (1.0 + interval[0]) - 1.0 / (1.0 + interval[1])
 
 
@@ -192,8 +189,7 @@ def _extent(interval: Interval | None) -> float:
 class StandardErrors:
     """Standard errors of the flow's force and torque (3,) and of the friction coefficient.
 
-    `about`: reference point (3,) of the torque, by default the centre of mass; errors of the force
-    also change the torque about the latter.
+    `about`: reference point (3,) of the torque, by default the centre of mass.
     """
 
     flow_force: Floats = field(default_factory=lambda: np.zeros(3))
@@ -220,11 +216,9 @@ class StandardErrors:
         return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
 
     def arm(self, centre: Floats) -> Floats:
-        """Vector (3,) from the centre of mass to the reference point of the torque."""
         return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
 
     def box(self, centre: Floats) -> ErrorBox:
-        """Loads and frictions with every input within two standard errors; `centre` of mass (3,)."""
         ways = WITHIN * np.diag(np.concatenate([self.flow_force, self.flow_couple]))
         ways[3:, :3] = np.cross(self.arm(centre), ways[:3, :3].T).T
         return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)
@@ -258,9 +252,7 @@ class Probability:
 
 @dataclass(frozen=True)
 class Within:
-    """Range of safety factors with every input within two standard errors, and whether the verdict
-    is the same throughout.
-    """
+    """Safety factors with every input within two standard errors; `certain`: all give one verdict."""
 
     low: float
     high: float
@@ -365,10 +357,10 @@ def draw(
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
-    """Fraction of the variance of an output (n,) explained by each input (n,); empty for a constant output.
+    """Sobol's first index: the fraction of the variance of an output (n,) explained by each input (n,).
 
-    Sobol's first index of independent inputs, from means over equal classes of the input, corrected
-    for their number (epsilon squared).
+    From means over equal classes of the input, corrected for their number (epsilon squared); empty for a
+    constant output.
     """
     if np.ptp(output) <= 1e-12 * max(float(np.abs(output).max()), 1e-300):
         return {}

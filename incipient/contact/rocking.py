@@ -1,8 +1,6 @@
-"""Rocking of a grain in its pocket: its rest position, continued from the weight alone to larger flow loads.
+"""Rocking of a grain in its pocket: its rest position, continued from the weight to larger flow loads.
 
-Contacts with a reserve hold up to their capacity, otherwise the grain settles again
-(`geometry.settle`) in short steps until no rest is nearby; force and torque about the centre of
-mass keep their values at the first pose.
+Contacts with a reserve hold up to their capacity, otherwise the grain settles again in short steps.
 """
 
 import math
@@ -65,7 +63,6 @@ class Rocking:
 
     @property
     def last(self) -> Rest:
-        """Rest at factor one, or the last one before the grain leaves."""
         return next((rest for rest in self.rests if rest.high >= 1.0), self.rests[-1])
 
     def turned(self, rest: Rest) -> float:
@@ -75,7 +72,6 @@ class Rocking:
         return math.dist(rest.placement.centre, self.rests[0].placement.centre)
 
     def drift(self, rest: Rest) -> float:
-        """Estimated relative change of the flow's load by displacement and rotation."""
         return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
 
     def way(self, rest: Rest) -> str:
@@ -96,7 +92,7 @@ class Rocking:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; an infinite factor is None. The pose is the last one at factors up to one."""
+        """JSON data; an infinite factor is None. The pose is the last one at factors up to one."""
         place = self.last.placement
         turn = (
             {"angle": place.angle}
@@ -174,7 +170,6 @@ class _Pocket:
         return Load(flow, torque, self.load.weight, spatial(placement.centre))
 
     def rest(self, factor: float, start: Placement) -> Rest | None:
-        """Stable rest in the pocket of `start` under the load at a factor, or None."""
         acting = self.load_at(factor, start)
         force, torque = acting.force, acting.flow_couple
         if self.grain.gdim == 2:
@@ -233,7 +228,6 @@ class _Pocket:
         return 1.0 if math.isinf(factor) else factor / (self.unit + factor)
 
     def _held_to(self, factor: float, placement: Placement, contacts: Contacts) -> float:
-        """Largest factor, at least the current one, up to which the contacts hold the load."""
         interval = safety_factor(self.load_at(1.0, placement), contacts, self.law).interval
         if interval is None or interval[0] > factor * (1.0 + self.resolved):
             return factor

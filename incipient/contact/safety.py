@@ -63,7 +63,7 @@ class SafetyFactor:
 
     @cached_property
     def jams(self) -> bool:
-        """Whether contact forces are unbounded, since cone forces can balance one another."""
+        """Whether cone forces can balance one another and are unbounded."""
         return can_jam(self.problem)
 
 
@@ -124,7 +124,6 @@ class Intervals(NamedTuple):
 
     @property
     def held(self) -> Booleans:
-        """Whether the load at factor one is balanced."""
         return (self.low <= 1.0 + TOLERANCE) & (self.high >= 1.0 - TOLERANCE)
 
 
@@ -142,8 +141,7 @@ def intervals(problem: ContactProblem) -> Intervals:
 
 
 def factors_that_balance(columns: Floats, wrench: Floats, linear: int) -> Floats | None:
-    """Multipliers (h,) of columns (m, h) that balance a wrench (m,): the shortest, or those deepest
-    inside; or None.
+    """Multipliers (h,) of columns (m, h) that balance a wrench (m,): shortest or deepest inside; or None.
 
     The first `linear` are non-negative, the others triples in unit cones. Raises ConvergenceError.
     """

@@ -1,6 +1,4 @@
-"""Verdict on one case: both criteria, their agreement on rest, lifting, sliding and turning, and
-the reason for a difference.
-"""
+"""Verdict on one case: both criteria, their agreement, and the reason for a difference."""
 
 import math
 from dataclasses import dataclass, replace
@@ -98,10 +96,7 @@ class Reason(Enum):
 
 @dataclass(frozen=True)
 class Agreement:
-    """Agreement of the criteria, and the reason for a difference.
-
-    `same_family` is None where a criterion names no mode.
-    """
+    """Agreement of the criteria; `same_family` is None where a criterion names no mode."""
 
     same_moves: bool
     same_family: bool | None
@@ -109,12 +104,10 @@ class Agreement:
 
     @property
     def agree(self) -> bool:
-        """Whether the criteria agree on rest or motion and, if known, on its family."""
         return self.same_moves and self.same_family is not False
 
     @property
     def explanation(self) -> str:
-        """The reason in words, or ""."""
         return "" if self.reason is None else self.reason.value
 
 
@@ -128,7 +121,6 @@ class Exact:
 
     @property
     def moves(self) -> bool:
-        """Whether no contact forces balance the load."""
         return not self.safety.held
 
     @property
@@ -225,11 +217,11 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """Both verdicts and their agreement, in words."""
+        """Both verdicts in words."""
         return f"{exact_sentence(self.equilibrium)}; {paper_sentence(self)}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; an infinite safety factor is None with status UNLIMITED."""
+        """JSON data; an infinite safety factor is None with status UNLIMITED."""
         exact, agreement = self.equilibrium, self.agreement
         motion = None if exact.motion is None else exact.motion.to_dict()
         factor = plain(exact.safety.value)

@@ -48,7 +48,6 @@ class CostLaw:
 
     @property
     def digit(self) -> float:
-        """Factor on the time beyond the start for a tenfold smaller error."""
         return 10.0 ** (1.0 / self.power)
 
 
@@ -78,7 +77,7 @@ def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> Cos
 
 
 def percent(error: float) -> str:
-    """A fraction in per cent, such as "0.1%" for 0.001."""
+    """A fraction in per cent, such as "0.1%"."""
     share = 100.0 * error
     if share == 0.0 or 1e-4 <= share < 1000.0:
         return f"{share:.2g}%"

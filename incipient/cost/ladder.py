@@ -29,12 +29,10 @@ class Rung:
 
     @property
     def name(self) -> str:
-        """Name such as "P3-P2, mesh_size 0.5, step 0.01"."""
         step = "" if self.step is None else f", step {self.step:.4g}"
         return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}"
 
     def finer(self, times: int) -> Rung:
-        """Refine cells and steps `times` times; negative: coarsen."""
         step = None if self.step is None else self.step / 2.0**times
         return Rung(self.order, self.mesh_size / RATIO**times, step)
 

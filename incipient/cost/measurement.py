@@ -1,4 +1,4 @@
-"""Cost and results of a rung, run in a separate process that isolates time and memory.
+"""Cost and results of a rung, in a separate process that isolates time and memory.
 
 `python -m incipient.cost.measurement TASK` reads a scene as TOML and prints a line of JSON.
 """
@@ -46,13 +46,12 @@ class MeasuredRun:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Numbers of all quantities."""
         every = (quantity.numbers.items() for quantity in self.quantities.values())
         return {name: value for numbers in every for name, value in numbers}
 
 
 def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
-    """Run a rung in a separate process, twice if forms were compiled. Not collective."""
+    """Run a rung in a separate process, twice if forms were compiled."""
     try:
         text = dumps(rung.of(scene))
     except SceneError as error:
@@ -62,7 +61,6 @@ def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
 
 
 def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
-    """Run a rung once; also whether it compiled forms."""
     # -P: no modules from the working directory. In a new session interrupts reach the parent alone.
     began = time.perf_counter()
     done = subprocess.run(

@@ -1,9 +1,4 @@
-"""Quantities compared between the runs of a ladder.
-
-Fixed grain: force and torque, their extremes in unsteady flow, safety factor; moving grain: final
-position; no grain: surface elevations, extreme velocities on the centrelines of a box, u* of a
-turbulent flow, or kinetic energy; threshold: the critical flow.
-"""
+"""Quantities compared between the runs of a ladder."""
 
 from __future__ import annotations
 
@@ -34,7 +29,6 @@ class Quantity:
     scale: float
 
     def error(self, numbers: Mapping[str, float]) -> float:
-        """Relative error of `numbers` against this reference."""
         differences = [numbers[name] - value for name, value in self.numbers.items()]
         return float(np.linalg.norm(differences)) / self.scale
 
@@ -74,7 +68,6 @@ def _of_flow(result: Result) -> Quantities:
 
 
 def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
-    """Elevations at the stations at equally spaced times, interpolated by a cubic spline."""
     from scipy.interpolate import CubicSpline
 
     assert scene.time is not None

@@ -1,7 +1,4 @@
-"""Cost study of a scene: runs of a ladder, their errors, the frontier of error against CPU time.
-
-`cost.json` stores each run, so that an interrupted study resumes.
-"""
+"""Cost study of a scene; `cost.json` stores each run, so that an interrupted study resumes."""
 
 from __future__ import annotations
 
@@ -54,12 +51,10 @@ class JudgedRun:
 
     @property
     def resolved(self) -> bool:
-        """Whether the largest error exceeds the uncertainty of the reference."""
         return RESOLVED * self.doubt < max(self.errors.values())
 
     @property
     def error(self) -> float:
-        """Largest error, or its upper bound if not resolved."""
         return max(self.errors.values()) + (0.0 if self.resolved else self.doubt)
 
     @property
@@ -71,8 +66,7 @@ class Study:
     """Completed runs of a ladder, compared with the last of them or with exact values.
 
     judged: cheapest first. own: the scene's resolution, None if it failed. frontier: runs with an
-    error at least a tenth smaller than all cheaper ones, cheapest first. law: CPU time against
-    error along it, or None.
+    error at least a tenth smaller than all cheaper ones. law: CPU time against error along it, or None.
 
     Raises ConvergenceError if fewer than two runs succeeded, SceneError for exact values of unknown
     quantities.
@@ -131,7 +125,6 @@ class Study:
         )
 
     def _price(self, error: float, own_time: float) -> str:
-        """Time for an error as text, of the cheapest run or from the fitted law."""
         reached = [judged.run for judged in self.judged if judged.error <= error]
         if reached:
             return f"takes {seconds(reached[0].cpu)} ({reached[0].rung.name})"
@@ -141,7 +134,6 @@ class Study:
         return f"takes about {seconds(time)} by extrapolation, {time / own_time:.2g} times as much"
 
     def text(self) -> str:
-        """The study as text: sentence, runs, reference, fitted law."""
         names, doubt = ", ".join(self.reference.quantities), self.reference.doubt
         known = f", known to {percent(doubt)}" if doubt else ""
         lines = [
@@ -189,7 +181,7 @@ def _row(judged: JudgedRun) -> dict[str, Any]:
 
 
 def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
-    """The runs, of which those that lack a quantity of the finest one count as failed."""
+    """The runs; those that lack a quantity of the finest one count as failed."""
     wanted = next((run.quantities for run in reversed(runs) if not run.failed), {})
     lacking = [", ".join(name for name in wanted if name not in run.quantities) for run in runs]
     return [
@@ -199,7 +191,6 @@ def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
 
 
 def _reference(good: Sequence[MeasuredRun]) -> Reference:
-    """The last run, extrapolated from coarser runs of the same order."""
     finest, *others = reversed(good)
     at = [finest.rung.finer(-1), finest.rung.finer(-2)]
     line = [run.numbers for rung in at for run in others if run.rung.is_close(rung)]
@@ -236,7 +227,7 @@ def run_ladder(
     task: str = "run",
     exact: Mapping[str, float] | None = None,
 ) -> Study:
-    """Complete and evaluate the runs of a ladder. Not collective.
+    """Complete and evaluate the runs of a ladder.
 
     Raises OutputError for a directory of another scene or not writable, ConvergenceError if too few
     runs succeeded.
@@ -258,7 +249,6 @@ def run_ladder(
 
 
 def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRun]:
-    """Stored runs of a scene's study; creates a missing directory. Raises OutputError."""
     source, kept = directory / STUDY, directory / SCENE
     refuse_foreign(directory, {*COST.files, SCENE})
     if not (source.exists() and kept.exists()):

@@ -1,4 +1,4 @@
-"""Fluid and moving parts, solved together in each step by iteration on the parts' velocities."""
+"""Iteration of fluid and moving parts in each step, on the parts' velocities."""
 
 from __future__ import annotations
 
@@ -40,11 +40,8 @@ class Coupling:
     """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is collective.
 
     Args:
-        fluid: with `FlowModel.moving_mesh`.
         motion: mesh motion, at the parts' last states.
-        tolerance: of the parts' equations of motion, relative to their loads; None: that of the
-            step.
-        stage: context managers by name, for timing.
+        tolerance: of the parts' equations of motion, relative to their loads; None: the step's.
     """
 
     def __init__(
@@ -82,7 +79,7 @@ class Coupling:
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> InterfaceReport:
-        """Continue the iteration of a converged step, with its report, after other changes of the flow."""
+        """Continue the iteration of a converged step after other changes of the flow."""
         assert isinstance(before, InterfaceReport)
         return self._iterate(length, order, tolerance, before.residuals)
 
@@ -164,7 +161,6 @@ class Coupling:
         return np.concatenate([part.velocities() for part in self.parts])
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
-        """History columns of a step: updates, residual, worst cell."""
         assert isinstance(report, InterfaceReport)
         return {
             "interface": report.corrected,
@@ -173,7 +169,6 @@ class Coupling:
         }
 
     def quality_ahead(self, length: float, order: int) -> MeshQuality:
-        """Mesh quality after another step, with extrapolated motion."""
         for part in self.parts:
             part.predict(length, order)
         return self.motion.quality(self._places())

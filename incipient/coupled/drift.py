@@ -1,10 +1,10 @@
 """Advection of a surface's elevation, and the level condition at the inflow.
 
 An elevation update d solves int q (a0 d + u . grad d) = int q a0 (new - old) with the horizontal
-surface velocity u, which keeps the iteration on the mesh position convergent at CFL numbers above
-one. At an inflow, where short waves would grow, int k(x) grad h . grad q levels h over a short
-zone, k(x) = |u| times its decreasing length, and in supercritical flow int r(x) h q, r(x) = k(x)
-over the squared length, relaxes it to the still level; h excludes an incoming wave.
+surface velocity u, convergent at CFL numbers above one. At an inflow, where short waves would grow,
+int k(x) grad h . grad q levels h over a short zone, k(x) = |u| times its decreasing length; in
+supercritical flow int r(x) h q, r(x) = k(x) over the squared length, relaxes it to the still level;
+h excludes an incoming wave.
 """
 
 from __future__ import annotations

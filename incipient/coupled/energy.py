@@ -32,13 +32,10 @@ class EnergyBudget:
         return self._sum(self._kinetic)
 
     def dissipation(self) -> float:
-        """Integral of 2 nu D : D."""
         return self._sum(self._dissipation)
 
     def power(self) -> float:
-        """Power of prescribed, carried and moving frictional boundaries on the fluid, from the
-        residual as reaction force.
-        """
+        """Power of prescribed, carried and moving frictional boundaries on the fluid, from the residual."""
         residual = self.fluid.residual()
         velocities = self.fluid.space.velocity_map
         mine = velocities[velocities < len(residual)]

@@ -12,11 +12,9 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 
 
 class Part(Protocol):
-    """Moving part of the fluid's boundary, with a last state and the trial end of a step. Every
-    method is collective.
+    """Moving part of the fluid's boundary. Every method is collective.
 
-    met: contact at the end of the last attempt. name, folded: in messages; the latter, with a
-    remedy, for a folded mesh.
+    met: contact at the end of the last attempt. name, folded: in messages, the latter with a remedy.
     """
 
     met: bool
@@ -35,9 +33,7 @@ class Part(Protocol):
         """Displacement (n, 3) of the mesh's nodes at the trial end."""
         ...
 
-    def place(self) -> None:
-        """Set the boundary velocity at the trial end."""
-        ...
+    def place(self) -> None: ...
 
     def residual(self, length: float, order: int) -> float:
         """Relative residual of the equation of motion under the flow's load; also computes the update.
@@ -58,9 +54,7 @@ class Part(Protocol):
 
     def restore(self) -> None: ...
 
-    def forget(self) -> None:
-        """Discard convergence data of earlier steps."""
-        ...
+    def forget(self) -> None: ...
 
     def velocities(self) -> Floats:
         """Velocities (k,) at the trial end, whose error limits the steps."""

@@ -1,8 +1,6 @@
 """Remeshing during a run, with transfer of fields, past states and past mesh positions.
 
-Each point of the new mesh takes present and past values, and the path, of the old mesh there;
-velocities then get boundary values and are projected onto divergence-free ones, each on the mesh of
-its time.
+Transferred velocities get boundary values and are projected onto divergence-free ones, each on the mesh of its time.
 """
 
 from __future__ import annotations
@@ -37,11 +35,10 @@ REACH = 0.25
 
 @dataclass(frozen=True)
 class Remeshing:
-    """A new mesh: time, number of cells, the worst of them, and the change of the flow.
+    """A new mesh, and the change of the flow.
 
-    outside, farthest: number of new nodes outside the old mesh, and their largest distance
-    [length]. change: relative change of the velocity by projection. energy: relative change of
-    kinetic energy.
+    outside, farthest: number of new nodes outside the old mesh, and their largest distance [length].
+    change, energy: relative change of the velocity by projection, and of kinetic energy.
     """
 
     time: float
@@ -93,7 +90,6 @@ def _body_of(coupling: Coupling) -> RigidPart:
 def _admissible(
     part: RigidPart, body: BodyState, state: Floats, projection: Projection
 ) -> tuple[Floats, float]:
-    """State with the body's boundary values and without divergence, and its relative change."""
     fluid = part.fluid
     fluid.state.x.array[:] = state
     fluid.constraints.update(body.time)

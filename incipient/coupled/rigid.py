@@ -1,10 +1,9 @@
 """Rigid body in a fluid, with the derivative of the traction with respect to the body's velocity.
 
-A segregated exchange of forces and velocities diverges for light bodies, whose added mass
-dominates; here A_u = R^T A (R - A_0^-1 A R) is added to the mass, with the rigid motions R of the
-boundary, the flow's Jacobian A, and A_0 with the boundary fixed, which the fluid's solver inverts.
-Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between
-iterations, and with a law of the wall A_u follows from the change of its load.
+A segregated exchange diverges for light bodies, whose added mass dominates; here A_u = R^T A (R - A_0^-1 A R)
+is added to the mass, with the rigid motions R of the boundary, the flow's Jacobian A, and A_0 with the boundary
+fixed. Mesh displacement enters A R by finite differences, Broyden's updates correct A_u between iterations, and
+with a law of the wall A_u follows from the change of its load.
 """
 
 from __future__ import annotations
@@ -53,9 +52,7 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Changes of the flow's state (k, unknowns) by rigid motions, and `resistance` (k, k) A_u, for
-    steps of a `length`.
-    """
+    """Changes of the flow's state (k, unknowns) by rigid motions, and `resistance` (k, k) A_u."""
 
     changes: Floats
     resistance: Floats
@@ -66,11 +63,9 @@ class RigidPart:
     """A rigid body as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
-        fluid: with `FlowModel.moving_mesh` and `Carried` or moving `Friction` on the boundary.
-        state: position and velocities at the fluid's time.
+        fluid: with `Carried` or moving `Friction` on the boundary.
         load: force and torque (k,) of a state other than the flow's, such as weight.
         room: clearance [length] of a state; None: unlimited.
-        stage: context managers by name, for timing.
     """
 
     name = "body"
@@ -131,8 +126,7 @@ class RigidPart:
     def residual(self, length: float, order: int) -> float:
         """Relative residual of the equation of motion; also computes the end under the present load.
 
-        Raises ConvergenceError: the resistance may be singular on a folded mesh or in too long a
-        step.
+        Raises ConvergenceError: singular resistance on a folded mesh or in too long a step.
         """
         self.mean_load = replace(self.mean_load, order=order)
         try:
@@ -180,7 +174,6 @@ class RigidPart:
         return self.end.state.velocities * self._unit()
 
     def predicted(self, length: float, order: int) -> BodyState:
-        """Body at the end of a step, with velocities extrapolated as the fluid's. Not collective."""
         start, free = self.state, self.body.mask
         if not free.any():
             self._motion = self.body.motion(start, length, np.zeros(self.body.size))
@@ -216,7 +209,7 @@ class RigidPart:
             return improved, self._relative(missed / length, resistance)
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
-        """End of a step under a mean load (k,), with an added mass (k, k) linearised about velocities (k,)."""
+        """End of a step under a mean load (k,), with an added mass (k, k) about velocities `guess` (k,)."""
         self._motion = self.body.motion(self.state, length, mean, added, guess)
         return self._motion.end
 
@@ -231,11 +224,7 @@ class RigidPart:
     # -- the derivative ---------------------------------------------------------------------------
 
     def _responded(self, before: End, end: End) -> Response:
-        """Present response with Broyden's update, or a new one after a change of factorisation or step length.
-
-        Broyden's update accounts for an old factorisation and for the dependence of the load on
-        position, which A_u neglects.
-        """
+        """Present response with Broyden's update, or a new one after a change of factorisation or step length."""
         factors, known = self.fluid.solver.statistics.factorisations, self._response
         if (
             known is None
@@ -290,10 +279,7 @@ class RigidPart:
     def _of_displacements(
         self, end: BodyState, length: float, free: NDArray[np.intp]
     ) -> dict[int, Floats]:
-        """Derivatives of the fluid's residual with respect to the body's velocities, at fixed fluid velocities.
-
-        They arise from the mesh position and along a law of the wall.
-        """
+        """Derivatives of the fluid's residual with respect to the body's velocities, at fixed fluid velocities."""
         before, derivatives = self.fluid.residual(), {}
         for k in free:
             nudged, change = self._nudged(end, k, length)
@@ -326,9 +312,7 @@ class RigidPart:
         return np.asarray((self.end.flow_load - moved) / change)
 
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
-        """Minus the derivative (k, k) of the non-hydrodynamic load with respect to the body's
-        velocities; not collective.
-        """
+        """Minus the derivative (k, k) of the non-hydrodynamic load with respect to the body's velocities."""
         changes = np.zeros((self.body.size, self.body.size))
         for k in np.flatnonzero(self.body.mask):
             nudged, change = self._nudged(end, k, length)

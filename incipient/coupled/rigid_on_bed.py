@@ -11,7 +11,7 @@ from .rigid import RigidPart
 
 
 class RigidPartOnBed(RigidPart):
-    """Rigid body that rolls, slides or rests on a bed; `contacts` are those at the end of the last step."""
+    """Rigid body that rolls, slides or rests on a bed; `contacts` at the end of the last step."""
 
     def __init__(self, *others: Any, contact: ContactMotion, **named: Any):
         super().__init__(*others, **named)
@@ -32,7 +32,6 @@ class RigidPartOnBed(RigidPart):
         self.contacts = was.contacts
 
     def predicted(self, length: float, order: int) -> BodyState:
-        """Body at the end of a step, moved out of the bed. Not collective."""
         return self.contact.kept_out(super().predicted(length, order))
 
     def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:

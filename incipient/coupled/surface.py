@@ -2,7 +2,7 @@
 
 int q (a0 h + a1 h(n) + a2 h(n-1)) n . up ds = int q v . n ds for every q, with the elevation h and
 the constant area n . up ds below the surface; the velocity raises the surface within the step
-(`forms.surface.load`), so that iterating on the mesh corrects second order in the slope only.
+(`forms.surface.load`).
 """
 
 from __future__ import annotations
@@ -42,10 +42,9 @@ class SurfacePart:
     """Free surface of a fluid as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
-        fluid: with a `FreeSurface` condition and `FlowModel.moving_mesh`.
+        fluid: with a `FreeSurface` condition.
         elevation: (local nodes,) at the fluid's time, zero off the surface.
         depths: (local nodes,) from the still level to bed or grain, the boundary named `below`.
-        stage: context managers by name, for timing.
 
     Attributes:
         past: last and earlier elevations at `times`, newest first.
@@ -176,7 +175,6 @@ class SurfacePart:
         return self._whole * self.mesh.mean(self.past[0])
 
     def risen(self) -> float:
-        """Root-mean-square change of elevation in the last step."""
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:
@@ -201,9 +199,7 @@ class SurfacePart:
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def _raised(self) -> Floats:
-        """Rate of elevation (local nodes,) by the flow, without an open end corrected to the volume
-        of the inflow.
-        """
+        """Rate of elevation (local nodes,), without an open end corrected to the volume of the inflow."""
         compat.vector_of(self._flux, self._vector)
         if self._drift is None:
             elevation = self.mesh.elevation_of(self._vector)

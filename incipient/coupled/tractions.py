@@ -1,4 +1,4 @@
-"""Force, torque and traction of the fluid on a boundary, without hydrostatic pressure (buoyancy is separate).
+"""Force, torque and traction of the fluid on a boundary, without hydrostatic pressure.
 
 The momentum residual tested with a rigid motion of the surface is minus the power of the traction,
 and converges at twice the rate of integrating sigma n (n into the fluid), the cross-check.
@@ -32,7 +32,7 @@ WITH_MIRROR_IMAGE = np.array([2.0, 0.0, 2.0, 0.0, 2.0, 0.0])
 
 
 def shares_of_the_whole(domain: Domain) -> np.ndarray:
-    """Force and torque (3,) or (6,) of a whole body relative to its meshed part. Not collective."""
+    """Force and torque (3,) or (6,) of a whole body relative to its meshed part."""
     if domain.halved:
         return WITH_MIRROR_IMAGE
     return np.ones(3 if domain.gdim == 2 else 6)
@@ -41,9 +41,7 @@ def shares_of_the_whole(domain: Domain) -> np.ndarray:
 def rigid_motion(
     fluid: Fluid, boundary: str, about: Sequence[float] | Floats, motion: Floats
 ) -> Floats:
-    """Velocity and spin (3 or 6,) of a boundary about a point, as (local unknowns,), zero
-    elsewhere. Not collective.
-    """
+    """Velocity and spin (3 or 6,) of a boundary about a point, as (local unknowns,), zero elsewhere."""
     space, gdim = fluid.space, fluid.space.gdim
     blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
     arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)
@@ -62,8 +60,7 @@ class Resultant:
 
 
 class EnclosedPressure:
-    """Pressure below a resting grain, between the boundaries `names` on two closing lines.
-    Collective.
+    """Pressure below a resting grain, between the boundaries `names` on two closing lines. Collective.
 
     Left of the first and right of the last contact it is that at the closing line; in between it
     varies in equal steps, since all contacts leak alike.
@@ -77,7 +74,6 @@ class EnclosedPressure:
         ]
 
     def load(self, about: Floats) -> tuple[Floats, Floats]:
-        """Force and torque (3,) about a point (3,)."""
         low, high = self._ends()
         contacts = self._closing.contacts
         places = np.vstack([self._closing.left.end, contacts, self._closing.right.end])
@@ -103,7 +99,7 @@ def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:
     """Force and torque (3,) about the origin of pressures (k,) between counter-clockwise outline points (k + 1, 2).
 
     A uniform pressure acts on a piece as on its chord, with the torque p/2 times the difference of
-    the squared distances of its ends. Not collective.
+    the squared distances of its ends.
     """
     force = (pressures[:, None] * quarter_turned(np.diff(arms, axis=0))).sum(axis=0)
     torque = 0.5 * float(pressures @ np.diff((arms**2).sum(axis=1)))
@@ -141,7 +137,6 @@ class TractionProbe:
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
-        """Force and torque by the residual method."""
         return self._with_enclosed(self._sum(self._nodal_forces()))
 
     def resultant_of(self, residual: np.ndarray) -> Resultant:
@@ -149,7 +144,6 @@ class TractionProbe:
         return self._sum(-residual[self._unknowns()])
 
     def surface_resultant(self) -> Resultant:
-        """Force and torque by integrating sigma n, or a law of the wall."""
         space = self.fluid.space.velocity
         if self._surface_form is None and self.boundary in self.fluid.constraints.rubbing:
             w = ufl.TestFunction(space)
@@ -186,10 +180,7 @@ class TractionProbe:
         return Resultant(exposed.force + force, exposed.torque + torque, exposed.about)
 
     def field(self) -> Any:
-        """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces; zero elsewhere.
-
-        In a plane of symmetry it has no normal component.
-        """
+        """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces; zero elsewhere."""
         space = self.fluid.space.velocity
         traction = dolfinx.fem.Function(space, name="traction")
         mass = self._boundary_mass()
@@ -205,7 +196,6 @@ class TractionProbe:
         return traction
 
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, gdim) of the boundary and tractions (n, gdim), of all ranks."""
         gdim = self.fluid.space.gdim
         traction = self.field()
         nodal = traction.x.array.reshape(-1, gdim)[self._blocks]
@@ -214,7 +204,6 @@ class TractionProbe:
         return points, tractions
 
     def _across_symmetry(self) -> np.ndarray:
-        """Global numbers of owned velocity components normal to a plane of symmetry."""
         domain, space = self.fluid.domain, self.fluid.space.velocity
         if not domain.halved:
             return np.empty(0, dtype=PETSc.IntType)
@@ -235,8 +224,7 @@ class TractionProbe:
     def _made_near(self, blocks: np.ndarray) -> Any:
         """Compiled residual of the cells at the nodes in unsteady flow; None: of all cells.
 
-        With a law of the wall the flow's residual vanishes at the free boundary velocity, and the
-        law's term is the force.
+        With a law of the wall the flow's residual vanishes at the free boundary velocity.
         """
         fluid, (w, q) = self.fluid, ufl.TestFunctions(self.fluid.space.mixed)
         if self.boundary in fluid.constraints.rubbing:

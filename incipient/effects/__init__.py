@@ -1,1 +1,1 @@
-"""Physical effects of a scene, a folder or file each, listed in `known`."""
+"""Physical effects of a scene, listed in `known`."""

@@ -33,8 +33,8 @@ class Solved:
 class SlowestFlow:
     """Slowest flow in which an effect can be simulated in a scene.
 
-    factor: of the scene's flow. why, remedy: for messages. start: factor with which a search begins
-    if that flow holds the grain; 0: the slowest. expected: expense of a search.
+    factor: of the scene's flow. start: factor with which a search begins if that flow holds the
+    grain; 0: the slowest. expected: expense of a search.
     """
 
     factor: float
@@ -45,7 +45,7 @@ class SlowestFlow:
 
 
 class Effect:
-    """What one physical effect adds to a run. The default methods do nothing; `planning.effects` decides on it.
+    """What one physical effect adds to a run, by default nothing; `planning.effects` decides on it.
 
     `quantities`: output quantities of a run with the effect.
     """
@@ -58,7 +58,7 @@ class Effect:
             self.name, self.quantities = name, quantities
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """Add the effect's terms to the flow model, of the `unsteady` flow or its steady start. Not collective."""
+        """Add the effect's terms to the flow model, of the `unsteady` flow or its steady start."""
         return model
 
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> RunPart | None:

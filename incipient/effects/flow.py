@@ -26,7 +26,7 @@ class FlowEffect(Effect):
     quantities = FLOW
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The force of the fluctuations of a turbulent base flow on its mean profile."""
+        """Add the force of the fluctuations of a turbulent base flow on its mean profile."""
         return replace(model, body_force=setup.base_flow.body_force)
 
 
@@ -50,7 +50,7 @@ class InertiaEffect(Effect):
     )
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """Convection with stabilisation; the steady start of unsteady flow is upwinded for its solver."""
+        """Add stabilised convection, upwinded in the steady start of unsteady flow."""
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
@@ -78,7 +78,6 @@ class UnsteadinessEffect(Effect):
     name = EffectName.UNSTEADINESS
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The time derivative, and the form of unsteady convection."""
         if not unsteady:
             return model
         driven = setup.base_flow.driven(setup.scene.grain)
@@ -113,5 +112,4 @@ class MovingMeshEffect(Effect):
     name = EffectName.MOVING_MESH
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The mesh velocity in convection."""
         return replace(model, moving_mesh=unsteady)

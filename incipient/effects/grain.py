@@ -19,7 +19,6 @@ class GravityEffect(Effect):
     name = EffectName.GRAVITY
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Exact weight and buoyancy."""
         scene, force = solved.run.scene, solved.force
         if not decision.forced or scene.gravity is None or scene.grain is None or force is None:
             return
@@ -37,6 +36,5 @@ class ContactEffect(Effect):
     quantities = VERDICT
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """The missing verdict."""
         if decision.forced:
             yield Omission(self.name, None, "without it there is no verdict", False)

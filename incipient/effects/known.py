@@ -1,4 +1,4 @@
-"""The list of what effects add to a run."""
+"""The effects of a run."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ EFFECTS: tuple[Effect, ...] = (
 
 
 def quantities(plan: Plan | None = None) -> tuple[OutputQuantity, ...]:
-    """Output quantities of the effects in a plan, or of all effects. Not collective."""
+    """Output quantities of the effects in a plan, or of all effects."""
     present = (effect for effect in EFFECTS if plan is None or plan.has(effect.name))
     return tuple(one for effect in present for one in effect.quantities)
 

@@ -33,7 +33,7 @@ class Solving(Protocol):
 
     @property
     def fluid(self) -> Fluid:
-        """The flow on the newest mesh."""
+        """Flow on the newest mesh."""
 
     @property
     def probe(self) -> TractionProbe | None:
@@ -44,27 +44,23 @@ class Solving(Protocol):
         """Time stepper; None for steady flow and before the first step."""
 
     def count(self, **numbers: int) -> None:
-        """Add to iteration counts by name. Not collective."""
+        """Add to iteration counts by name."""
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """Context manager that times a stage. Not collective."""
+        """Time a stage."""
 
 
 class RunPart:
     """Unknowns of an effect solved with the flow in each step. Every method is collective.
 
-    A part is made for a mesh, enters the fluid on it (`joined`), and moves the mesh by what `moving` returns. On a new
-    mesh another part of the kind takes over (`on`, then `joined` with the part before).
-
-    Attributes:
-        effect: whose part it is.
+    A part is made for a mesh, enters the fluid on it (`joined`), and moves the mesh by what `moving` returns.
+    On a new mesh another part takes over (`on`, then `joined` with the part before).
     """
 
     effect: EffectName
 
     @property
     def unknowns(self) -> int:
-        """Number of its unknowns over all ranks."""
         raise NotImplementedError
 
     # -- solution ---------------------------------------------------------------------------------
@@ -86,7 +82,6 @@ class RunPart:
     # -- output and checkpoints -------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        """History columns of a step."""
         return {}
 
     def reported(self) -> dict[str, Any]:

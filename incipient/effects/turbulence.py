@@ -14,13 +14,12 @@ from .effect import Effect, SlowestFlow, Solved
 
 
 def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Ends of the error bar of u* at the outflow; None where it is not known."""
     error, u = at(stored, "error_bars.shear_velocity.0"), stored["turbulence"]["at_outflow"]
     return None if error is None or not u else (max(u - error, 0.0), u + error)
 
 
 def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """The error bar of C_f, which goes as the square of u*."""
+    """Error bar of C_f, which scales with the square of u*."""
     ends, walls = _of_shear_velocity(stored), stored["turbulence"]
     if ends is None:
         return None
@@ -86,7 +85,7 @@ class TurbulenceEffect(Effect):
     )
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Report absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
+        """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
         scene = solved.run.scene
         if scene.flow.kind == "log-law":
             how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
@@ -100,10 +99,7 @@ class TurbulenceEffect(Effect):
 
 
 def slowest_flow(setup: Setup) -> SlowestFlow | None:
-    """The slowest flow of a search, a laminar one; None without a model. Not collective.
-
-    In 3-D, where flows take minutes, a search begins at a low Shields number.
-    """
+    """Slowest flow of a search, a laminar one, in 3-D from a low Shields number; None without a model."""
     if not setup.is_averaged:
         return None
     walls = setup.walls
@@ -115,13 +111,13 @@ def slowest_flow(setup: Setup) -> SlowestFlow | None:
 
 
 def threshold_needs(setup: Setup) -> Iterator[str]:
-    """What the scene lacks for a search, whose meshes follow the speed of the flow. Not collective."""
+    """Missing keys of the scene for a search, whose meshes follow the speed of the flow."""
     if setup.is_averaged and setup.scene.numerics.accuracy is not None:
         yield "numerics.accuracy left out with turbulence; see its error bars"
 
 
 def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
-    """What flow a threshold, so many times the scene's, is for, and whether that can be laminar. Not collective."""
+    """Flow of a threshold at a factor of the scene's, and whether it can be laminar."""
     plane = " in 2-D" if setup.scene.gdim == 2 else ""
     about = TURBULENT if setup.is_averaged else LAMINAR
     if setup.scene.flow.oscillates:
@@ -132,7 +128,7 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
 
 
 def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
-    """What a run says of its turbulence, apart from its quantities: a sentence, and rows of words and value."""
+    """Turbulence of a run besides its quantities: a sentence, and rows of words and value."""
     if (walls := stored.get("turbulence")) is None:
         return None
     from ..results.wall_report import MOST_COARSE, longest

@@ -1,4 +1,4 @@
-"""The turbulence of a run: made for a scene, solved with its flow."""
+"""Turbulence of a run, solved with its flow."""
 
 from __future__ import annotations
 
@@ -43,13 +43,10 @@ if TYPE_CHECKING:
 class TurbulentFlow(RunPart):
     """The turbulence of a scene's flow. Every method is collective.
 
-    Args:
-        stage: context managers by name that take the time.
-
     Attributes:
         fields: both quantities of the model.
-        in_time: these in the steps of a flow in time, once there are any (`around`).
-        continued: how the steady flow converged, once it did.
+        in_time: these in time steps (`around`).
+        continued: outcome of the steady continuation.
     """
 
     effect = EffectName.TURBULENCE
@@ -80,13 +77,11 @@ class TurbulentFlow(RunPart):
     # -- in the flow --------------------------------------------------------------------------------
 
     def within(self, model: FlowModel) -> FlowModel:
-        """The model of the flow with the eddy viscosity."""
         fields = self.fields
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
         return replace(model, solver="direct", **eddies)
 
     def joined(self, fluid: Fluid, before: TurbulentFlow | None = None) -> None:
-        """Let the velocity of the fluid that this turbulence is in carry it; both are freed together."""
         fluid.holding(self.fields)
         velocity, _ = ufl.split(fluid.state)
         self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
@@ -95,12 +90,9 @@ class TurbulentFlow(RunPart):
         self.fields.watch(fluid)
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> None:
-        """Find the steady flow with its turbulence from that of the inflow, `onwards` from that at hand first.
+        """Compute the steady flow with its turbulence from the inflow's, or `onwards` first from the present.
 
-        The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
-
-        Raises:
-            ConvergenceError: none converged.
+        `factor`: of the scene's speed, at the same viscosity; the flow is in its own units. Raises ConvergenceError.
         """
         fluid, loads = self._fluid, self._loads(run)
         scene = self._scene
@@ -127,7 +119,7 @@ class TurbulentFlow(RunPart):
             )
 
     def _loads(self, run: Solving) -> Callable[[], Floats]:
-        """A function that returns force and torque over the grain's size, (6,), or else the force on the bed, (3,)."""
+        """Function for force and torque over the grain's size, (6,), or the force on the bed, (3,)."""
         grain, probe = self._of_run.scene.grain, run.probe
         if probe is None or grain is None:
             on_bed = TractionProbe(self._fluid, self._setup.walls.names[0], (0.0, 0.0, 0.0))
@@ -142,14 +134,14 @@ class TurbulentFlow(RunPart):
         return on_grain
 
     def mean_load(self) -> tuple[Floats, Floats] | None:
-        """Force and torque (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
+        """Force and torque (3,) on the grain, averaged over the last iterations of a flow that is not converged."""
         grain, outcome = self._of_run.scene.grain, self.continued
         if outcome is None or outcome.converged or outcome.loads is None or grain is None:
             return None
         return outcome.loads[:3], grain.size * outcome.loads[3:]
 
     def enter(self, fluid: Fluid) -> None:
-        """Set velocity and turbulence everywhere to the inflow's at the distance from the next wall."""
+        """Set velocity and turbulence everywhere to the inflow's at the wall distance."""
         inflow, space = self._setup.walls.inflow, fluid.space.velocity
         speeds = inflow.velocity_at(self._from_walls(space))
         fluid.state.x.array[fluid.space.velocity_map] = speeds.T.ravel()
@@ -157,13 +149,12 @@ class TurbulentFlow(RunPart):
         self.fields.state.x.array[:] = logarithms.T.ravel()
 
     def _from_walls(self, space: Any) -> Floats:
-        """Distances (n,) of the nodes of a space from the next boundary of the mesh that is a wall."""
+        """Distances (n,) of the nodes of a space from the nearest wall boundary."""
         domain = self.fields.domain
         places = space.tabulate_dof_coordinates()[:, : domain.gdim]
         return distances(domain, self._setup.walls.names, places)
 
     def _take(self, fluid: Fluid, factor: float) -> None:
-        """Let viscosity, inflow and walls be those of a flow faster by a factor."""
         setup = self._of_run if factor == 1.0 else self._of_run.faster(factor)
         scene = setup.scene
         if scene == self._scene:
@@ -177,19 +168,18 @@ class TurbulentFlow(RunPart):
         fluid.let_in(new)
 
     def around(self, interface: Interface | None) -> InTime:
-        """The flow in time with its turbulence, and what moves in it."""
         moving = cast("Moving | None", interface)
         self.in_time = InTime(self._fluid, self.fields, self._timed, moving)
         return self.in_time
 
     def on(self, domain: Domain) -> TurbulentFlow:
-        """The turbulence of the scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
+        """The turbulence on another mesh, as at the inflow; `carry_over` transfers its state."""
         return type(self)(self._of_run, domain, self._stage)
 
     def carry_over(self, before: TurbulentFlow) -> None:
-        """Carry both logarithms over from another mesh, now and before; both meshes are where they are.
+        """Transfer present and past logarithms from another mesh at its present position, by local or nearest values.
 
-        At each point the new mesh takes what the old one has there or next to it: both quantities stay positive.
+        Both quantities stay positive.
         """
         old, new = before.in_time, self.in_time
         assert old is not None and new is not None
@@ -207,12 +197,10 @@ class TurbulentFlow(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """The logarithms of both quantities, now and before."""
         assert self.in_time is not None
         return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Take the logarithms of both quantities from a checkpoint."""
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
         self.in_time.past = spread_values(self.fields.space, kept.turbulence)
@@ -221,15 +209,12 @@ class TurbulentFlow(RunPart):
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        """u* and y+ along the walls after a step."""
         return self.wall_report().columns()
 
     def reported(self) -> dict[str, Any]:
-        """u* and y+ along the walls at the end."""
         return {"turbulence": self.wall_report()}
 
     def wall_report(self) -> WallReport:
-        """u* and y+ along the walls."""
         scene, walls, in_plane = self._scene, self._setup.walls, self._scene.gdim == 2
         columns, coarse = list[np.ndarray](), list[float]()
         for name in walls.names:
@@ -273,12 +258,10 @@ class TurbulentFlow(RunPart):
 
     @property
     def unknowns(self) -> int:
-        """Of both quantities."""
         space = self.fields.space
         return int(space.dofmap.index_map.size_global * space.dofmap.index_map_bs)
 
     def functions(self) -> dict[str, Any]:
-        """Both quantities and the eddy viscosity on the nodes, by the names that files have."""
         logarithms = ufl.split(self.fields.state)
         expressions = {
             "k": ufl.exp(logarithms[0]),
@@ -293,7 +276,6 @@ class TurbulentFlow(RunPart):
         return functions
 
     def _timed(self) -> AbstractContextManager[Any]:
-        """Takes the time of both quantities."""
         return self._stage("turbulence")
 
 

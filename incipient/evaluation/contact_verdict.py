@@ -1,4 +1,4 @@
-"""The verdict of both criteria on the grain's load and contacts, as plain data and as a sentence."""
+"""The verdict of both criteria on the grain's load and contacts, as data and as a sentence."""
 
 import math
 from dataclasses import replace
@@ -31,7 +31,7 @@ def find_contacts(scene: Scene) -> Contacts:
 
 
 def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load:
-    """The load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
+    """Load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
 
     placement: of the grain in contact with the bed, without the gap
     """
@@ -40,9 +40,9 @@ def load_of(placement: Placement | None, force: Forces, torque: Torques) -> Load
 
 
 def followed(scene: Scene, load: Load) -> Rocking | None:
-    """Equilibria of a scene's grain as the load of the flow grows up to `load` and beyond; None without equilibrium.
+    """Equilibria of a scene's grain as the flow's load grows up to `load` and beyond; None without any.
 
-    The first is close to the scene's placement. A disc or sphere on a plane rolls under any load.
+    The first is close to the scene's placement.
     """
     body, contact, bed = scene.body, scene.contact, scene.bed
     assert body is not None and contact is not None and scene.placement is not None
@@ -53,10 +53,7 @@ def followed(scene: Scene, load: Load) -> Rocking | None:
 
 
 def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
-    """The verdict on a grain that rocks before it leaves its pocket, or without leaving it.
-
-    The verdict of both criteria on the first pose is kept.
-    """
+    """The verdict on a grain that rocks before it leaves its pocket, or without leaving it."""
     factor = rocking.critical
     paper = verdict["sentence"].partition("; ")[2]
     return verdict | {
@@ -111,8 +108,5 @@ def standing(placement: Placement) -> str:
 
 
 def may_rock(verdict: dict[str, Any]) -> bool:
-    """Whether the contacts balance the weight but no load of the flow, so that another equilibrium may exist.
-
-    Contacts that balance a fraction of the load open as the grain moves, and the load changes.
-    """
+    """Whether the contacts balance the weight but no load of the flow, so that another equilibrium may exist."""
     return verdict["moves"] and verdict["safety_status"] == "NO_RESERVE"

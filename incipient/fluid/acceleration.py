@@ -1,7 +1,7 @@
 """Force of a rapidly accelerating flow: inviscid pressure of the disturbance, with added mass.
 
 If the base flow gains w in unit time, fluid around bodies at rest gains w + grad(phi) with n .
-grad(phi) = -n . w on walls; the pressure of the disturbance is -phi at unit density.
+grad(phi) = -n . w on walls; the pressure is -phi at unit density.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def load_of_disturbance(
 
     Args:
         velocity: (gdim, n) at positions (3, n), gained by the base flow in unit time.
-        walls: impermeable boundaries, "body" among them; others are far from the disturbance.
+        walls: impermeable boundaries, "body" among them.
         outlet: boundary of zero potential.
         centre: (gdim,) of the torque.
     """
@@ -52,7 +52,6 @@ def load_of_disturbance(
 
 
 def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats:
-    """Force and torque (2, 3) of the pressure -phi; n points into the body."""
     x = ufl.SpatialCoordinate(domain.mesh)
     ds, arms = domain.measure("body"), x - ufl.as_vector([float(one) for one in centre])
     if domain.gdim == 2:

@@ -25,9 +25,8 @@ ROUNDING = 1e-6  # relative to the length of a wall: distance of coincident posi
 class AlongWall:
     """Flow along a wall at nodes (n,), by ascending x, on all ranks.
 
-    places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
-    lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that k stands for; edges (m, 2) of facets between nodes, by their numbers, in 2-D the facets themselves
+    places, velocities relative to the wall (n, gdim); normals (n, gdim) out of the fluid, means of the facets';
+    lengths (n,) of wall per node; shear_velocities (n,) from k; edges (m, 2): node numbers.
     """
 
     places: np.ndarray
@@ -45,7 +44,7 @@ class AlongWall:
 
     @property
     def directions(self) -> np.ndarray:
-        """(n,) the sign of the flow along the wall, which turns with it; one in 3-D."""
+        """Sign (n,) of the flow along the wall; one in 3-D."""
         if self.places.shape[1] == 3:
             return np.ones(len(self.places))
         v, n = self.velocities, self.normals
@@ -57,11 +56,10 @@ class AlongWall:
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
 
     def coarse_fraction(self, stresses: np.ndarray, largest: float) -> float:
-        """The fraction of the change of stresses (n,) along the wall in edges along which they change too much.
+        """Fraction of the change of stresses (n,) along the wall in edges along which they change too much.
 
-        Stresses have a sign in 2-D. Too much is more than `largest` times the larger stress at both ends, or the mean
-        stress if that is larger still. Stresses are means over the facets at a node: at corners and at the ends of the
-        wall, where they are singular, two edges to both sides do not count.
+        Too much is more than `largest` times the larger stress at both ends, or the mean stress if larger. Stresses
+        have a sign in 2-D. Two edges beside corners and ends of the wall, where stresses are singular, do not count.
         """
         singular = np.linalg.norm(self.normals, axis=1) < CORNER
         if self.places.shape[1] == 2:
@@ -74,11 +72,7 @@ class AlongWall:
         return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of x with reverse flow along nearly level parts of the wall.
-
-        Behind a falling face the interval begins at the face, where the flow separates, despite
-        corner eddies.
-        """
+        """Intervals of x with reverse flow along nearly level parts of the wall, from falling faces on."""
         level = self._level & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
@@ -92,7 +86,6 @@ class AlongWall:
 def _from_faces(
     spans: Iterable[tuple[float, float]], faces: np.ndarray
 ) -> list[tuple[float, float]]:
-    """Extend ascending intervals back to a face that is closer than their length."""
     found: list[tuple[float, float]] = []
     for start, end in spans:
         face = float(faces[faces <= start].max(initial=-np.inf))
@@ -108,9 +101,9 @@ def at_end(x: np.ndarray) -> np.ndarray:
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
-    """Read the flow along a named boundary at corners of cells, each value a mean over the facets there. Collective.
+    """Read the flow along a named boundary at corners of cells, averaged over facets. Collective.
 
-    `shear_velocity` is UFL. Corners at both ends of the domain are left out, where the flow meets another condition.
+    `shear_velocity` is UFL. Corners at both ends of the domain are left out.
     """
     domain, gdim = fluid.domain, fluid.space.gdim
     space = compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
@@ -139,7 +132,7 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
 
 
 def _edges(domain: Domain, boundary: str, corners: np.ndarray) -> np.ndarray:
-    """(m, 2) numbers of the corners (n, gdim) at both ends of each edge of a boundary's facets. Collective."""
+    """Edges (m, 2) of a boundary between corners (n, gdim). Collective."""
     gdim = domain.gdim
     ends = places_on_facets(domain, [boundary])[:, [0, -1] if gdim == 2 else [0, 1, 2]]
     numbers = cKDTree(corners).query(ends)[1]
@@ -148,7 +141,6 @@ def _edges(domain: Domain, boundary: str, corners: np.ndarray) -> np.ndarray:
 
 
 def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
-    """Which of abscissae (n,) are the least or the largest of a mesh. Collective."""
     mine = domain.mesh.geometry.x[:, 0]
     low = domain.comm.allreduce(mine.min(), op=MPI.MIN)
     high = domain.comm.allreduce(mine.max(), op=MPI.MAX)
@@ -156,11 +148,9 @@ def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
 
 
 def along_no_slip_wall(fluid: Fluid, boundary: str) -> AlongWall:
-    """Read the shear stress along a named 2-D wall, to which the fluid sticks. Collective.
+    """Read the shear stress along a named no-slip wall in 2-D, without its ends. Collective.
 
-    `velocities` stand for the direction, along the wall, in which the fluid pulls. Stresses are the consistent
-    tractions of the nodes, means over two facets, since triangles lean to one side and the other; the ends of the wall
-    are left out.
+    `velocities` give the direction of the shear stress. Stresses are nodal tractions averaged over two facets.
     """
     domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
     nodes = _owned_nodes(space, domain, boundary)
@@ -189,7 +179,6 @@ def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:
 
 
 def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
-    """Forms of the length, or area, per boundary node (first component), and of its normal."""
     w, n = ufl.TestFunction(space), ufl.FacetNormal(fluid.domain.mesh)
     one = ufl.as_vector([1.0] + [0.0] * (len(w) - 1))
     measure = fluid.domain.measure(boundary)
@@ -201,13 +190,12 @@ def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
 
 
 def _on_all_ranks(domain: Domain, columns: list[np.ndarray]) -> np.ndarray:
-    """Gather the rows of all ranks, sorted by position (first columns)."""
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
     return np.asarray(whole[np.lexsort(whole[:, : domain.gdim].T[::-1])])
 
 
 def _mean_of_facets(values: np.ndarray) -> np.ndarray:
-    """Sums (n, m) over the nodes of two facets about each node; ends are unchanged."""
+    """Sums (n, m) over the two facets about each node; ends are unchanged."""
     if len(values) < 7:
         return values
     padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")

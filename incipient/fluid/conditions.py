@@ -31,10 +31,9 @@ class Slip:
 class Friction:
     """Impermeable boundary with a law of the wall.
 
-    distance: of the wall beyond the boundary. drag: friction over velocity, a function of speed,
-    shear velocity from k, 1/Re and distance (UFL). axis: normal of a plane boundary at that
-    distance from the wall; None: a boundary of any shape at the wall itself. moves: whether the
-    wall moves as a rigid body, with the velocity set by `friction.WallLoad.carry`.
+    distance: of the wall beyond the boundary. drag: friction over velocity, of speed, shear velocity from
+    k, 1/Re and distance (UFL). axis: normal of a plane boundary at that distance; None: any boundary at the wall
+    itself. moves: as a rigid body (`friction.WallLoad.carry`).
     """
 
     boundary: str
@@ -82,17 +81,16 @@ class Entering:
 
 @dataclass(frozen=True)
 class Carried:
-    """Surface of a moving body; `Constraints.carry` sets its velocity in every coupling iteration."""
+    """Surface of a moving body, whose velocity `Constraints.carry` sets."""
 
     boundary: str
 
 
 @dataclass(frozen=True)
 class Sponge:
-    """Zone from `start` to `end` of a channel (x) in which the flow relaxes to the base flow.
+    """Zone from `start` to `end` (x) in which the flow relaxes to the base flow.
 
-    rate: at the end; it grows quadratically from zero. base_flow: velocity (gdim, n) of x (3, n)
-    and t.
+    rate: at the end, growing quadratically from zero. base_flow: velocity (gdim, n) of x (3, n) and t.
     """
 
     start: float
@@ -105,10 +103,10 @@ class Sponge:
 class FreeSurface:
     """Top boundary that moves with the fluid, a graph over the plane.
 
-    gravity: acceleration (gdim,), whose hydrostatic pressure acts where the surface departs from
-    the still level. origin: position (gdim,) of the still level, at which the flow's pressure
-    equals that above the surface. pressure: above the surface over density, (n,), a function of x
-    (3, n) and t. pinned: no-slip boundaries at which the elevation is fixed.
+    gravity: acceleration (gdim,), whose hydrostatic pressure acts where the surface departs from the still
+    level. origin: position (gdim,) of the still level, at which the flow's pressure equals that above the
+    surface. pressure: above the surface over density, (n,), a function of x (3, n) and t. pinned: no-slip
+    boundaries at which the elevation is fixed.
     """
 
     boundary: str

@@ -28,8 +28,8 @@ from .space import TaylorHood, boundary_blocks
 class Constraints:
     """Time-dependent Dirichlet conditions of a flow.
 
-    Where boundaries meet, the condition listed last applies: with walls after moving lids corners
-    are watertight. With `level`, an otherwise undetermined pressure is zero at one node.
+    Where boundaries meet, the condition listed last applies. With `level`, an otherwise undetermined
+    pressure is zero at one node.
     """
 
     def __init__(
@@ -67,7 +67,6 @@ class Constraints:
 
     @property
     def backflow(self) -> Any:
-        """Prescribed velocity of backflow through open ends, or None."""
         return self._values if self._returns else None
 
     @property
@@ -76,7 +75,6 @@ class Constraints:
 
     @property
     def crossings(self) -> tuple[str, ...]:
-        """Names of open ends and of ends with prescribed discharge."""
         return (*self.open, *(entry.boundary for entry in self.entries))
 
     @property
@@ -101,7 +99,6 @@ class Constraints:
             entry.update(t)
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
-        """Replace the prescribed velocities from the next `update` on. Not collective."""
         self._prescribed = [
             (c.velocity, boundary_blocks(self.space.velocity, self._domain.facets_of(c.boundary)))
             for c in conditions
@@ -114,7 +111,6 @@ class Constraints:
         self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
     def carried_cells(self) -> np.ndarray:
-        """Local cells with a node on a carried boundary, ascending."""
         blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
         return self.space.cells_at(blocks)
 
@@ -149,7 +145,7 @@ class Constraints:
 
 
 def _first_node(space: Any) -> int:
-    """Global number of the node with the lowest coordinates, independent of the number of ranks."""
+    """Global number of the node with the lowest coordinates."""
     index_map = space.dofmap.index_map
     points = space.tabulate_dof_coordinates()
     comm = space.mesh.comm
@@ -166,10 +162,7 @@ def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
 
 
 class Entry:
-    """Prescribed discharge through an end, with the undeformed velocity profile stretched with the
-    depth. Collective.
-
-    No-slip boundaries `walls` prevail in corners.
+    """Prescribed discharge through an end, with the velocity profile stretched with the depth. Collective.
 
     Attributes:
         space, values: one velocity component, with values on the boundary.
@@ -202,7 +195,6 @@ class Entry:
         self._made = self._areas()
 
     def update(self, t: float) -> None:
-        """Evaluate the velocity at a time on the present mesh."""
         velocities, now = np.asarray(self._velocity(self._places, t)), self._areas()
         mine = velocities[: self._count]
         sums = np.array([abs(mine) @ self._made, abs(mine) @ now, mine @ now])
@@ -212,12 +204,12 @@ class Entry:
         self.influx = factor * float(through)
 
     def zone(self, place: Any) -> Any:
-        """Length of the level zone, quadratically decreasing to zero along it, in UFL. Not collective."""
+        """Length of the level zone, quadratically decreasing to zero along it, in UFL."""
         rest = 1 - abs(place[self.axis] - self._end) / self._level
         return self._level * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
 
     def rate(self, place: Any) -> Any:
-        """Weight of the prescribed level, in UFL. Not collective."""
+        """Weight of the prescribed level, in UFL."""
         return self.zone(place) / self._level**2
 
     def _areas(self) -> np.ndarray:

@@ -34,8 +34,7 @@ EXACT = 1e-9
 
 
 class Fluid(Holder, FlowEquations):
-    """Incompressible flow in Taylor-Hood elements (`FlowEquations`), scene units, unit density.
-    Every method is collective.
+    """Incompressible flow in Taylor-Hood elements, scene units, unit density. Every method is collective.
 
     Use as a context manager, or call `destroy`. With `coarse`, the same flow in lower-order
     elements, linear systems are solved matrix-free by `solvers.TwoLevel`.
@@ -71,7 +70,6 @@ class Fluid(Holder, FlowEquations):
         self.negligible = 0.0  # root-mean-square speed of a negligible Newton update
 
     def at_order(self, order: int) -> Fluid:
-        """Copy in elements of another order; the caller destroys it. Collective."""
         model = replace(
             self.model, order=order, solver="block" if self.coarse else self.model.solver
         )
@@ -82,7 +80,6 @@ class Fluid(Holder, FlowEquations):
         return SOLVERS[self.model.solver](self._matrix, self._equations())
 
     def _two_level(self, coarse: Fluid) -> LinearSolver:
-        """Two-level solver; the action's quadrature is that of preconditioners."""
         equations = self._equations()
         measure = ufl.dx(
             domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order}
@@ -107,7 +104,7 @@ class Fluid(Holder, FlowEquations):
         )
 
     def another_solver(self, matrix: Any) -> LinearSolver:
-        """Solver of the same kind for the projection onto divergence-free velocities. Collective."""
+        """Solver of the same kind, for the projection onto divergence-free velocities."""
         one = self.space.constant(1.0)
         free = self.constraints.open_pressures(self.constraints.surface)
         projection = replace(
@@ -127,9 +124,8 @@ class Fluid(Holder, FlowEquations):
     ) -> newton.NewtonReport:
         """Solve with the present parameters from the present state.
 
-        `watch` (default `Fluid.watch`) receives number and size of each Newton update.
-        Factorisations are reused in time steps and with `keep_factors`; `remember` also keeps their
-        contraction.
+        `watch` receives number and size of each Newton update. `keep_factors` reuses factorisations in steady flow;
+        `remember` also keeps their contraction.
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
@@ -149,7 +145,6 @@ class Fluid(Holder, FlowEquations):
         return report
 
     def correct(self) -> float:
-        """Apply one Newton update with a fresh factorisation; returns its relative size."""
         self.constraints.update(self.time)
         self._lift = True
         return self.correction(fresh=True)
@@ -159,7 +154,7 @@ class Fluid(Holder, FlowEquations):
         return dolfinx.fem.Function(self.space.mixed)
 
     def dual(self, boundary: np.ndarray, rtol: float = EXACT) -> np.ndarray:
-        """Dual solution z (local unknowns,) of the last assembled Jacobian A with boundary values. Collective.
+        """Dual solution z (local unknowns,) of the last assembled Jacobian A with boundary values.
 
         z equals `boundary` on prescribed boundaries, and z . A change = 0 for changes within the
         flow, to a residual of `rtol` relative to the boundary values alone.
@@ -187,11 +182,8 @@ class Fluid(Holder, FlowEquations):
         self._aged = True
 
     def correction(self, fresh: bool, rtol: float | None = None) -> float:
-        """Subtract a Newton update (see `newton.System`); returns its relative size.
-
-        In steady flow the pressure's size, relative to pressure plus squared speed, also counts.
-        Without a new Jacobian the state takes its boundary values first, which costs less than
-        lifting.
+        """Subtract a Newton update (see `newton.System`); returns its relative size, in steady flow with the
+        pressure's.
         """
         renewed = self._jacobian is not None and (fresh or rtol is not None)
         if not renewed:
@@ -229,12 +221,11 @@ class Fluid(Holder, FlowEquations):
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Linear response of the flow to a change of boundary velocities. Collective.
+        """Linear response of the flow to a change of boundary velocities.
 
-        `boundary` (local unknowns,): change of state on carried boundaries; `forcing` (owned
-        unknowns,): change of the residual from other causes. Returns the change of state that keeps
-        the residual within the flow, to `rtol`, and the change of the residual (owned unknowns,),
-        on carried boundaries that of the tractions.
+        `boundary` (local unknowns,): change of state on carried boundaries; `forcing` (owned unknowns,): change
+        of the residual from other causes. Returns the changes of the state and, on carried boundaries, of the
+        tractions (owned unknowns,), to `rtol`.
         """
         whole, near = self.kept("actions", self._actions)
         self._completed(boundary, whole, forcing, rtol)
@@ -249,10 +240,7 @@ class Fluid(Holder, FlowEquations):
         )
 
     def residual(self) -> np.ndarray:
-        """Unconstrained residual of the present state, (owned unknowns,).
-
-        Its momentum entries on a boundary are the consistent nodal tractions.
-        """
+        """Unconstrained residual (owned unknowns,), on boundaries the consistent nodal tractions."""
         return self.assembled(self._residual)
 
     def assembled(self, form: Any) -> np.ndarray:
@@ -310,8 +298,7 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
 def enriched(fluid: Fluid) -> Fluid:
     """Copy of a solved flow in next-higher-order elements, to be destroyed first. Collective.
 
-    Its Jacobian is upwinded, its residual not: it consists of the discretisation error and the
-    effect of upwinding. An iterative solver is shared.
+    Its Jacobian is upwinded, its residual not.
     """
     order, model = fluid.model.order, fluid.model
     if isinstance(fluid.solver, Direct):

@@ -64,9 +64,7 @@ class WallLoad:
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
 
     def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:
-        """Wall terms of the residual, tested with w and q, in UFL; `rate` is None in steady flow.
-        Not collective.
-        """
+        """Wall terms of the residual, tested with w and q, in UFL; `rate` is None in steady flow."""
         return sum(
             self._of(wall, distance, (v, p, rate), (w, q))
             * self._measure(self._names[wall.boundary])
@@ -74,7 +72,7 @@ class WallLoad:
         )
 
     def stand(self, distances: Mapping[str, float]) -> None:
-        """Let walls that bound the mesh themselves have other distances of the law, by name. Not collective."""
+        """Set the distances of the law of the wall at body-fitted walls, by name."""
         for wall, held in self._walls:
             if wall.axis is None:
                 held.value = distances[wall.boundary]
@@ -82,11 +80,9 @@ class WallLoad:
     def carry(
         self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
     ) -> None:
-        """Set the rigid motion of a wall, see `WallMotion.give`. Not collective."""
         self._motions[boundary].give(velocity, spin, place)
 
     def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
-        """Velocities (n, gdim) of a wall at positions (n, gdim). Not collective."""
         motion = self._motions.get(boundary)
         return np.zeros_like(places) if motion is None else motion.at(places)
 
@@ -95,7 +91,7 @@ class WallLoad:
         return v if motion is None else v - motion.velocity
 
     def through(self, v: Any, q: Any, own: bool = True) -> Any:
-        """(v . n) q over impermeable walls of any shape, the walls' part of continuity, in UFL. Not collective.
+        """(v . n) q over impermeable walls of any shape, their part of continuity, in UFL.
 
         v is relative to the walls, or absolute with `own` false.
         """
@@ -109,12 +105,12 @@ class WallLoad:
         )
 
     def work(self, state: Any) -> Any:
-        """Power of moving walls on the flow in UFL, or None. Not collective."""
+        """Power of moving walls on the flow in UFL, or None."""
         terms = [-self.power(state, one.velocity, name) for name, one in self._motions.items()]
         return sum(terms[1:], terms[0]) if terms else None
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
-        """Power of the wall traction for the boundary velocity w, as a UFL form. Not collective.
+        """Power of the wall traction for the boundary velocity w, in UFL.
 
         For rigid w, minus the power of the flow's residual without its walls; with `held` false
         without the impermeability term.

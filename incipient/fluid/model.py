@@ -15,8 +15,8 @@ from ..geometry.placement import Placement
 class Driven:
     """Base flow times a factor of time, driven by a force per unit mass.
 
-    `velocity`: base flow at unit factor, of position (UFL). `displaced`: load (2, 3) about a
-    grain's centroid on the fluid it displaces per unit rate of the factor, of its placement.
+    `velocity`: base flow at unit factor (UFL). `displaced`: load (2, 3) about a grain's centroid on
+    the fluid it displaces per unit rate of the factor, of its placement.
     """
 
     velocity: Callable[[Any], Any]
@@ -31,16 +31,14 @@ class FlowModel:
     order:         of the velocity; the pressure has one less
     inertia:       False omits convection (Stokes)
     convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
-    body_force:    per unit mass, of position and time (UFL), without gravity, which only shifts the pressure
-    driven:        unsteady base flow and its driving force
+    body_force:    per unit mass, of position and time (UFL), without gravity
     reference_map: map of a fixed reference domain; None: renewed at each step
-    moving_mesh:   whether the mesh moves between steps (`Fluid.mesh_moved`); straight cells remain straight
     stabilisation: of convection on coarse cells (`forms.terms.grad_div`)
     upwind:        streamline upwinding (`forms.terms.streamline_upwind`), which `Block` needs
-    exact:         upwinding in the Jacobian alone, not in the residual
+    exact:         upwinding in the Jacobian alone
     upwind_order:  element order in the upwinding; 0: that of the flow
     solver:        a name in `solvers.SOLVERS`, or "two-level" (`flow.build_fluid`)
-    viscosity:     kinematic, of 1/Re (UFL); None: 1/Re
+    viscosity:     kinematic (UFL); None: 1/Re
     shear_velocity: from k (UFL), for walls with friction
     """
 
@@ -66,7 +64,6 @@ class FlowModel:
 
     @property
     def polynomial(self) -> bool:
-        """Whether integrands are polynomial on cells that are and remain straight."""
         stay = self.reference_map is None
         forced = self.body_force is not None or self.driven is not None
         return stay and not self.stabilisation and not forced and self.viscosity is None

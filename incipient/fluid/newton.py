@@ -23,10 +23,9 @@ class System(Protocol):
     """Discretised problem for Newton's method; all methods are collective."""
 
     def correction(self, fresh: bool, rtol: float | None) -> float:
-        """Subtract a Newton update, `fresh` with a new factorisation or preconditioner; returns its relative size.
+        """Subtract a Newton update, `fresh` with a new factorisation; returns its relative size.
 
-        `rtol`: residual of the system with a new Jacobian; None: with the Jacobian of the
-        factorisation.
+        `rtol`: residual of the system with a new Jacobian; None: with that of the factorisation.
         """
         ...
 
@@ -35,8 +34,7 @@ class System(Protocol):
 class Contraction:
     """Contraction of Newton updates with the present LU factorisation.
 
-    ratio: of the second to the first update, last measured; measured, solves: numbers of that and
-    the latest solve.
+    ratio: of the second to the first update; measured, solves: numbers of its measurement and the latest solve.
     """
 
     ratio: float = np.inf
@@ -51,7 +49,6 @@ class Contraction:
         return size * ratio / (1 - ratio) if ratio < 0.5 else np.inf
 
     def after(self, sizes: list[float]) -> Contraction:
-        """Contraction after another solve with updates of these sizes."""
         number = self.solves + 1
         if len(sizes) < 2 or sizes[0] == 0.0:
             return replace(self, solves=number)
@@ -61,10 +58,7 @@ class Contraction:
 
 @dataclass(frozen=True)
 class NewtonReport:
-    """Sizes of the Newton updates relative to the state, and the estimated remaining error.
-
-    `failure`: why the next linear system was not solved, or "".
-    """
+    """Relative sizes of the Newton updates, the estimated remaining error, and `failure` of the next linear system."""
 
     converged: bool
     corrections: tuple[float, ...]
@@ -88,11 +82,10 @@ def solve(
 ) -> NewtonReport:
     """Iterate until the remaining error, about d r/(1 - r) with r = d/d_previous, is below `tolerance`. Collective.
 
-    A Jacobian and its factorisation are renewed at the start if `fresh` and when an update exceeds
+    Jacobian and factorisation are renewed at the start if `fresh` and when an update exceeds
     `WORST_CONTRACTION` times the previous one. With the `contraction` of earlier solves a single
-    update may suffice, checked every `MEASURED_EVERY` solves. With `inexact` every update has a new
-    Jacobian whose linear residual counts, and the preconditioner is renewed after an update above
-    `MUCH`.
+    update may suffice. With `inexact` every update has a new Jacobian, and the preconditioner is
+    renewed after an update above `MUCH`.
 
     `converged=False`: updates have grown three times in a row by half or more, are not finite, or a
     linear system is not solved.

@@ -16,11 +16,10 @@ from .flow import Fluid
 
 
 class Projection(Holder):
-    """Replace velocities by the nearest discretely divergence-free ones on a moving mesh.
+    """Nearest discretely divergence-free velocities on a moving mesh. Every method is collective.
 
     With a multiplier p and prescribed values kept, (v - v*, w) - (p, div w) = 0, (q, div v) = 0 for
-    all w, q; walls contribute as in continuity. GMRES reuses the first factorisation. Every method
-    is collective.
+    all w, q; walls contribute as in continuity. GMRES reuses the first factorisation.
     """
 
     def __init__(self, fluid: Fluid):
@@ -37,10 +36,9 @@ class Projection(Holder):
         self._solver = self.holding(fluid.another_solver(self._matrix))
 
     def apply(self) -> float:
-        """Project the velocity of the fluid's state; returns the relative change in L2.
+        """Project the velocity of the fluid's state; returns the relative change in L2. Raises ConvergenceError.
 
-        Prescribed values are kept and, in a closed domain, need zero net flux. Raises
-        ConvergenceError.
+        Prescribed values are kept and, in a closed domain, need zero net flux.
         """
         self._solve()
         comm = self.fluid.domain.comm

@@ -31,7 +31,6 @@ class TaylorHood:
 
     @property
     def unknowns_at_nodes(self) -> np.ndarray:
-        """Velocity unknowns (n, gdim) at local nodes."""
         return self.velocity_map.reshape(-1, self.gdim)
 
     @property
@@ -39,7 +38,6 @@ class TaylorHood:
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
     def constant(self, value: float) -> Any:
-        """UFL constant that may change without recompilation. Not collective."""
         return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
 
     def velocity_nodes(self) -> int:
@@ -69,7 +67,7 @@ class TaylorHood:
         return sum(others, first)
 
     def boundary_quadrature(self, facets: Any) -> Any:
-        """Boundary measure, exact for convection through straight facets; `facets` are the domain's tags."""
+        """Boundary measure, exact for convection through straight facets; `facets` are tags."""
         metadata = {"quadrature_degree": 3 * self.order + self._for_curvature()}
         return ufl.Measure("ds", domain=self.mixed.mesh, subdomain_data=facets, metadata=metadata)
 
@@ -77,7 +75,6 @@ class TaylorHood:
         return 2 * (compat.geometry_degree(self.mixed.mesh) - 1)
 
     def cells_at(self, blocks: np.ndarray) -> np.ndarray:
-        """Local cells with a velocity node among `blocks`, ascending. Not collective."""
         return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(
             np.int32
         )
@@ -99,8 +96,7 @@ def taylor_hood(mesh: Any, order: int) -> TaylorHood:
 def _places(part: Any, within: Any) -> np.ndarray:
     """Number of each unknown of a space in the mixed space with part `within`.
 
-    dolfinx 0.5.2's `within.collapse()` is discontinuous for order three or more, since unknowns
-    along edges are not oriented.
+    dolfinx 0.5.2's `within.collapse()` is discontinuous from third order.
     """
     block = part.dofmap.index_map_bs
     own = compat.cell_dofs(part)[:, :, None] * block + np.arange(block)

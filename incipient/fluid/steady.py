@@ -1,4 +1,4 @@
-"""Steady flow by continuation: higher order from second order, large Reynolds numbers from smaller ones."""
+"""Steady flow by continuation in element order and Reynolds number."""
 
 from __future__ import annotations
 
@@ -48,10 +48,9 @@ def solve_steady(
 ) -> tuple[Step, ...]:
     """Solve steadily at the fluid's Reynolds number from its present state. Collective.
 
-    Higher-order elements start from the second-order solution, which is approached from the
-    fraction `first_share` of the Reynolds number; if `reached`, the fraction solved by the present
-    state, is `NEAR` they start directly. `watch` receives (fraction, iteration, size of the Newton
-    update).
+    Higher-order elements start from the second-order solution, which is approached from the fraction
+    `first_share` of the Reynolds number; if `reached`, the fraction solved by the present state, is `NEAR`
+    they start directly. `watch` receives (fraction, iteration, size of the Newton update).
 
     Raises ConvergenceError; the fluid then holds the last converged state and its Reynolds number.
     """
@@ -78,7 +77,6 @@ def solve_steady(
 def _from_order_two(
     fluid: Fluid, tolerance: float, climb: Callable[..., tuple[Step, ...]]
 ) -> tuple[Step, ...]:
-    """Solve in higher-order elements from the second-order solution; `climb` is `approach`."""
     before = fluid.state.x.array.copy()
     on_the_way = TOLERANCE_ON_THE_WAY if fluid.coarse is None else TOLERANCE_BELOW
     with lowered(fluid) as coarse:
@@ -110,8 +108,7 @@ def approach(
 ) -> tuple[Step, ...]:
     """Approach the fluid's Reynolds number in adaptive steps from a solution at the fraction `reached`. Collective.
 
-    Steps are halved without convergence down to `smallest_step`. Raises ConvergenceError; the fluid
-    then holds the last converged state, or the start.
+    Raises ConvergenceError below `smallest_step`; the fluid holds the last converged state, or the start.
     """
     target, steps = fluid.reynolds, []
     path = _Path(fluid, reached)

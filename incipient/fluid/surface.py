@@ -18,7 +18,7 @@ from .space import TaylorHood, cell_size
 
 
 class SurfaceLoad:
-    """Load of a free surface, with inflow and sponge, in functions that a step sets. The constructor is collective.
+    """Load of a free surface, with inflow and sponge. The constructor is collective.
 
     `rate`: coefficient a0 of the present elevation in its backward difference, UFL. `known`,
     `elevation`, `unfelt`: see `forms.surface.SurfaceTerms`.
@@ -49,7 +49,6 @@ class SurfaceLoad:
         self._sponge = None if condition.sponge is None else _Sponge(flow, condition.sponge)
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
-        """Momentum residual tested with w, in UFL. Not collective."""
         residual = load(v, w, self.place, self.normal, self._acting()) * self.measure
         if carrier is not None:
             brought = v if self._wave is None else v - self._wave
@@ -60,7 +59,7 @@ class SurfaceLoad:
         )
 
     def of_pressure(self, p: Any, q: Any) -> Any:
-        """Surface term in the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
+        """Surface term in the Laplacian of the pressure's Schur complement, in UFL."""
         return (
             pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
         )

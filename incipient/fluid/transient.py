@@ -34,14 +34,13 @@ class ShareOfError:
     most: float = 1e-4
 
     def after(self, error: float | None) -> float:
-        """Tolerance after a step with this local error, or None. Not collective."""
         if error is None:
             return self.unknown
         return float(np.clip(self.share * error, self.least, self.most))
 
 
 def of_steps(tolerance: float | Literal["auto"]) -> float | ShareOfError:
-    """Tolerance of time steps from `numerics.tolerance`. Not collective."""
+    """Tolerance of time steps from `numerics.tolerance`."""
     return ShareOfError() if tolerance == "auto" else max(tolerance, LEAST)
 
 
@@ -60,9 +59,7 @@ class Interface(Protocol):
 
     def restore(self) -> None: ...
 
-    def forget(self) -> None:
-        """Discard convergence data of earlier steps."""
-        ...
+    def forget(self) -> None: ...
 
     def velocities(self) -> np.ndarray:
         """Velocities (n,) of the moving parts, whose error also limits the steps."""
@@ -91,8 +88,7 @@ def backward_difference(
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Coefficients (a0, a1, a2) of dv/dt and (e1, e2) of the extrapolation.
 
-    `ratio`: this step over the previous one. Second order: exact for quadratics, the extrapolation
-    for linear functions of time.
+    `ratio`: this step over the previous one.
     """
     if order == 1:
         return (1 / step, -1 / step, 0.0), (1.0, 0.0)
@@ -166,10 +162,7 @@ class Transient:
             yield taken
 
     def advance(self, length: float) -> TimeStep:
-        """Take one step of at most `length`, halved until it converges with acceptable error.
-
-        Raises ConvergenceError as `march` does.
-        """
+        """Take one step of at most `length`, halved until accepted. Raises ConvergenceError as `march`."""
         self._remember()
         try:
             taken = self._accepted(length)
@@ -182,7 +175,6 @@ class Transient:
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
-        """Continue with a fluid on another mesh, with transferred present and `past` states. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
         self._new_mesh = fluid.time
 
@@ -194,7 +186,7 @@ class Transient:
         last_error: float | None,
         new_mesh: float = -np.inf,
     ) -> None:
-        """Restore the history after `number` steps, with `past` states newest first. Not collective.
+        """Restore the history after `number` steps, with `past` states newest first.
 
         The next `march` starts with `next_length`. `new_mesh`: time of the last remeshing.
         """
@@ -237,7 +229,6 @@ class Transient:
         )
 
     def _remedy(self) -> str:
-        """Remedy when the flow alone fails; steps with extrapolated convection are linear."""
         linear = (
             ', numerics.convection = "extrapolated"'
             if self.fluid.model.convection == "implicit"
@@ -330,9 +321,7 @@ class Transient:
         return max(error, change / size if size else 0.0)
 
     def _credible(self, error: float | None) -> float | None:
-        """Error that sets the next tolerance, bounded by the previous one while states from another
-        mesh distort it.
-        """
+        """Error for the next tolerance, bounded while states from another mesh distort it."""
         if min(one.time for one in self._past[: self.order + 1]) > self._new_mesh:
             return error
         return (

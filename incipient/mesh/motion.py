@@ -55,7 +55,7 @@ class RigidDisplacement:
         others: names of boundaries that other parts displace, along which nodes do not slide.
 
     Attributes:
-        weights: (n, gdim + 1) fraction of the body's displacement of each node in each direction, and of its turn.
+        weights: (n, gdim + 1) fraction of the body's displacement in each direction, and of its turn.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The result directory of a run: resolved scene, history, fields, result, readable at any time."""
+"""The result directory of a run, readable at any time."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class ResultDirectory(Recorder):
         return self.path
 
     def finish(self, result: Result) -> None:
-        """Write result.json; keep the checkpoint of a complete run on the scene's request or if the grain ended it."""
+        """Write result.json; keep the checkpoint on the scene's request or if the grain ended the run."""
         on_first(self.comm, self._write, result)
         wanted = result.scene["output"]["checkpoint"] or result.ended_early
         if result.status == "complete" and not wanted:

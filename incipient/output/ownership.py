@@ -1,7 +1,4 @@
-"""Result files of incipient in a directory, their removal or renaming, and one run there at a time.
-
-No other file is replaced or removed. Not collective except `locked`.
-"""
+"""Result files in a directory, and one run there at a time; no foreign file is replaced."""
 
 from __future__ import annotations
 
@@ -55,7 +52,7 @@ RESULTS = FILES.union(*(kind.files for kind in KINDS if kind.has_scene))
 def make_room(directory: Path, overwrite: bool) -> None:
     """Remove an earlier run, or without `overwrite` move a resumable one to a numbered directory.
 
-    Only files of runs are affected; the scene stays, and a copy is moved. Raises OutputError.
+    Only files of runs are affected; a copy of the scene is moved. Raises OutputError.
     """
     existing = _there(directory, FILES)
     if overwrite or not (directory / CHECKPOINT).exists():
@@ -67,9 +64,7 @@ def make_room(directory: Path, overwrite: bool) -> None:
 def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None:
     """Write the scene of results; results of another scene are first moved to a numbered directory.
 
-    names: results that are not moved, because they are replaced
-
-    Raises OutputError.
+    names: results that are not moved, because they are replaced. Raises OutputError.
     """
     path = directory / SCENE
     others = _there(directory, RESULTS - {*names})
@@ -112,7 +107,7 @@ def put_aside(path: Path) -> Path:
 
 
 def remove(paths: Iterable[Path]) -> None:
-    """Remove files of this program, and directories but for other files in them; raises OutputError."""
+    """Remove files of this program, and directories without other files; raises OutputError."""
     for path in paths:
         with reported(path):
             if not path.is_dir():
@@ -144,7 +139,7 @@ def refuse_foreign(
 ) -> None:
     """Refuse a directory in which an output file is a link, a foreign file, or one of the input files `sources`.
 
-    names: output files; none: those of all commands with a scene. Raises OutputError naming the file.
+    names: output files, by default of all commands with a scene. Raises OutputError naming the file.
     """
     wanted = {*names} or {*RESULTS, SCENE}
     for path in sorted(directory.iterdir()) if directory.is_dir() else ():
@@ -159,7 +154,7 @@ def refuse_foreign(
 def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
     """Lock a directory against other runs during the block; with `make` create it. Only entering is collective.
 
-    Raises OutputError on all ranks: the directory is locked, a file is not of a run, or the mark is not writable.
+    Raises OutputError on all ranks: the directory is locked, has a foreign file, or is not writable.
     """
     with ExitStack() as held:
         with collectively(comm):

@@ -97,7 +97,6 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
     kept = checkpoints.read(directory / CHECKPOINT, comm)
 
     def loaded() -> tuple[Scene, Scene]:
-        """The scenes of the directory and of the checkpoint. Raises SceneError if they are incompatible."""
         scene, before = load(directory / SCENE, overrides), loads(kept.scene)
         if scene.numerics.order == "auto" and order_of(scene) != order_of(before):
             scene = with_order(scene, order_of(before))  # order of the stored flow

@@ -47,7 +47,7 @@ def write(
     columns: Sequence[str] = (),
     rows: Rows = (),
 ) -> None:
-    """Write a record, its scene, and a table for given columns to a directory. Not collective.
+    """Write a record, its scene, and a table for given columns to a directory.
 
     Results of another scene are moved to a numbered directory. Raises OutputError.
     """
@@ -85,7 +85,7 @@ def threshold(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Threshold:
-    """Find the critical flow of a scene: the slowest that moves its grain. Collective over `comm`.
+    """Find the slowest steady flow that moves a grain at rest on its bed. Collective over `comm`.
 
     Args:
         directory: for threshold.json, written before its error bars are estimated, and the resolved scene; None writes
@@ -135,7 +135,6 @@ def gusts(
     static = search.static_strength()
 
     def keep(point: CriticalGust) -> None:
-        """Announce a strength, and write all known ones. Collective."""
         points.append(point)
         announce(point)
         if directory is not None:
@@ -161,7 +160,7 @@ def entrainment(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Entrainment:
-    """Compute the probability of motion in the fluctuating flow of the scene's [gusts]. Collective over `comm`.
+    """Compute the probability that a grain at rest moves in the flow of the scene's [gusts]. Collective over `comm`.
 
     Args:
         directory: for entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
@@ -195,7 +194,6 @@ def _row(one: OfStrength) -> dict[str, Any]:
 
 
 def _stored(path: Path) -> dict[str, Any]:
-    """The content of a gusts.json. Raises SceneError without one."""
     remedy = "give the directory that incipient gust has written"
     with reading(path, remedy, name=f"--gusts: {path}"):
         stored = json.loads(path.read_text(encoding="utf-8"))
@@ -205,7 +203,6 @@ def _stored(path: Path) -> dict[str, Any]:
 
 
 def _points(path: Path) -> list[Point]:
-    """Measured Shields numbers and probabilities; raises SceneError."""
     try:
         points = read_points(path, 1, "data")
     except ValidationError as error:

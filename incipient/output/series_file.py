@@ -1,7 +1,7 @@
-"""Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF index; independent of dolfinx.
+"""Fields on a mesh at successive times: an HDF5 file for each step, and an XDMF index.
 
-`fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell) in VTK's order, `geometry` (nodes, 3)
-and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry are links to an earlier step.
+`fields/000012.h5` holds the attribute `time`, `topology` (cells, nodes per cell) in VTK's order, `geometry`
+(nodes, 3) and the fields, (nodes,) or (nodes, 3). Unchanged topology and geometry link to an earlier step.
 """
 
 from __future__ import annotations
@@ -46,10 +46,9 @@ class StoredStep:
 
 
 class SeriesFile:
-    """Writes a series step by step, readable at any time. Not collective.
+    """Writes a series step by step, readable at any time.
 
-    stem:      path without suffix
-    cell_type: XDMF's name of the cells, such as "Triangle_6"
+    stem: path without suffix; cell_type: XDMF's name of the cells, such as "Triangle_6"
     """
 
     def __init__(self, stem: Path, cell_type: str):
@@ -62,10 +61,7 @@ class SeriesFile:
     def begin(self, after: float = -math.inf) -> None:
         """Start the series after a time; later steps are removed, unreadable ones are renamed.
 
-        The next step must include a mesh.
-
-        Raises:
-            OutputError: the directory is not writable.
+        The next step must include a mesh. Raises OutputError.
         """
         own(self._stem)
         make_directory(self._stem, self._stem)
@@ -103,7 +99,6 @@ class SeriesFile:
         write_text_atomically(self._xdmf, "".join([head, *self._grids, _END]))
 
     def _grid(self, path: Path) -> str:
-        """The XML of a stored step; raises Unreadable."""
         grid = ElementTree.Element("Grid", Name=self._stem.name, GridType="Uniform")
         with _opened(path) as file:
             ElementTree.SubElement(grid, "Time", Value=repr(float(file.attrs["time"])))
@@ -130,12 +125,12 @@ class SeriesFile:
 
 
 def times(stem: Path) -> list[float]:
-    """Times of the steps of a series, in order. Raises Unreadable without steps. Not collective."""
+    """Times of the steps of a series, in order. Raises Unreadable without steps."""
     return [_time_of(path) for path in _stored(stem)]
 
 
 def read_step(stem: Path, index: int = -1) -> StoredStep:
-    """One step (default: the last) of a series. Raises Unreadable for a missing or damaged step. Not collective."""
+    """One step (default: the last) of a series. Raises Unreadable for a missing or damaged step."""
     with _opened(_stored(stem)[index]) as file:
         stored = {name: file[name][()] for name in file}
         cells, points = (stored.pop(name) for name in MESH)

@@ -1,4 +1,4 @@
-"""Series of fields on quadratic nodes for ParaView and pyvista, on any number of ranks."""
+"""Series of fields on quadratic nodes for ParaView and pyvista."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
 
 
 class QuadraticNodes:
-    """The P2 nodes of a distributed mesh, or of some of its facets, numbered contiguously over all ranks.
+    """P2 nodes of a distributed mesh, or of some of its facets, numbered contiguously over all ranks.
 
-    They represent P2 velocity and quadratic geometry exactly. The constructor and every method are collective; results
-    are complete on rank 0 and empty on the others. topology: (cells or facets, nodes each) in VTK's order.
+    They represent P2 velocity and quadratic geometry exactly. The constructor and every method are collective;
+    results are complete on rank 0. topology: (cells or facets, nodes each) in VTK's order.
     """
 
     def __init__(self, mesh: Any, facets: np.ndarray | None = None):
@@ -46,7 +46,7 @@ class QuadraticNodes:
     def values(self, function: Any) -> np.ndarray:
         """Nodal values of a Lagrange function, (nodes,) or (nodes, 3).
 
-        Vectors in 2-D get a third component of zero. At a jump between cells one side is taken.
+        2-D vectors get a third component of zero; at a jump between cells one side is taken.
         """
         shape = tuple(function.ufl_shape)
         if shape not in ((), (1,), (2,), (3,)):
@@ -92,8 +92,8 @@ class QuadraticNodes:
 class FieldSeries:
     """Writes Lagrange functions on quadratic nodes of a mesh, or of part of its boundary, step by step.
 
-    Every method is collective; rank 0 writes (`SeriesFile`). Topology is written once for each mesh, coordinates
-    after each motion. Raises OutputError on all ranks if writing fails; earlier steps stay readable.
+    Every method is collective; rank 0 writes (`SeriesFile`). Raises OutputError on all ranks if writing fails;
+    earlier steps stay readable.
 
     Args:
         after: stored steps after this time are removed; default: all.
@@ -113,11 +113,9 @@ class FieldSeries:
         on_first(comm, self._file.begin, after)
 
     def remeshed(self, mesh: Any, facets: np.ndarray | None = None) -> None:
-        """Continue on a new mesh of the same kind, or on its facets."""
         self._nodes, self._written = QuadraticNodes(mesh, facets), None
 
     def write(self, time: float, fields: Mapping[str, Any]) -> None:
-        """Append named dolfinx functions (scalars or vectors, in scene units) at a time."""
         # The communicator of an earlier mesh is freed with that mesh.
         nodes, comm = self._nodes, self._nodes.mesh.comm
         places, mesh = nodes.mesh.geometry.x, {}

@@ -1,1 +1,1 @@
-"""Pictures of what a directory holds, drawn off screen by matplotlib and pyvista."""
+"""Pictures of results, drawn off screen by matplotlib and pyvista."""

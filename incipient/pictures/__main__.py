@@ -1,4 +1,4 @@
-"""`python -m incipient.pictures PATH` draws pictures of results or of a sweep, or a film, and prints their paths."""
+"""`python -m incipient.pictures PATH` draws pictures of results or a sweep, or an animation."""
 
 import argparse
 import sys
@@ -18,7 +18,7 @@ options = parser.parse_args()
 
 
 def announce(path: Path) -> None:
-    """Print the path of a picture that is there."""
+    """Print the path of a picture."""
     print(path, flush=True)
 
 

@@ -1,7 +1,4 @@
-"""Drawing in a separate process.
-
-VTK's wheel and dolfinx's libraries conflict in one process: both bring std::regex, built for different string ABIs.
-"""
+"""Drawing in a separate process: VTK's and dolfinx's libraries conflict over std::regex."""
 
 from __future__ import annotations
 
@@ -17,25 +14,25 @@ from ..parallel import environment_alone
 
 @dataclass(frozen=True)
 class Drawn:
-    """Files that were drawn, and one line on those that failed."""
+    """Files drawn, and one line on failed ones."""
 
     paths: list[Path]
     complaint: str = ""
 
 
 def draw_apart(directory: Path) -> Drawn:
-    """Draw the pictures of a directory's results in another process. Not collective."""
+    """Draw the pictures of a directory's results in another process."""
     return _apart("not drawn", str(directory))
 
 
 def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
-    """Draw the pictures of a sweep in another process; options as of `sweep.draw`. Not collective."""
+    """Draw the pictures of a sweep in another process; options of `sweep.draw`."""
     arguments = [f"--{name}={value}" for name, value in options.items() if value is not None]
     return _apart("not drawn", str(file), *arguments)
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
-    """Make the film of `film.animate` in another process; its path. Not collective; raises OutputError as that does."""
+    """Write the animation of `film.animate` in another process; raises OutputError."""
     named = () if target is None else (f"--out={target}",)
     drawn = _apart("no animation", str(directory), "--animate", f"--field={field}", *named)
     if drawn.complaint:

@@ -1,4 +1,4 @@
-"""All pictures that the results in a directory allow."""
+"""All pictures of the results in a directory."""
 
 from __future__ import annotations
 
@@ -42,13 +42,10 @@ CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
 
 
 def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
-    """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
+    """Draw all pictures of the results in a directory, as PNG files beside them.
 
-    Args:
-        announce: called with the path of every picture as soon as it is there.
-
-    Raises:
-        OutputError: without a result, or when one is damaged or a picture cannot be written; all others are drawn.
+    `announce` is called with the path of every finished picture. Raises OutputError without a result, for a
+    damaged one, or if a picture cannot be written; all others are drawn.
     """
     written: list[Path] = []
     failures: list[str] = []

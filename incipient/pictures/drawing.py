@@ -1,7 +1,4 @@
-"""Drawing a judged grain: contact forces in their friction cones, the load, how it begins to move.
-
-A `Sight` projects places and vectors (3,). In 3-D VTK renders the surfaces of grain and bed below the marks.
-"""
+"""Drawing a judged grain: contact forces in friction cones, load, incipient motion."""
 
 from __future__ import annotations
 
@@ -42,14 +39,14 @@ Marks = list[tuple[Artist, str]]
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """A parallel projection along the last of its directions: right, up, toward the eye (3, 3)."""
+    """Parallel projection along the last of its directions: right, up, toward the eye (3, 3)."""
 
     directions: np.ndarray
     planar: bool = False
 
     @classmethod
     def of(cls, flow: np.ndarray, weight: np.ndarray, normals: np.ndarray) -> Sight:
-        """The flow to the right, the weight down; without weight the contacts with normals (n, 3) are below."""
+        """Flow to the right, weight down; without weight the contacts with normals (n, 3) are below."""
         up = unit(-weight if weight.any() else -normals.sum(axis=0))
         up = up if up.any() else np.array([0.0, 0.0, 1.0])
         level = flow - (flow @ up) * up
@@ -61,7 +58,7 @@ class Sight:
         return cls(np.array([right, np.cross(toward, right), toward]))
 
     def __call__(self, places: np.ndarray) -> np.ndarray:
-        """Places or vectors (..., 3) on the sheet (..., 2)."""
+        """Project positions or vectors (..., 3) onto the sheet (..., 2)."""
         return np.asarray(places) @ self.directions[:2].T
 
     def outline(self, places: np.ndarray) -> np.ndarray:
@@ -73,7 +70,7 @@ PLANE = Sight(np.eye(3), planar=True)
 
 
 def show_place(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> View:
-    """Make the axes show points (n, 2) true to scale, with room above [grain sizes] and for arrows below."""
+    """Limit the axes to points (n, 2), true to scale, with space above [grain sizes] and for arrows below."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     y0, y1 = min(low[1] - 0.62 * size, middle[1] - size), high[1] + above * size
@@ -84,7 +81,7 @@ def show_place(axes: Axes, points: np.ndarray, size: float, above: float = 0.55)
 
 
 def draw_grain(axes: Axes, outline: np.ndarray, known: bool = True) -> None:
-    """The grain; dashed if its outline (n, 2) is only a sketch."""
+    """The grain; dashed if its outline (n, 2) is a sketch."""
     style = "-" if known else (0, (4, 3))
     axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=1.2, ls=style, zorder=4))
 
@@ -100,7 +97,7 @@ def draw_bed(axes: Axes, line: np.ndarray) -> None:
 def render(
     axes: Axes, sight: Sight, points: np.ndarray, triangles: np.ndarray, terrain: Terrain | None
 ) -> None:
-    """Put an image of a grain's surface, points (n, 3) and triangles (m, 3), and of its bed into the axes' limits."""
+    """Render a grain's surface, points (n, 3) and triangles (m, 3), and its bed into the axes' limits."""
     pyvista = pyvista_off_screen()
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     shape = [round(_PIXELS * (x1 - x0) / (y1 - y0)), _PIXELS]
@@ -134,7 +131,7 @@ def render(
 
 
 def draw_directions(axes: Axes, sight: Sight) -> None:
-    """The three axes of coordinates in a corner, instead of numbers along the sides."""
+    """Draw the coordinate axes in a corner."""
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
@@ -145,7 +142,7 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
-    """Pieces of bed at the contacts, for a bed that is otherwise unknown."""
+    """Pieces of an otherwise unknown bed at the contacts."""
     points, normals = case.contacts.points, case.contacts.normals
     single = set(range(len(points))).difference(*case.patches)
     for group in [*case.patches, *([index] for index in single)]:
@@ -159,8 +156,7 @@ def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
 def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> Marks:
     """Draw contacts, load and motion; returns the legend's marks.
 
-    Args:
-        places: (n, 3) along the grain's outline, in 3-D on its surface.
+    `places` (n, 3): along the grain's outline, in 3-D on its surface.
     """
     scale = _STRONGEST * size / case.largest
     points, normals = case.contacts.points, case.contacts.normals
@@ -182,7 +178,6 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
 
 
 def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
-    """Forces from the centre, to one scale, and an arc in the sense of the torque about it."""
     centre, torque, forces = case.load.centre, case.load.flow_couple, case.acting
     if np.linalg.norm(torque) > 1e-3 * size * np.linalg.norm(forces["flow"]):
         _turning(axes, sight, centre, torque, _TORQUE * size, FLOW, 1.3)
@@ -217,7 +212,7 @@ def draw_cone(
 def arrow(
     axes: Axes, tail: np.ndarray, tip: np.ndarray, colour: str, width: float, zorder: float = 7
 ) -> Artist:
-    """A straight arrow; the head of a short one is smaller."""
+    """A straight arrow, with a smaller head if it is short."""
     ends = axes.transData.transform([tail, tip])
     length = float(np.linalg.norm(ends[1] - ends[0])) * 72 / axes.figure.dpi  # points
     return axes.add_artist(FancyArrowPatch(
@@ -230,7 +225,7 @@ def arrow(
 def label(
     axes: Axes, place: np.ndarray, direction: np.ndarray, text: str, colour: str, points: float = 9
 ) -> None:
-    """Text beside a point, on the side of a direction, clear of an arrow that ends there."""
+    """Text beside a point, on the side of a direction."""
     across, up = unit(direction)
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
@@ -315,13 +310,11 @@ def _across(direction: np.ndarray) -> np.ndarray:
 
 
 def _circle(normal: np.ndarray) -> np.ndarray:
-    """(n, 3) a unit circle about a normal."""
     first, angles = _across(normal), np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
     return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
 
 
 def _marks_of(case: Judged) -> Marks:
-    """Legend of the marks of a case."""
     states = [STATES[state] for state in dict.fromkeys(case.states)]
     marks: Marks = [
         (Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states

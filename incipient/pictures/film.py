@@ -1,4 +1,4 @@
-"""A run in motion: a field at the steps that were stored, in bands of colour that are the same in all frames."""
+"""Animation of a field over the stored steps, with the same colours in all frames."""
 
 from __future__ import annotations
 
@@ -33,12 +33,10 @@ _BANDS = 24
 
 
 def animate(directory: Path, target: Path | None = None, field: str = "velocity") -> Path:
-    """Show a field of a run in motion; returns the file written. Not collective.
+    """Animate a field of a run, finished or not; returns the file written.
 
-    `target` ends in .gif or .mp4; by default it is DIRECTORY/FIELD.gif. The run need not have ended.
-
-    Raises:
-        OutputError: with fewer than two steps, without ffmpeg for an MP4, or when it cannot be written.
+    `target` ends in .gif or .mp4; by default it is DIRECTORY/FIELD.gif. Raises OutputError with fewer than two
+    steps, without ffmpeg for an MP4, or when it cannot be written.
     """
     path = target or directory / f"{field}.gif"
     ending = path.suffix.lower()
@@ -96,7 +94,6 @@ class _Film:
         self._digits = max(0, 1 - math.floor(math.log10(np.diff(moments).max())))
 
     def run(self, number: int) -> StoredRun:
-        """The step that a frame shows, with the place of a moving grain."""
         step = read_step(self.directory / "fields", int(self.indices[number]))
         result = self.result
         if self.history is not None:
@@ -147,7 +144,7 @@ class _Film:
         return []
 
     def _arrows(self, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray) -> None:
-        """Velocities (2, rows, columns); as long as the root of the speed, so that slow flow is seen."""
+        """Velocities (2, rows, columns), with arrows as long as the root of the speed."""
         reached = velocity / self.levels[-1]
         speeds = np.ma.masked_less(np.linalg.norm(reached, axis=0), _SLOWEST)
         looks: Looks = {"angles": "xy", "scale_units": "xy", "scale": 1.1 / (x[1] - x[0])}

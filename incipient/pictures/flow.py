@@ -1,4 +1,4 @@
-"""Pictures of the flow: speed, pressure, vorticity, mesh; in 3-D in the vertical plane of the grain."""
+"""Pictures of speed, pressure, vorticity and mesh; in 3-D in the vertical plane of the grain."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AROUND = (0, 3, 1, 4, 2, 5)  # nodes of a quadratic triangle in order
 
 
 def from_zero(seen: np.ndarray) -> Normalize:
-    """Limits of the colours of values that are not negative."""
+    """Colour limits of non-negative values."""
     return Normalize(0.0, float(seen.max(initial=0.0)) or 1.0)
 
 
@@ -39,7 +39,7 @@ def _symmetric(seen: np.ndarray) -> Normalize:
 
 @dataclass(frozen=True)
 class Shown:
-    """A field in a picture: the field that is stored, its colours and their limits, and which values exceed them."""
+    """A field in a picture: the stored field, its colours and limits, and the values beyond them."""
 
     name: str
     stored: str
@@ -48,7 +48,6 @@ class Shown:
     extend: str = "both"
 
     def values(self, stored: np.ndarray) -> np.ndarray:
-        """Values to draw: of the velocity its magnitude, of the vorticity in 3-D its part about y."""
         if self.name == "speed":
             return np.linalg.norm(stored, axis=-1)
         return stored if stored.ndim == 1 else stored[:, 1]
@@ -60,7 +59,7 @@ VORTICITY = Shown("vorticity", "vorticity", "RdBu_r", _symmetric)
 
 
 def picture(run: StoredRun, shown: Shown) -> Figure:
-    """A field in the whole domain and, if there is a grain, around it, each with colours of its own."""
+    """A field in the whole domain and around the grain, each with its own colours."""
     plane, views, values = run.plane, run.views, shown.values(run.in_plane(shown.stored))
     figure, places = panels(views, run.headline, plane.upwards)
     level = "" if plane.level is None else f" at y = {plane.level:.4g}"
@@ -90,7 +89,7 @@ def _paint(plane: Plane, values: np.ndarray, axes: Axes, view: View, shown: Show
 
 
 def draw_streamlines(plane: Plane, axes: Axes, view: View, colour: str = "white") -> None:
-    """Streamlines in a part of the plane; none where the fluid is at rest."""
+    """Streamlines in a part of the plane; none in fluid at rest."""
     x, y, velocity = plane.velocities(view)
     if np.abs(velocity).max() > 0.0:
         looks: Looks = {"linewidth": 0.6, "arrowsize": 0.6, "density": 1.4, "zorder": 2}
@@ -98,7 +97,7 @@ def draw_streamlines(plane: Plane, axes: Axes, view: View, colour: str = "white"
 
 
 def mesh(run: StoredRun) -> Figure:
-    """Cells around the grain, or all without one, in the colour of their mean speed; in 3-D those in the plane."""
+    """Cells around the grain, or all without one, coloured by mean speed; in 3-D those in the plane."""
     view, points = run.views[-1], run.fields.points
     speeds, faces = np.linalg.norm(run.field("velocity"), axis=1), run.fields.cells[:, _AROUND]
     if run.in_space:
@@ -123,7 +122,7 @@ def mesh(run: StoredRun) -> Figure:
 
 
 def profiles(run: StoredRun) -> Figure:
-    """Velocity along the vertical and the horizontal centreline of a box."""
+    """Velocity along both centrelines of a box."""
     x0, x1, y0, y1 = run.plane.box
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     headline(figure, run.headline)

@@ -1,4 +1,4 @@
-"""Path and contacts of a moving grain, read from history.csv and contacts.csv."""
+"""Path and contacts of a moving grain, from history.csv and contacts.csv."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SLIDES = 1e-6  # of the fastest slip in a run
 
 @dataclass(frozen=True)
 class History:
-    """Columns (n,) by name, in the order of time; nan where unknown. Angles in radians, unbounded."""
+    """Columns (n,) by name over time; NaN where unknown. Angles in radians, unbounded."""
 
     columns: dict[str, np.ndarray]
 
@@ -44,7 +44,6 @@ class History:
 
     @property
     def times(self) -> np.ndarray:
-        """(n,) ascending."""
         return self.columns["time"]
 
     @property
@@ -53,7 +52,6 @@ class History:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """Coordinates (n, 2) of the grain's centre along the flow and upwards."""
         return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
 
     @property
@@ -71,7 +69,7 @@ class History:
         return Placement(tuple(place[:3]), quaternion=(w, x, y, z))
 
     def started(self, placement: Placement) -> History:
-        """This path with the place at time zero before it, where the first step is later."""
+        """The path preceded by the placement at time zero, unless the first step has it."""
         if self.times[0] <= 0.0:
             return self
         start = dict(
@@ -95,7 +93,7 @@ class History:
 
 
 def read_history(path: Path) -> History:
-    """Read the history of a moving grain; raises OutputError for a file that is missing, damaged or not a history."""
+    """Read the history of a moving grain; raises OutputError for a missing or damaged file."""
     columns = table(path, REMEDY, "mode")
     names = ("time", *PLACE[_gdim(columns)])
     for name in names:
@@ -115,7 +113,7 @@ def _gdim(names: Container[str]) -> int:
 class ContactForces:
     """Contacts at the ends of steps (n,), along the flow and upwards (n, 2); normals from the bed.
 
-    friction: coefficients of contacts that stick, and that slide
+    friction: static and kinetic coefficients
     """
 
     times: np.ndarray
@@ -126,7 +124,7 @@ class ContactForces:
     friction: tuple[float, float]
 
     def draw(self, axes: Axes, time: float, size: float, within: float = 0.0) -> list[Artist]:
-        """Draw the contacts at the time next to this one, if it is `within` a time: cones, and forces to one scale."""
+        """Draw the contacts at the nearest time, if `within` a time: cones, and forces to one scale."""
         drawn: list[Artist] = []
         apart = np.abs(self.times - time)
         if apart.min() > within + _SAME_TIME * max(abs(time), 1.0):
@@ -147,7 +145,7 @@ class ContactForces:
 
 
 def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | None:
-    """Read contacts.csv of a run with a section [contact]; None where it had no contacts. Raises OutputError."""
+    """Read contacts.csv of a run with a section [contact]; None without contacts. Raises OutputError."""
     path = directory / CONTACTS
     if contact is None or not path.exists():
         return None

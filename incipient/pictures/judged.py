@@ -1,4 +1,4 @@
-"""The contents of a picture of a verdict: load, contact forces in their cones, incipient motion."""
+"""Contents of a picture of a verdict: load, contact forces in their cones, incipient motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,6 @@ class DrawnMotion:
     angular: np.ndarray
 
     def at(self, arms: np.ndarray) -> np.ndarray:
-        """Accelerations (n, 3) at arms (n, 3) from the centre of mass."""
         return self.acceleration + np.cross(self.angular, arms)
 
 
@@ -39,13 +38,12 @@ class Marked(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A case and the verdicts of both criteria; the fields with defaults have these for a grain that was not judged.
+    """A case and the verdicts of both criteria; fields have defaults for a grain that was not judged.
 
-    forces: of the contacts on the grain (n, 3); states: of the contacts (n), keys of `style.STATES`
-    share: fraction of the flow's load that these forces balance, nan where there are none
+    forces: of the contacts on the grain (n, 3); states: (n,), keys of `style.STATES`
+    share: fraction of the flow's load that these forces balance, NaN without any
     significant: the paper's significant reaction surface, indices of contacts
-    left: force and torque (3,) that reaction and friction leave over by the paper's criteria
-    sentences: the exact criterion's, the paper's with the agreement
+    left: force and torque (3,) that reaction and friction leave unbalanced by the paper's criteria
     """
 
     load: Load
@@ -64,14 +62,13 @@ class Judged:
 
     @property
     def planar(self) -> bool:
-        """Whether no point, normal, force or torque leaves the plane z = 0."""
         load, contacts = self.load, self.contacts
         vectors = (contacts.points, contacts.normals, load.flow_force, load.weight)
         return not any(v[..., 2].any() for v in vectors) and not load.flow_couple[:2].any()
 
     @property
     def patches(self) -> list[list[int]]:
-        """Indices of contacts that have an area and the same normal: the corners of one patch."""
+        """Indices of contacts with an area and the same normal: the corners of one patch."""
         if self.contacts.areas is None:
             return []
         corners: dict[tuple[float, ...], list[int]] = {}
@@ -90,7 +87,6 @@ class Judged:
 
     @property
     def largest(self) -> float:
-        """The largest of all forces, to which arrows are scaled; one without any."""
         every = [*self.forces, *self.acting.values()]
         return float(np.linalg.norm(every, axis=1).max()) or 1.0
 
@@ -163,7 +159,6 @@ def _forces(
 
 
 def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | None:
-    """The smallest contact forces (n, 3) that balance the load: those of a grain that rests, whatever its mass."""
     reach = float(np.linalg.norm(contacts.points - load.centre, axis=1).max())
     try:
         rest = incipient_motion(load, contacts, friction, 1.0, reach**2 * np.eye(3))
@@ -173,7 +168,6 @@ def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | 
 
 
 def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:
-    """States of forces (n, 3) in their cones."""
     normal, tangential = pressed(forces, contacts.normals)
     sizes = np.linalg.norm(forces, axis=1)
     states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(
@@ -184,19 +178,19 @@ def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[st
 
 
 def pressed(forces: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sizes (n,) of the parts of contact forces (n, 3) along the inward normals and along the surface."""
+    """Magnitudes (n,) of contact forces (n, 3) along the inward normals and along the surface."""
     normal = -(forces * normals).sum(axis=1)
     return normal, np.linalg.norm(forces + normal[:, None] * normals, axis=1)
 
 
 def sentence(words: str) -> str:
-    """Words with a capital, a full stop, and the paper's signs as they are printed."""
+    """Words with a capital, a full stop, and the paper's signs as printed."""
     words = quoted(words.strip().rstrip("."))
     return f"{words[:1].upper()}{words[1:]}."
 
 
 def quoted(words: str) -> str:
-    """Words with the paper's quotation marks and symbols as they are printed."""
+    """Words with the paper's quotation marks and symbols as printed."""
     for typed, printed in (
         ("``", "“"),
         ("''", "”"),

@@ -1,4 +1,4 @@
-"""Outlines of grains and beds from their curves, and a sketch of a grain of which only contacts are known."""
+"""Outlines of grains and beds, and a sketch of a grain with known contacts only."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Solid = tuple[np.ndarray, np.ndarray]  # points (n, 3) and triangles (m, 3) of a
 
 
 def grain_outline(grain: Any, placement: Any) -> Outline:
-    """Points (n, 2) around a plane grain at its place, counter-clockwise."""
+    """Counter-clockwise points (n, 2) around a placed 2-D grain."""
     return np.vstack([_along(curve.moved(placement))[:-1] for curve in grain.outline()])
 
 
 def hull(points: np.ndarray) -> Outline:
-    """The convex hull of points (n, 2), in order; all of them where they are on a line."""
+    """Convex hull of points (n, 2), in order; all of collinear ones."""
     try:
         return points[ConvexHull(points).vertices]
     except QhullError:
@@ -33,30 +33,27 @@ def hull(points: np.ndarray) -> Outline:
 
 
 def spoke(outline: Outline, placement: Any) -> np.ndarray:
-    """(2, 2) from a plane grain's centre along its first axis to its outline, points (n, 2)."""
+    """Line (2, 2) from a 2-D grain's centre along its first axis to its outline, points (n, 2)."""
     local = placement.to_body(outline)
     tip = outline[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
     return np.array([placement.centre, tip])
 
 
 def bed_line(bed: Any, x0: float, x1: float) -> np.ndarray:
-    """Points (n, 2) along a plane bed from left to right, as far as it is known."""
+    """Points (n, 2) along a 2-D bed from left to right, as far as it is known."""
     low, high = bed.extent
     curves: Iterable[Any] = bed.curves(max(x0, low), min(x1, high))
     return np.vstack([_along(curve) for curve in curves])
 
 
 def placed_surface(grain: Any, placement: Any, spacing: float = _SPACING) -> Solid:
-    """A grain's surface at its place: points (n, 3) and triangles (m, 3), so many grain sizes apart."""
+    """Surface of a placed grain: points (n, 3) and triangles (m, 3); `spacing` in grain sizes."""
     surface = grain.surface(spacing * grain.size)
     return placement.to_scene(surface.points), surface.triangles
 
 
 def sketched(case: Judged) -> Solid:
-    """A surface through the contacts: a sphere if they could be a sphere's, otherwise a convex polyhedron.
-
-    The polyhedron also goes through their mirror images in the centre of mass; in 2-D there are only its points.
-    """
+    """A surface through the contacts: a sphere if it fits, otherwise a convex polyhedron; in 2-D points alone."""
     radius, centre = round_radius(case), case.load.centre
     if radius is not None:
         ball = sphere(_FINE)
@@ -70,7 +67,7 @@ def sketched(case: Judged) -> Solid:
 
 
 def round_radius(case: Judged) -> float | None:
-    """The radius of a disc or sphere with these contacts: equal arms along the normals; None if they do not fit."""
+    """Radius of a disc or sphere with these contacts: equal arms along the normals; None if they do not fit."""
     arms = case.contacts.points - case.load.centre
     lengths = np.linalg.norm(arms, axis=1)
     longest = float(lengths.max())

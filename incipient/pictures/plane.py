@@ -1,4 +1,4 @@
-"""The plane of pictures of a flow; in 3-D the vertical plane through the grain, cut by VTK."""
+"""Plane of pictures of a flow; in 3-D the vertical plane through the grain, cut by VTK."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _BELOW = 0.04  # of the height: ground that is shown below a bed
 
 
 def pyvista_off_screen() -> Any:
-    """pyvista, set to render without a display where there is none, before VTK makes a window."""
+    """pyvista, set to render off screen before VTK makes a window."""
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     import pyvista
@@ -54,7 +54,6 @@ class Plane:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(n, 2)."""
         return np.asarray(self.sheet.points)[:, :2]
 
     @property
@@ -67,7 +66,6 @@ class Plane:
         return x0, x1, y0, y1
 
     def triangulation(self, view: View | None = None) -> Triangulation:
-        """matplotlib's triangulation of the triangles that touch a rectangle, or of all."""
         triangles = self.sheet.regular_faces
         if view is not None:
             corners = self.points[triangles]
@@ -77,7 +75,7 @@ class Plane:
         return Triangulation(*self.points.T, triangles)
 
     def views(self, ground: bool = False) -> list[View]:
-        """The whole plane, with some ground below, and the part around a grain and its wake."""
+        """The whole plane, with ground below, and the surroundings of a grain and its wake."""
         x0, x1, y0, y1 = self.box
         floor = y0 - (_BELOW * (y1 - y0) if ground else 0.0)
         whole = (x0, x1, floor, y1)
@@ -90,7 +88,6 @@ class Plane:
         return [whole, (max(near[0], x0), min(near[1], x1), max(near[2], floor), min(near[3], y1))]
 
     def at(self, points: np.ndarray, name: str) -> np.ma.MaskedArray:
-        """A field at points (n, 2), masked outside of the fluid."""
         samples = pyvista_off_screen().PolyData(spatial(points)).sample(self.sheet)
         values = np.asarray(samples[name])
         outside = np.asarray(samples["vtkValidPointMask"]) == 0
@@ -100,7 +97,7 @@ class Plane:
     def velocities(
         self, view: View, across: int = 200
     ) -> tuple[np.ndarray, np.ndarray, np.ma.MaskedArray]:
-        """Columns x, rows y, `across` along the longer side, and the velocity there (2, rows, columns)."""
+        """Columns x, rows y, `across` along the longer side, and velocity (2, rows, columns)."""
         x0, x1, y0, y1 = view
         spacing = max(x1 - x0, y1 - y0) / across
         # Evenly spaced to round-off, half a spacing inside of the boundary.
@@ -115,7 +112,7 @@ class Plane:
     def draw_solids(
         self, axes: Axes, painted: Iterable[Artist] = (), fluid: str = "none", grain: bool = True
     ) -> None:
-        """Draw the ground, the grain, and the boundary of the fluid, to which painted artists are clipped."""
+        """Draw ground, grain, and boundary of the fluid, to which painted artists are clipped."""
         axes.set_facecolor(GROUND)
         lines = [Path(np.vstack([line, line[:1]]), closed=True) for line in self.outlines]
         looks: dict[str, Any] = {"facecolor": fluid, "edgecolor": INK, "lw": 0.8}
@@ -150,7 +147,7 @@ def plane_of(run: StoredRun) -> Plane:
 
 
 def level_of(run: StoredRun, beside: float = 0.0) -> float:
-    """y of the plane that is shown: through the grain, or the middle; a fraction of the width within the domain."""
+    """y of the plane of pictures, of the grain or the middle, within the domain by a fraction `beside` of its width."""
     low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
     y = run.value("grain", "computed_centre", (0.0, run.middle))[1]
     inwards = beside * (high - low)

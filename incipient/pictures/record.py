@@ -1,4 +1,4 @@
-"""Data of finished runs and of other results for pictures, read from their directory."""
+"""Stored data of results for pictures."""
 
 from __future__ import annotations
 
@@ -56,12 +56,11 @@ class StoredRun:
 
     @property
     def place(self) -> Placement | None:
-        """Placement of the grain at the end of the run, at rest where it touches the bed; None without a grain."""
+        """Placement of the grain at the end of the run, at rest if it touches the bed; None without one."""
         centre = self.value("grain", "centre")
         return None if centre is None else self.placement(centre)
 
     def placement(self, centre: Any) -> Placement:
-        """The placement with a centre and the grain's orientation at the end of the run."""
         turned = self.value("grain", "quaternion")
         if turned is None:
             return Placement(tuple(centre), self.value("grain", "angle", 0.0))
@@ -69,19 +68,18 @@ class StoredRun:
 
     @cached_property
     def touching_grain(self) -> np.ndarray | None:
-        """Outline (n, 2) of a grain with closed contacts, of which the mesh has a part; None for other grains."""
+        """Outline (n, 2) of a grain with closed contacts, which the mesh has in part; otherwise None."""
         if not self.value("gap", "closed"):
             return None
         return grain_outline(self.model.grain, self.place)
 
     @cached_property
     def model(self) -> Scene:
-        """The resolved scene; raises OutputError as `of_this_version`."""
         with of_this_version(self.directory):
             return Scene(**self.scene)
 
     def field(self, name: str) -> np.ndarray:
-        """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
+        """Nodal values of a flow field, (nodes,) or (nodes, 3)."""
         if name not in self.fields.fields:
             raise OutputError(f"{self.directory / 'fields'}: holds no {name}; run the scene again")
         return self.fields.fields[name]
@@ -92,7 +90,6 @@ class StoredRun:
         return np.asarray(self.plane.sheet[name])
 
     def setting(self, section: str, key: str) -> Any:
-        """A value of the resolved scene, None if the section or the key is absent."""
         return (self.scene.get(section) or {}).get(key)
 
     @property
@@ -100,12 +97,10 @@ class StoredRun:
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
-        """A value of the result, or `otherwise` if the section or the key is absent or null."""
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
 
     def vector(self, section: str, key: str) -> np.ndarray:
-        """A vector of the result, (3,); zero if it is absent."""
         return np.array(self.value(section, key, (0.0, 0.0, 0.0)), dtype=float)
 
     @property
@@ -123,7 +118,7 @@ class StoredRun:
         )
 
     def whole(self, points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A surface of points (n, 3) and cells, with its mirror image where the fields are those of half a domain."""
+        """A surface of points (n, 3) and cells, with its mirror image for half a domain."""
         if not self.halved:
             return points, cells
         other = points * [1.0, -1.0, 1.0] + [0.0, 2.0 * self.middle, 0.0]
@@ -142,7 +137,7 @@ class StoredRun:
 
 
 def read(directory: Path) -> StoredRun:
-    """Read a run's directory. Raises OutputError: naming the file that is missing or damaged."""
+    """Read a run's directory. Raises OutputError naming the missing or damaged file."""
     result, scene = parsed_json(directory / "result.json"), read_scene(directory)
     surface = read_step(directory / "surface") if scene.get("body") else None
     if surface is not None and "traction" not in surface.fields:
@@ -151,12 +146,12 @@ def read(directory: Path) -> StoredRun:
 
 
 def read_scene(directory: Path) -> dict[str, Any]:
-    """The resolved scene that a run has left, section by section. Raises OutputError: it is missing or damaged."""
+    """The resolved scene of a run, section by section. Raises OutputError if missing or damaged."""
     return _parsed(directory / "scene.toml", tomllib.loads)
 
 
 def scene_of(directory: Path) -> Scene:
-    """The resolved scene of results. Raises OutputError: missing, damaged, or not one of this version's."""
+    """The resolved scene of results. Raises OutputError: missing, damaged, or of another version."""
     read_scene(directory)
     with of_this_version(directory):
         return load(directory / "scene.toml")
@@ -164,7 +159,7 @@ def scene_of(directory: Path) -> Scene:
 
 @contextmanager
 def of_this_version(directory: Path) -> Iterator[None]:
-    """Turn a refusal of the scene of results in the block into an OutputError with the remedy for other versions."""
+    """Turn errors of the scene of results in the block into an OutputError with the remedy for other versions."""
     try:
         yield
     except SceneError as error:
@@ -174,7 +169,7 @@ def of_this_version(directory: Path) -> Iterator[None]:
 
 
 def parsed_json(path: Path) -> dict[str, Any]:
-    """The content of a JSON file of results; raises OutputError where it is missing or damaged.
+    """The content of a JSON file of results; raises OutputError if missing or damaged.
 
     The key "couple" of earlier versions becomes "torque".
     """
@@ -182,9 +177,9 @@ def parsed_json(path: Path) -> dict[str, Any]:
 
 
 def table(path: Path, again: str, *texts: str) -> dict[str, np.ndarray]:
-    """Columns (n,) of numbers of a CSV file but those of `texts`; NaN for empty cells, headings without units.
+    """Columns (n,) of numbers of a CSV file except those of `texts`; NaN for empty cells, headings without units.
 
-    The last row may be incomplete, on its way to the disk. Raises OutputError with the remedy `again`.
+    The last row may be incomplete. Raises OutputError with the remedy `again`.
     """
     with (
         reading(path, again, error=OutputError),

@@ -1,4 +1,4 @@
-"""The sheet of a verdict: sentences at the top, the drawing on the left, numbers on the right."""
+"""Sheet of a verdict: sentences above, drawing on the left, numbers on the right."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "result
 
 
 def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure, Axes]:
-    """A figure with a bold text, a plain text and a subject; axes of height `up` [inches] for the drawing."""
+    """Figure with a bold text, a plain text and a subject; axes of height `up` [inches]."""
     bold, plain = textwrap.wrap(first, 94), textwrap.wrap(second, 134)
     about = textwrap.wrap(subject, 76)
     top = 0.25 + _LINE * (len(bold) + 0.8 * len(plain)) + 0.33 + 0.15 * (len(about) - 1)
@@ -53,7 +53,7 @@ def explain(axes: Axes, marks: Sequence[tuple[Artist, str]]) -> None:
 
 
 def write_numbers(axes: Axes, groups: Iterable[Group], below: float = 0.12) -> None:
-    """Key numbers in a column beside the drawing, grouped; from a distance [inches] below its top."""
+    """Write groups of numbers beside the drawing, from a distance [inches] below its top."""
     figure = _figure_of(axes)
     height = figure.get_figheight()
     row = height * axes.get_position().y1 - below
@@ -127,7 +127,7 @@ def contact_rows(case: Judged) -> Group:
 
 
 def vector(components: np.ndarray, planar: bool) -> str:
-    """Components in brackets; those lost in round-off are zero."""
+    """Components in brackets, without round-off."""
     size = np.abs(components).max(initial=0.0)
     shown = [0.0 if abs(c) <= 1e-9 * size else c for c in components[: 2 if planar else 3]]
     return f"({', '.join(f'{c:.4g}' if planar else f'{c:.3g}' for c in shown)})"
@@ -139,5 +139,5 @@ def turning(torque: np.ndarray, planar: bool) -> str:
 
 
 def number(value: float) -> str:
-    """A number, infinity by its sign."""
+    """A number, or the sign of infinity."""
     return "∞" if value == np.inf else f"{value:.4g}"

@@ -1,4 +1,4 @@
-"""The common style of pictures: type, colours, and panels that fit their contents."""
+"""Common style of pictures: type, colours, panels."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ _WIDE, _TALLEST = 9.0, 4.6  # inches: a sheet, and a drawing on it
 
 @contextmanager
 def applied() -> Iterator[None]:
-    """Draw in this style inside the block."""
+    """Apply this style inside the block."""
     with rc_context(_SETTINGS):
         yield
 
@@ -87,23 +87,23 @@ def show_as_written(figure: Figure) -> None:
 
 
 def number_plainly(axis: Axis) -> None:
-    """Write numbers at a logarithmic axis without powers, at 1, 2 and 5 of each decade."""
+    """Label a logarithmic axis without powers, at 1, 2 and 5 of each decade."""
     axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     axis.set_minor_formatter("{x:g}")
     axis.set_major_formatter("{x:g}")
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture as PNG. Raises OutputError: it cannot be written, or would replace a file of somebody else."""
+    """Write a picture as PNG. Raises OutputError: not writable, or a foreign file has this name."""
     show_as_written(figure)
     with replaced(path, part_of(path)) as part:
         figure.savefig(part, format="png", dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
 
 
 def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[Axes]]:
-    """A titled figure with axes true to scale for each view; wide views stand one above the other.
+    """A titled figure with axes true to scale for each view, wide views above each other.
 
-    up: name of the axis that is shown upwards
+    up: name of the vertical axis
     """
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
     heights = np.minimum(_TALLEST, (_WIDE - 1.8) * aspects)
@@ -124,7 +124,7 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
 
 
 def headline(figure: Figure, title: str) -> None:
-    """Write a title above a figure, in as many lines as it takes."""
+    """Write a title above a figure, wrapped to its width."""
     lines = textwrap.wrap(title, int(11 * figure.get_figwidth()))
     figure.set_figheight(figure.get_figheight() + 0.2 * (len(lines) - 1))
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=11)

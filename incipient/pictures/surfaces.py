@@ -1,4 +1,4 @@
-"""Pictures of surfaces: the traction on the grain, the free surface from above."""
+"""Pictures of the traction on the grain and of the free surface."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LINES, _PLACES = 7, 201  # of equal height of the bed; in each direction at whi
 
 
 def traction(run: StoredRun) -> Figure:
-    """The traction on the grain: arrows and components in 2-D, two views of it in 3-D."""
+    """Traction on the grain: arrows and components in 2-D, two views in 3-D."""
     figure = Figure(figsize=(9.4, 4.7), layout="constrained")
     headline(figure, f"{run.title}: traction of the fluid on the grain")
     if run.in_space:
@@ -43,7 +43,7 @@ def traction(run: StoredRun) -> Figure:
 
 
 def _around(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Middles of the sides of cells around a plane grain in order, tractions and outward normals there, (n, 2)."""
+    """Midpoints of a 2-D grain's facets in order, tractions and outward normals, (n, 2)."""
     assert run.surface is not None
     cells = run.surface.cells
     halves = np.insert(np.vstack([cells[:, [0, 2]], cells[:, [2, 1]]]), 0, 2, axis=1)
@@ -93,7 +93,6 @@ def _show_arrows(
 def _show_components(
     axes: Axes, arms: np.ndarray, tractions: np.ndarray, normals: np.ndarray
 ) -> None:
-    """Components along normal and surface against the direction (n,) from the centre, broken where no flow is."""
     angles = np.degrees(np.arctan2(arms[:, 1], arms[:, 0])) % 360
     order = np.argsort(angles)
     apart = np.diff(angles[order])
@@ -126,12 +125,12 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
 
 
 def last_colour(sizes: np.ndarray) -> float:
-    """The size of the traction that has the last colour, by the sizes (n,) at the nodes."""
+    """Traction at the upper colour limit, from the magnitudes (n,) at the nodes."""
     return float(np.percentile(sizes, _LARGEST)) or 1.0
 
 
 def whole_surface(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes, quadratic triangles and traction of the grain's surface, half a grain with its mirror image."""
+    """Nodes, quadratic triangles and traction of the grain's surface, with the mirror image of a half."""
     assert run.surface is not None
     points, cells, values = run.surface.points, run.surface.cells, run.surface.fields["traction"]
     if run.halved:
@@ -164,7 +163,7 @@ def _shown_surface(
 
 
 def elevation(run: StoredRun) -> Figure:
-    """Elevation of the free surface of a 3-D run in colour as seen from above, the bed's height in lines."""
+    """Elevation of the free surface of a 3-D run in colour, the bed's height in lines."""
     points, triangles = run.whole(*surface_of(run))
     scene = run.model
     domain = scene.domain
@@ -181,7 +180,7 @@ def elevation(run: StoredRun) -> Figure:
 
 
 def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) and straight triangles (m, 3) of the free surface: upward sides of the mesh but the grain's."""
+    """Points (n, 3) and straight triangles (m, 3) of the free surface: upward facets except the grain's."""
     grid = run.grid.copy(deep=False)
     # Places in VTK are of single precision.
     grid["node"] = np.arange(len(run.fields.points), dtype=float)

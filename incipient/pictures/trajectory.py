@@ -1,4 +1,4 @@
-"""The picture of a moving grain: its path, in 3-D as seen from the side, and six quantities against time."""
+"""Picture of a moving grain: its path, in 3-D from the side, and six quantities against time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Shown = tuple[str, np.ndarray, float]  # title, values (n,), smallest range of t
 
 
 def picture(run: StoredRun) -> Figure:
-    """The path of the grain of a run; raises OutputError for a missing or damaged history."""
+    """Path of the grain of a run; raises OutputError for a missing or damaged history."""
     scene = run.model
     first = Setup(scene).geometry.stance.placement
     if scene.grain is None or first is None:
@@ -56,7 +56,7 @@ def picture(run: StoredRun) -> Figure:
 def figure(
     scene: Scene, history: History, title: str, contacts: ContactForces | None = None
 ) -> Figure:
-    """The path in the domain, enlarged with contact forces if it is short, above six quantities against time."""
+    """Path in the domain, if short enlarged with contact forces, above six quantities against time."""
     grain, start, bed = scene.grain, scene.placement, scene.bed_shape
     assert grain is not None and start is not None
     ground = None if bed is None else _ground(scene.domain, bed, start)
@@ -135,7 +135,7 @@ def _draw_domain(axes: Axes, scene: Scene, ground: np.ndarray | None) -> None:
 
 
 def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
-    """Points (n, 2) along the bed from left to right, in 3-D below where the grain starts."""
+    """Points (n, 2) along the bed from left to right, in 3-D below the grain's start."""
     if domain.gdim == 2:
         return bed_line(bed, domain.left, domain.right)
     x = np.linspace(domain.left, domain.right, _BED_PIECES)

@@ -1,4 +1,4 @@
-"""Pictures of verdicts: of a run, of a case judged by itself, and of a grain at its threshold."""
+"""Pictures of verdicts: of a run, of a single case, and at a threshold."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _PANEL = 1.5  # height of the trials [inches]
 
 @dataclass(frozen=True)
 class Shape:
-    """A grain at its place, on a bed or without one."""
+    """A placed grain, with or without a bed."""
 
     grain: Any
     placement: Placement
@@ -64,7 +64,7 @@ class Shape:
 
 
 def of_run(run: StoredRun) -> Figure:
-    """The grain on its bed with contacts, forces and torque; the verdict in words; the numbers behind it."""
+    """Grain on its bed with contacts, forces and torque; verdict in words; numbers."""
     stored, scene = run.result.get("verdict"), run.model
     assert run.place is not None
     shape = Shape(scene.grain, run.place, scene.bed_shape)
@@ -119,7 +119,6 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
 
 
 def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
-    """Places (n, 3) along a grain's outline, in 3-D on its surface, with triangles; sketched without a shape."""
     flat = np.empty((0, 3), dtype=int)
     if shape is None:
         points, triangles = sketched(case)
@@ -148,7 +147,7 @@ def _flow_rows(run: StoredRun) -> list[Group]:
 
 
 def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
-    """The picture of a judged case."""
+    """Picture of a judged case."""
     source = directory / "judgement.json"
     case, shape = judged(stored["verdict"], source), _shape_of_case(stored, source)
     chances = stored.get("probabilities")
@@ -164,7 +163,6 @@ def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
 
 
 def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
-    """The grain of a judgement at its place; None where its case gives no shape."""
     try:
         case = None if stored.get("case") is None else Case(**stored["case"])
     except (SceneError, TypeError) as error:
@@ -187,7 +185,7 @@ def _probability_rows(chances: dict[str, Any] | None) -> list[Group]:
 
 
 def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
-    """The grain as it begins to move at the critical flow, and the trials by which this was computed."""
+    """The grain at the critical flow, and the trials of the search."""
     scene, again = scene_of(directory), "find the threshold again"
     if scene.grain is None or scene.bed_shape is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
@@ -207,7 +205,7 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
 def with_motion(
     stored: dict[str, Any], body: Body | None, placement: Placement | None
 ) -> dict[str, Any]:
-    """The verdict at the threshold with the motion in which the grain leaves it, if there is a threshold."""
+    """The verdict at the threshold with the incipient motion, if there is a threshold."""
     verdict = stored["verdict"]
     inert = None if not stored["factor"] or body is None else mass_and_inertia(body, placement)
     motion = None if inert is None else _onset(stored, *inert)
@@ -232,7 +230,7 @@ def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str
 
 
 def critical_sentence(stored: dict[str, Any]) -> str:
-    """The critical speed of the flow in a sentence, or the reason why there is none."""
+    """Critical speed of the flow in a sentence, or the reason why there is none."""
     factor, status, mode = stored["factor"], stored["verdict"]["safety_status"], stored["mode"]
     if factor is None and stored["held_to"] is None:
         return "There is no threshold: no strength of this flow moves the grain."

@@ -12,12 +12,12 @@ _SIZE = (9.0, 5.5)  # inches
 
 
 def has_walls(run: StoredRun) -> bool:
-    """Whether a run's result has numbers along its walls."""
+    """Whether a result has quantities along walls."""
     return bool((run.result.get("turbulence") or {}).get("along"))
 
 
 def picture(run: StoredRun) -> Figure:
-    """y+ above, and below it the friction, which is signed."""
+    """y+ above, signed friction below."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)
     upper, lower = figure.subplots(2, 1, sharex=True)

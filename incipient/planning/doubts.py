@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 from ..scene.model import WIDE_GAP
 from ..setup.setup import Setup
-from ..turbulence.wall_law import SMOOTH_TO
 from .discretisation import velocity_order
 from .meshing_in_space import cut_at_inflow
 
@@ -68,6 +67,8 @@ def _near_critical(setup: Setup) -> Iterator[str]:
 def _turbulence(setup: Setup) -> Iterator[str]:
     if not setup.is_averaged:
         return
+    from ..turbulence.wall_law import SMOOTH_TO
+
     walls, scene = setup.walls, setup.scene
     grain, bed, thick = scene.grain, scene.bed_shape, walls.distance("body")
     if not walls.is_resolved and grain is not None:

@@ -39,6 +39,14 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Datum:
+    """The height at which the profile of a scene's flow starts [length], and what it is of the bed, in words."""
+
+    height: float
+    reason: str
+
+
+@dataclass(frozen=True)
 class Plan:
     """Effects, discretisation and (if counted) expense of a scene's computation."""
 
@@ -58,7 +66,7 @@ class Plan:
     # What mesh and order are chosen for by the run, in words; empty where the scene chooses them
     sought: str = ""
     warnings: tuple[str, ...] = ()  # what in the scene makes the result less sure, in words
-    datum: str = ""  # where the profile of the flow starts, and why there, in words
+    datum: Datum | None = None  # None without a profile or a bed
     grain: str = ""  # how large a scanned grain is, or one in SI units, in words
 
     def has(self, name: EffectName) -> bool:
@@ -74,7 +82,11 @@ class Plan:
         lines = [f"  {effect.text()}" for effect in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
-        lines += [f"  {words}" for words in (self.grain, self.datum) if words]
+        if self.grain:
+            lines.append(f"  {self.grain}")
+        if self.datum is not None:
+            axis = "z" if self.has(EffectName.THIRD_DIMENSION) else "y"
+            lines.append(f"  datum {axis} = {self.datum.height:g}: {self.datum.reason}")
         lines += [
             *self._discretisation(),
             f"  {self.stabilisation.text()}",
@@ -180,12 +192,11 @@ def _has_flat_faces(scene: Scene) -> bool:
     return level and (grain is None or sharp or isinstance(grain, Triangulated))
 
 
-def _datum(setup: Setup) -> str:
+def _datum(setup: Setup) -> Datum | None:
     scene, bed, base_flow = setup.scene, setup.scene.bed_shape, setup.base_flow
     level = getattr(scene.flow, "datum", None)
     if level is None or bed is None or scene.is_averaged:
-        return ""
-    up = "xyz"[scene.up]
+        return None
     if base_flow.effective:
         height = base_flow.effective_height
         by_inertia = height.height - height.creeping
@@ -198,11 +209,11 @@ def _datum(setup: Setup) -> str:
     elif bed.crest > base_flow.datum:
         why = (
             "the crests of the bed, which are as high in every third of the domain; "
-            f"what is higher, up to {up} = {bed.crest:g}, does not count"
+            f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"
         )
     else:
         why = "the crest of the bed"
-    return f"datum {up} = {base_flow.datum:g}: {why}; the {scene.flow.kind} flow starts there"
+    return Datum(base_flow.datum, f"{why}; the {scene.flow.kind} flow starts there")
 
 
 def _grain(scene: Scene) -> str:

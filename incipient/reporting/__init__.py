@@ -1,7 +1,4 @@
-"""One self-contained HTML page of a result directory or the file of a sweep.
-
-Each kind of result has a template; `results` and `sweep` prepare its context.
-"""
+"""One self-contained HTML page of a result directory or the file of a sweep."""
 
 from __future__ import annotations
 
@@ -25,13 +22,10 @@ NAME = "report.html"
 
 
 def write(path: Path, target: Path | None = None) -> Path:
-    """Write the page of a result directory, or of the file of a sweep; returns its path. Not collective.
+    """Write the page of a result directory, or of the file of a sweep; returns its path.
 
     Missing and outdated pictures are drawn first. Default of `target`: DIRECTORY/report.html, or SWEEP_report.html.
-
-    Raises:
-        SceneError: no such directory or file, or no result in it.
-        OutputError: a damaged or incomplete result, or a page that is not writable.
+    Raises SceneError without a result there, OutputError for a damaged result or a page that is not writable.
     """
     if target is not None:
         require_ending(target, ".html")
@@ -46,7 +40,7 @@ def write(path: Path, target: Path | None = None) -> Path:
 
 
 def of_directory(directory: Path) -> str:
-    """The page of a result directory; missing pictures are drawn. Not collective; raises as `write`."""
+    """The page of a result directory; missing pictures are drawn. Raises as `write`."""
     kinds = [kind for kind in KINDS if (directory / kind.record).is_file()]
     if not kinds:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
@@ -72,13 +66,13 @@ def of_directory(directory: Path) -> str:
 
 
 def of_sweep(file: Path) -> str:
-    """The page of the file of a sweep, with new pictures. Not collective; raises OutputError for other files."""
+    """The page of the file of a sweep, with new pictures. Raises OutputError for other files."""
     context = sweep.context_of(file)
     return _page(context["title"], [rendered("sweep.html", **context)], [], context["versions"])
 
 
 def part(record: Path, note: str = "") -> tuple[Markup, dict[str, Any]]:
-    """The part of the page for a record, and the context of its template. Raises OutputError for a damaged one."""
+    """The part of the page for a record, and its template's context. Raises OutputError for a damaged one."""
     try:
         context = results.context_of(record)
         context["notes"] = [*context.get("notes", ()), note]

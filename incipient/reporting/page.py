@@ -1,7 +1,4 @@
-"""Jinja2 templates of pages, and the format of numbers, vectors and pictures.
-
-Pages contain their style and pictures.
-"""
+"""Jinja2 templates of pages, with style and pictures embedded, and the format of values."""
 
 from __future__ import annotations
 
@@ -45,7 +42,7 @@ class Erring:
 
 
 def rendered(template: str, **context: Any) -> Markup:
-    """A rendered template; text is escaped. Raises jinja2.UndefinedError for a missing key of the context."""
+    """A rendered template; text is escaped. Raises jinja2.UndefinedError for a missing key."""
     return Markup(environment(**context).get_template(template).render())
 
 
@@ -102,7 +99,7 @@ def compact(text: str) -> str:
 
 
 def look(value: Any) -> str:
-    """The style class of a cell: numbers, long texts, or none."""
+    """Style class of a cell: numbers, long texts, or none."""
     if isinstance(value, str | bool):
         return "long" if isinstance(value, str) and len(value) > LONG else ""
     return "number"

@@ -58,9 +58,7 @@ REMEDIES = {
 def context_of(record: Path) -> Context:
     """The context of a record's template.
 
-    Raises:
-        OutputError: the record or its verdict is damaged.
-        KeyError, TypeError, ValueError: the record is incomplete.
+    Raises OutputError for a damaged record or verdict; KeyError, TypeError, ValueError for an incomplete one.
     """
     stored = parsed_json(record)
     shared = {"stored": stored, "directory": record.parent, "title": stored.get("title") or ""}
@@ -205,7 +203,7 @@ _SPECIAL: dict[str, Callable[[Context, Path], Context]] = {
 
 
 def certainty(stored: Context | None, without: str) -> str:
-    """The certainty of a verdict as text, from the error bars of a result."""
+    """The certainty of a verdict as text, from the error bars."""
     if stored is None:
         return sentence(f"not known: {without or 'error bars were not asked for'}")
     bar = stored["safety_factor"]

@@ -1,4 +1,4 @@
-"""The checkpoint file of a run: HDF5 with arrays, JSON texts and dataclasses as groups, written atomically."""
+"""Checkpoint file of a run: HDF5 with arrays, JSON texts and dataclasses as groups."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ ANEW = "start a new run with: incipient run"
 class Progress:
     """Time reached by a run, and its cost.
 
-    number:      number of completed time steps
-    next_length: length of the next step, for adaptive steps
-    error:       error of the last step, which sets the tolerance of the next; None: not known
+    number:      of completed time steps
+    next_length: of the next step, for adaptive steps
+    error:       of the last step, which sets the tolerance of the next, or None
     total:       wall time of all sessions [s]
     """
 
@@ -46,10 +46,8 @@ class Progress:
 class StoredMesh:
     """A mesh with its named boundaries.
 
-    nodes:  (n, gdim) positions
-    cells:  (cells, nodes per cell) rows of `nodes`, in the library's order within a cell
-    facets: (facets, gdim) rows of `nodes`, ascending: the vertices of each named facet
-    tags:   (facets,) indices of their names
+    nodes: (n, gdim) positions; cells: (cells, nodes per cell) rows of `nodes`, in the library's order
+    facets: (facets, gdim) rows of `nodes`, ascending: the vertices of each named facet; tags: their names' indices
     """
 
     degree: int
@@ -80,14 +78,14 @@ class StoredValues:
 
 @dataclass(frozen=True, eq=False)
 class StoredBody:
-    """A moving grain, its coupling to the fluid and its mesh. States are place, angle or quaternion, velocities.
+    """A moving grain, its coupling and its mesh. States are place, angle or quaternion, velocities.
 
     made, weights: initial node positions (nodes, 3), and weights of the grain's motion (nodes, gdim + 1)
     made_for: state at meshing
     states, times: of the grain, present and previous (n, 6 or 13), (n,); places: of the nodes then (nodes, n, 3)
-    mean_load: in the last step (k,), None before the first; load, flow_load: at its end (k,)
+    mean_load: in the last step (k,), or None; load, flow_load: at its end (k,)
     velocities: of the grain, one row for each past state of the flow
-    on_bed: contacts with the bed and the motion there; None if contact ends the run
+    on_bed: contacts and motion on the bed; None if contact ends the run
     """
 
     made: Floats
@@ -113,9 +111,8 @@ class StoredBody:
 class StoredSurface:
     """A free surface and its mesh, the present state first.
 
-    made:       initial node positions (nodes, 3)
+    made, places: initial (nodes, 3), and present and previous (nodes, n, 3) node positions
     elevations: at the nodes, zero off the surface (nodes, states), at `times` (states,)
-    places:     present and previous node positions (nodes, n, 3)
     """
 
     made: Floats
@@ -143,10 +140,9 @@ class Checkpoint:
 
 
 def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
-    """Write the checkpoint of rank 0, replacing the old file atomically. Collective.
+    """Write the checkpoint of rank 0 atomically. Collective.
 
-    Raises:
-        OutputError: on all ranks, writing failed; the old file is unchanged.
+    Raises OutputError on all ranks; the old file is unchanged.
     """
     program = f"incipient {metadata.version('incipient')}"
     about = {"format": FORMAT, "version": VERSION, "program": program}
@@ -156,8 +152,7 @@ def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
 def read(path: Path, comm: Comm) -> Checkpoint:
     """Read a checkpoint on every rank. Collective.
 
-    Raises:
-        OutputError: on all ranks, the file is missing, damaged, incomplete or of another version.
+    Raises OutputError on all ranks: the file is missing, damaged, incomplete or of another version.
     """
     with collectively(comm):
         if not path.is_file():
@@ -193,7 +188,6 @@ def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _got(kind: type[T], group: Any, path: Path) -> T:
-    """A dataclass from its stored fields. Raises OutputError for a missing one."""
     parts: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         if name not in group:

@@ -1,6 +1,4 @@
-"""Mesh and nodal values, gathered on rank 0 and distributed over any number of ranks: the mesh in its original order,
-values with the positions of their nodes.
-"""
+"""Mesh and nodal values, gathered on rank 0 and distributed over any number of ranks."""
 
 from __future__ import annotations
 
@@ -27,7 +25,7 @@ SAME_PLACE = 1e-10
 
 
 def numbered_nodes(mesh: Any) -> NumberedRows:
-    """The rows of `mesh.geometry.x`, numbered in the original order of the nodes. Collective."""
+    """Rows of `mesh.geometry.x`, numbered in the original order of the nodes. Collective."""
     return NumberedRows(mesh.comm, _given(mesh))
 
 
@@ -87,8 +85,7 @@ def _tagged(domain: Domain, owned: int) -> tuple[NDArray[np.int32], Integers]:
 def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
     """Distribute a mesh and its named boundaries, known on every rank. Collective.
 
-    Raises:
-        OutputError: on all ranks, a named facet is not in the mesh.
+    Raises OutputError on all ranks if a named facet is not in the mesh.
     """
     gdim = stored.nodes.shape[1]
     cells, nodes = (
@@ -105,15 +102,14 @@ def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
 
 
 def spread_nodes(mesh: Any, stored: Floats) -> Floats:
-    """Values at the rows of `mesh.geometry.x` from stored nodal values (nodes, ...). Not collective."""
+    """Values at the rows of `mesh.geometry.x` from stored nodal values (nodes, ...)."""
     return stored[_given(mesh)]
 
 
 def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
     """Stored states (local unknowns,) on a fluid whose mesh has the stored positions. Collective.
 
-    Raises:
-        OutputError: on all ranks, a node of the fluid is at no stored position.
+    Raises OutputError on all ranks if a node is at no stored position.
     """
     space, comm = fluid.space, fluid.domain.comm
     pressure_points = space.pressure.tabulate_dof_coordinates()
@@ -131,8 +127,7 @@ def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
 def spread_values(space: Any, stored: StoredValues) -> list[Floats]:
     """Stored states (local unknowns,) of both logarithms on their space. Collective.
 
-    Raises:
-        OutputError: on all ranks, a node of the space is at no stored position.
+    Raises OutputError on all ranks if a node is at no stored position.
     """
     points = space.tabulate_dof_coordinates()
     values = _fetched(space.mesh.comm, stored.points, stored.logarithms, points)

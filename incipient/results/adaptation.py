@@ -1,4 +1,4 @@
-"""The requested accuracy of a run, its estimate, and the meshes tried, as data."""
+"""Requested and estimated accuracy of a run, and the meshes tried."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,7 @@ class Trial:
     """One mesh tried.
 
     estimate: relative error of the quantity; None: not converged, or not compared yet
-    seconds: wall time of mesh, solution and estimate
-    step: the time step, None for steady flow; of_step, of_mesh: their contributions to the estimate
+    step: None for steady flow; of_step, of_mesh: contributions to the estimate
     note: changes besides the mesh, or the reason for a missing estimate
     """
 
@@ -25,7 +24,6 @@ class Trial:
 
     @property
     def parts(self) -> str:
-        """Contributions of step and mesh as text; empty for steady flow."""
         if self.of_step is None or self.of_mesh is None:
             return ""
         return f"of the step {self.of_step:.1e}, of the mesh {self.of_mesh:.1e}"
@@ -40,11 +38,10 @@ class Trial:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """The requested accuracy, its estimate, and the meshes tried.
+    """Requested accuracy, its estimate, and the meshes tried.
 
-    asked: the relative error, or "verdict"; reached: its estimate, None without one
-    includes: the errors included; changes: changes of the scene, as text
-    beside: errors not included, with remedies
+    asked: relative error, or "verdict"; reached: its estimate, or None
+    includes: the errors included; beside: those not included, with remedies; changes: of the scene
     """
 
     asked: float | str

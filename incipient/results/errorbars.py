@@ -1,4 +1,4 @@
-"""Error bars on loads, path, elevations, u* at walls and velocities on centrelines: terms, as data."""
+"""Error bars of a run: terms, as data."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Loads:
         size: float = 1.0,
         upstream: Sequence[Sequence[float]] | None = None,
     ) -> Loads:
-        """The loads on a grain of a size, and the other quantities; u* at walls only without a grain.
+        """Build from the results at the end; u* at walls without a grain alone.
 
         upstream: intervals of x of reverse laminar flow along the bed
         """
@@ -80,7 +80,7 @@ class Loads:
         return replace(loads, unsteady=loads.part(spread, size)) if spread else loads
 
     def where_separates(self, other: Loads) -> Loads:
-        """The loads with the interval of reverse flow first that overlaps most with the other's longest one."""
+        """The loads with the interval of reverse flow first that overlaps most with the other's longest."""
         mine, theirs = self.separated, other.separated
         if mine is None or theirs is None or not len(mine) or not len(theirs):
             return self
@@ -88,7 +88,7 @@ class Loads:
         return replace(self, separated=mine[np.argsort(-shared, kind="stable")])
 
     def part(self, share: float, size: float) -> Floats:
-        """(6,) a fraction of the loads on a grain of a size, in components that do not vanish because of symmetry."""
+        """A fraction of the loads (6,) on a grain of a size, in components that symmetry admits."""
         whole = float(np.linalg.norm([*self.force, *(self.torque / size)]))
         units = np.repeat([1.0, size], 3)
         return np.asarray(
@@ -106,14 +106,14 @@ class Correction:
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force, torque (3,) and other quantities, and their method of estimation.
+    """One source of error: absolute errors of force, torque (3,) and other quantities, and how they are estimated.
 
     force, torque: remaining errors after a correction; (0,) without a grain
     place: (3,), in 3-D (6,), of position and rotation [rad] of a moving grain
     power: exponent of the gap in the error; parts: terms whose sum this term is
     elevation, level: (stations,) of a free surface: largest error within the run, and error at the end
     shear, separated, centreline: as in `Loads`
-    doubt: why the errors may be more than twice as large; empty without a reason
+    doubt: why the errors may be more than twice as large, or empty
     """
 
     name: str
@@ -136,8 +136,8 @@ class Term:
 
         Args:
             change: (6,) estimated correction of force and torque.
-            left: (6,) difference from a second estimate of the correction: the remaining error. The relative error of
-                a component is at least that of its vector.
+            left: (6,) difference from a second estimate, the remaining error. A component's relative error is at
+                least that of its vector.
         """
         added, errors = np.zeros(6), np.concatenate([self.force, self.torque])
         for part in (slice(3), slice(3, 6)):
@@ -168,7 +168,6 @@ class Term:
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
-        """The error as a fraction of the difference between two runs, unconverged changes of both included."""
         place = elevation = level = shear = separated = centreline = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
@@ -199,7 +198,7 @@ class Term:
         return replace(self, force=force, torque=torque, shear=shear)
 
     def with_changes(self, unsteady: Floats) -> Term:
-        """The term with errors enlarged by the changes (6,) of the loads of a flow that is not converged."""
+        """The term enlarged by the changes (6,) of the loads of a flow that is not converged."""
         number = len(self.force)
         torque = self.torque + unsteady[3 : 3 + number]
         return replace(self, force=self.force + unsteady[:number], torque=torque)
@@ -210,7 +209,6 @@ class Term:
         return replace(self, elevation=factor * self.elevation, level=factor * self.level)
 
     def at_least(self, other: Term) -> Term:
-        """The term with errors at least as large as those of another term."""
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in ERRORS}
         known = {n: (a, b) for n, (a, b) in pairs.items() if a is not None and b is not None}
         return replace(self, **{n: np.maximum(a, b) for n, (a, b) in known.items()})
@@ -218,7 +216,7 @@ class Term:
 
 @dataclass(frozen=True)
 class SafetyBar:
-    """The safety factor over all loads within the error bars, its certainty, and the decisive error."""
+    """Safety factor over all loads within the error bars, its certainty, and the decisive error."""
 
     value: float
     # low, high: smallest and largest safety factor of a load within the bars
@@ -244,10 +242,9 @@ class SafetyBar:
 
     @property
     def relative(self) -> float:
-        """The width of the range over the safety factor, infinite for one infinite end.
+        """Width of the range over the safety factor, infinite for one infinite end.
 
-        If the contacts do not balance the weight alone, and all safety factors are zero: the relative difference
-        between the ends of `every` and `some`.
+        If the weight alone is not held: the relative difference between the ends of `every` and `some`.
         """
         if self.high > 0.0 or self.some is None:
             return _ratio(self.low, self.high, self.value)
@@ -260,7 +257,6 @@ class SafetyBar:
         return asdict(self) | {"sentence": self.sentence()}
 
     def sentence(self) -> str:
-        """The consequence of the error bars for the verdict, as a sentence."""
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
             from ..contact.robustness import held_words
@@ -298,8 +294,7 @@ def _ratio(low: float, high: float, scale: float) -> float:
 class ErrorBars:
     """The error terms of a run, and their consequence for the verdict.
 
-    left_out: terms that do not apply or are not estimated, with the reason
-    failed: terms whose estimate failed, with the reason
+    left_out, failed: omitted and failed terms, with the reason
     """
 
     terms: tuple[Term, ...]
@@ -313,17 +308,17 @@ class ErrorBars:
 
     @property
     def force(self) -> Floats:
-        """(3,) absolute error of the force, (0,) without a grain."""
+        """Absolute error (3,) of the force, (0,) without a grain."""
         return self.total.force
 
     @property
     def torque(self) -> Floats:
-        """(3,) absolute error of the torque, (0,) without a grain."""
+        """Absolute error (3,) of the torque, (0,) without a grain."""
         return self.total.torque
 
     @property
     def correction(self) -> Correction | None:
-        """The total correction of force and torque (3,); None without one."""
+        """Total correction of force and torque (3,), or None."""
         corrections = [term.correction for term in self.terms if term.correction is not None]
         if not corrections:
             return None
@@ -338,7 +333,6 @@ class ErrorBars:
 
     @property
     def doubtful(self) -> str:
-        """The name of the first term with a doubt; empty without one."""
         return next((term.name for term in self.terms if term.doubt), "")
 
     def to_dict(self) -> dict[str, Any]:
@@ -352,7 +346,7 @@ class ErrorBars:
         }
 
     def lines(self, gdim: int = 2, details: bool = False) -> list[str]:
-        """Errors and their sources as text; with details how they are estimated, their parts, and those left out."""
+        """Errors and their sources as text; with details also methods, parts, and omitted terms."""
         lines = [f"error bars          {_errors(self.total, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
             how = f"   {term.how}" if details else ""
@@ -383,9 +377,9 @@ def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
 
 
 def _apart(one: Floats, others: Floats | None) -> Floats:
-    """(2,) distance of the ends of an interval from those of the one with the largest overlap; without one its length.
+    """Distance (2,) of an interval's ends from those of the one with the largest overlap, or its length.
 
-    Both ends get the larger distance: one end may agree by chance at a corner that coarse meshes do not resolve.
+    Both ends get the larger distance: one end may agree by chance.
     """
     others = np.empty((0, 2)) if others is None else others
     shared = _shared(one, others)
@@ -416,7 +410,7 @@ def _errors(term: Term, gdim: int) -> str:
 
 
 def centreline_velocities(extremes: dict[str, Extremum] | None) -> Floats | None:
-    """The extreme velocities (3,) on centrelines, None without them."""
+    """Extreme velocities (3,) on centrelines, or None."""
     return None if extremes is None else np.array([extreme.value for extreme in extremes.values()])
 
 

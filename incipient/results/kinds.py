@@ -1,4 +1,4 @@
-"""The kinds of results that commands write to a directory."""
+"""The kinds of results that commands write."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ CRITICAL = "critical numbers"  # heading of a page
 class ResultKind:
     """One kind of results.
 
-    name: of its record NAME.json and of the template of its page; title: of a page without any
+    name: of its record NAME.json and of its page's template; title: of a page without any
     tables: other files beside the record; pictures: those that are always drawn
-    has_scene: whether the directory contains the scene of the results
+    has_scene: whether the directory contains the scene
     quantities: in tables of sweeps and on pages; those of runs are defined by their effects
     """
 
@@ -115,7 +115,7 @@ KINDS = (RUN, THRESHOLD, GUSTS, ENTRAINMENT, SURVEY, POSES, JUDGEMENT, SERIES, C
 
 
 def quantities_of(kind: ResultKind, stored: Mapping[str, Any]) -> tuple[OutputQuantity, ...]:
-    """The quantities of a result as plain data, for kinds other than a run."""
+    """Quantities of a result as plain data, except of runs."""
     quantiles = (at(stored, "quantiles") or ()) if kind is ENTRAINMENT else ()
     return kind.quantities + tuple(
         OutputQuantity(

@@ -1,4 +1,4 @@
-"""An omitted effect and the change that it would make, as data."""
+"""An omitted effect and its estimated change."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,8 @@ from ..planning.effects import percent
 class Omission:
     """An omitted effect.
 
-    relative: change that it would make, relative to the load; None: not known
+    relative: change relative to the load, or None; force, torque: change (3,), or None
     exceeds: whether the change may exceed the requested accuracy
-    force, torque: change of the force and the torque (3,); None: not known
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Forces and torques on a grain, their coefficients, the gap of the computation, elevations over time, as data."""
+"""Loads on a grain, their coefficients, the gap, and elevations over time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,16 @@ from .quantity import AXES, load_words
 
 
 class _OfFlow:
-    """Force or torque of the flow (3,), corrected for errors of known sign; None in `computed`: it is uncorrected."""
+    """Force or torque of the flow (3,), corrected for errors of known sign; `computed` is None if uncorrected."""
 
     flow: Floats
     computed: Floats | None
 
     @property
     def plain(self) -> Floats:
-        """As computed (3,)."""
         return self.flow if self.computed is None else self.computed
 
     def corrected(self, change: Floats) -> Self:
-        """With a change (3,) added to what was computed."""
         return replace(self, flow=self.plain + change, computed=self.plain)  # type: ignore[type-var]
 
 
@@ -43,7 +41,7 @@ class Forces(_OfFlow):
 
     @property
     def total(self) -> Floats:
-        """Flow, buoyancy and weight together, the paper's F_flow&g (9)."""
+        """Flow, buoyancy and weight, the paper's F_flow&g (9)."""
         return self.flow + self.buoyancy + self.weight
 
     def to_dict(self) -> dict[str, Any]:
@@ -79,7 +77,7 @@ class Coefficients:
 
 @dataclass(frozen=True)
 class Gap:
-    """The gap between grain and bed in the computed flow.
+    """Gap between grain and bed in the computed flow.
 
     closed: the grain touches the bed, and interstices narrower than the width are closed
     """
@@ -104,19 +102,19 @@ class Gap:
 
 
 def apart(load: Floats) -> tuple[Floats, Floats]:
-    """Force (3,) and torque (3,) of a load on a body: (3,) in 2-D, (6,) in 3-D."""
+    """Force (3,) and torque (3,) of a load (3,) in 2-D, (6,) in 3-D."""
     if len(load) == 3:
         return np.array([load[0], load[1], 0.0]), np.array([0.0, 0.0, load[2]])
     return load[:3], load[3:]
 
 
 def named(name: str, vector: Floats, gdim: int) -> dict[str, float]:
-    """The components of a force (3,) by column: force_x, force_y, in 3-D also force_z."""
+    """Components of a force (3,) by column: force_x, force_y, in 3-D also force_z."""
     return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate(AXES[:gdim])}
 
 
 def named_torque(name: str, vector: Floats, gdim: int) -> dict[str, float]:
-    """The components of a torque (3,) by column: one in 2-D, three in 3-D."""
+    """Components of a torque (3,) by column: one in 2-D, three in 3-D."""
     return {name: float(vector[2])} if gdim == 2 else named(name, vector, 3)
 
 
@@ -155,10 +153,7 @@ class Elevations:
         return bent / largest if largest > 0.0 else 0.0
 
     def apart(self, other: Elevations) -> Floats:
-        """(stations,) largest differences from another run at the times of the run with fewer of them.
-
-        The other run is interpolated by a cubic spline. Zero without common times.
-        """
+        """Largest differences (stations,) from another run, by a cubic spline; zero without common times."""
         few, many = sorted((self, other), key=lambda one: len(one.times))
         slack = 1e-9 * (many.times[-1] - many.times[0])
         common = (few.times >= many.times[0] - slack) & (few.times <= many.times[-1] + slack)
@@ -170,7 +165,6 @@ class Elevations:
         return np.abs(self.values[-1] - other.values[-1])
 
     def at(self, times: Floats) -> Floats:
-        """(k, stations) interpolated elevations at times (k,) of the run."""
         if len(self.times) == 1:
             return np.repeat(self.values, len(times), axis=0)
         from scipy.interpolate import CubicSpline
@@ -180,7 +174,7 @@ class Elevations:
 
 @dataclass(frozen=True)
 class ElevationReading:
-    """Elevations at the stations at a time, and the largest absolute elevation on the surface."""
+    """Elevations at the stations at a time, and the largest absolute elevation."""
 
     time: float
     values: list[float]

@@ -37,7 +37,7 @@ def _load(unit: str, part: str) -> OutputQuantity:
 
 
 def _viscous(unit: str, run: Any) -> Any:
-    """The viscous part (3,) of a computed load, None without a grain. Collective."""
+    """Viscous part (3,) of a computed load, or None. Collective."""
     if run.probe is None:
         return None
     resultant = run.probe.viscous_resultant()
@@ -45,13 +45,12 @@ def _viscous(unit: str, run: Any) -> Any:
 
 
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:
-    """The pressure part: surface integral less the viscous part; None without a grain."""
+    """Pressure part: surface integral less the viscous part; or None."""
     whole, viscous = (at(stored, f"{unit}.{part}") for part in ("surface_integral", "viscous"))
     return None if whole is None else whole - viscous
 
 
 def _rotation(stored: Mapping[str, Any]) -> list[float] | None:
-    """Rotation vector (3,) of a 3-D grain."""
     quaternion = at(stored, "grain.quaternion")
     if quaternion is None:
         return None

@@ -1,4 +1,4 @@
-"""Quantities of results: the single description used by files, terminal, page, SI values and tables of sweeps."""
+"""Quantities of results: the single description used by files, terminal, pages and sweeps."""
 
 from __future__ import annotations
 
@@ -48,7 +48,6 @@ class OutputQuantity:
         return self.unit in ("force", "torque")
 
     def value(self, stored: Mapping[str, Any]) -> Any:
-        """The value in plain data; None without one."""
         value = at(stored, self.key)
         if value is not None or not self.unbounded:
             return value
@@ -56,14 +55,13 @@ class OutputQuantity:
         return math.inf if not within or at(stored, within) is not None else None
 
     def shown(self, stored: Mapping[str, Any]) -> Any:
-        """The value for display; None without one, or if it equals the value at `unlike`."""
+        """The value for display; None if absent, or equal to that at `unlike`."""
         value = self.value(stored)
         if self.unlike and np.array_equal(value, at(stored, self.unlike)):
             return None
         return value
 
     def bar(self, stored: Mapping[str, Any]) -> tuple[float, float] | None:
-        """The ends of a number's error bar; None: not known."""
         if self.ends is not None:
             return self.ends(stored)
         value, error = self.value(stored), at(stored, self.error) if self.error else None
@@ -98,7 +96,7 @@ class OutputQuantity:
 def screen_lines(
     quantities: Iterable[OutputQuantity], stored: Mapping[str, Any], details: bool = False
 ) -> list[str]:
-    """The lines of the terminal output with these quantities, in their order."""
+    """Lines of the terminal output with these quantities."""
     parts: dict[str, list[str]] = {}
     for quantity in quantities:
         wanted = quantity.line and (details or not quantity.detail)
@@ -108,7 +106,7 @@ def screen_lines(
 
 
 def at(stored: Any, key: str) -> Any:
-    """The value at a key such as ``fluid.reynolds`` of plain data, list items by index; None without one."""
+    """Value at a key such as ``fluid.reynolds`` of plain data, list items by index; or None."""
     for part in key.split("."):
         if isinstance(stored, dict):
             stored = stored.get(part)

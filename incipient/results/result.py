@@ -1,4 +1,4 @@
-"""The result of a run: forces, torques, contacts, verdict, cost."""
+"""The result of a run."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class FlowAt:
 
 @dataclass(frozen=True)
 class Traction:
-    """The fluid's traction on the grain: unordered points (n, gdim) on its surface, and vectors (n, gdim) there.
+    """Traction on the grain: unordered points (n, gdim) on its surface, and vectors (n, gdim) there.
 
     Of a symmetric scene they cover the computed half.
     """
@@ -56,7 +56,7 @@ class Traction:
 class Steadied:
     """The end of a run until steady flow.
 
-    time: at the end; change: relative change of the flow in the last step, per unit of time
+    change: relative change of the flow in the last step, per unit of time
     asked: the change below which the flow counts as steady
     """
 
@@ -66,7 +66,7 @@ class Steadied:
     asked: float
 
     def line(self) -> str:
-        """The outcome as a line of text."""
+        """The outcome as text."""
         if self.reached:
             return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
         return (
@@ -82,7 +82,7 @@ class Result:
     surface, elevations: of a free surface at the stations at the end, and over time
     separated: intervals of x of reverse laminar flow along the bed; None: not determined
     si: the flow in SI units (`results.si`), None without [units]
-    quantities: of runs; measured: values that effects measure, by key, None of an absent effect
+    measured: values that effects measure, by key, None of an absent effect
     """
 
     title: str
@@ -117,7 +117,6 @@ class Result:
     measured: dict[str, Any] | None = field(default=None, metadata=IN_MEMORY)
 
     def __repr__(self) -> str:
-        """The outcome on one line."""
         parts = [self.title or "untitled", self.status]
         if self.verdict is not None:
             factor = self.verdict["safety_factor"]
@@ -133,10 +132,8 @@ class Result:
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
         """The flow at points (n, gdim), or at one (gdim,); None outside the fluid. Collective.
 
-        A half of a symmetric scene that was not computed is the mirror image of the other.
-
-        Raises:
-            SceneError: points of another dimension than the scene, or a result without fields.
+        The half of a symmetric scene that was not computed is mirrored. Raises SceneError for points of another
+        dimension than the scene, or a result without fields.
         """
         given = np.atleast_2d(np.asarray(points, dtype=float))
         if given.ndim != 2 or given.shape[1] != self.gdim:
@@ -169,7 +166,7 @@ class Result:
 
     @property
     def ended_early(self) -> bool:
-        """Whether an event of the grain ended the run; it may resume from a checkpoint."""
+        """Whether an event of the grain ended the run, which may resume from a checkpoint."""
         return self.trajectory is not None and self.trajectory["ended"]["by"] != "time"
 
     @property
@@ -178,7 +175,7 @@ class Result:
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
 
     def loads_at_end(self) -> Loads:
-        """Loads, position and elevations at the end of the run."""
+        """Loads and position at the end."""
         place, path = None, self.trajectory
         if path is not None:
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
@@ -190,7 +187,7 @@ class Result:
         return replace(loads, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of result.json: everything but the fields."""
+        """Content of result.json."""
         kept = [one.name for one in fields(self) if one.metadata.get("stored", True)]
         stored = {name: as_stored(getattr(self, name)) for name in kept}
         stored["schema_version"] = SCHEMA_VERSION
@@ -206,7 +203,7 @@ class Result:
         return stored
 
     def text(self, details: bool = False) -> str:
-        """The outcome as a few lines of text."""
+        """The outcome as text."""
         return "\n".join(_lines(self, details))
 
 

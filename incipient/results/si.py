@@ -1,4 +1,4 @@
-"""Flow and loads in SI units, for scenes with [units], as data and as text."""
+"""Flow and loads in SI units, for scenes with [units]."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 
 
 def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
-    """The flow of a scene, multiplied by a factor, in SI units; None without [units]. Not collective.
+    """The flow of a scene, multiplied by a factor, in SI units; None without [units].
 
     `units`: the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque [N m], the
     last two in 2-D per unit depth; `bed_stress`: of the undisturbed flow at its datum.
@@ -50,7 +50,7 @@ def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
 
 
 def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The values of `in_si` with loads (3,), whose names end in force or torque."""
+    """Values of `in_si` with loads (3,), whose names end in force or torque."""
     if values is None:
         return None
     scaled = {n: values["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
@@ -74,7 +74,7 @@ def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 
 def si_lines(values: Mapping[str, Any] | None) -> list[str]:
-    """The values of `in_si` as lines of text."""
+    """Values of `in_si` as lines of text."""
     if values is None:
         return []
     numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(values))

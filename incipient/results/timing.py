@@ -1,4 +1,4 @@
-"""Cost of a run: wall time and memory by stage and by effect, Newton updates by effect.
+"""Cost of a run: wall time and memory by stage and effect, Newton updates by effect.
 
 Stages nest; time counts for the innermost stage and its effect. A steady linear flow needs one Newton update, a time
 step two (the second confirms the reused LU factorisation): further updates and the continuation count for inertia,
@@ -63,7 +63,6 @@ class Ledger:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the block's wall time to the stage, without that of nested stages. Not collective."""
         self._settle()
         self._open.append([name, EFFECT_OF_STAGE.get(name, name)])
         try:
@@ -73,14 +72,12 @@ class Ledger:
             self._open.pop()
 
     def lap(self, effect: str) -> Share:
-        """Cost of an effect since its last lap. Not collective."""
         self._settle()
         now, before = self.effects.get(effect, Share()), self._laps.get(effect, Share())
         self._laps[effect] = Share(now.wall_time, now.memory_mib)
         return Share(now.wall_time - before.wall_time, now.memory_mib - before.memory_mib)
 
     def transfer(self, source: str, target: str, share: Share) -> None:
-        """Transfer a cost to another effect. Not collective."""
         for effect, sign in ((source, -1), (target, 1)):
             of_effect = self.effects.setdefault(effect, Share())
             of_effect.wall_time += sign * share.wall_time
@@ -105,7 +102,6 @@ class Ledger:
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
-        """Add the times of an earlier session, by stage and in total; stages count for their default effects."""
         for name, taken in wall_time.items():
             self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
             effect = EFFECT_OF_STAGE.get(name, name)
@@ -117,7 +113,6 @@ class Ledger:
         return {**self.wall_time, "total": self.total()}
 
     def by_effect(self, unknowns: dict[str, int]) -> dict[str, dict[str, Any]]:
-        """Wall time, growth of memory and unknowns of each effect with a cost."""
         self._settle()
         return {
             name: {**asdict(share), "unknowns": unknowns.get(name, 0)}
@@ -128,7 +123,7 @@ class Ledger:
 def peak_memory_mib() -> float:
     """Peak resident memory of this process [MiB].
 
-    /proc is preferred: the value of `getrusage` includes the memory of the parent process.
+    /proc is preferred: `getrusage` includes the memory of the parent process.
     """
     # Called several times a step: parsing the whole table takes five times as long.
     with suppress(OSError, IndexError), Path("/proc/self/status").open("rb", buffering=0) as status:
@@ -153,29 +148,24 @@ class Corrections:
 
     @contextmanager
     def begun(self) -> Iterator[None]:
-        """Record the Newton updates of the block. Not collective."""
         self._ledger.lap(EffectName.FLOW)
         self._laps = []
         yield
 
     def record(self, iteration: int, size: float = 0.0) -> None:
-        """Record a Newton update by its number in the solve, from zero."""
         self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
 
     def watched_by(
         self, watch: Callable[[float, int, float], Any]
     ) -> Callable[[float, int, float], None]:
-        """A callback for the updates of a steady solve that also calls `watch`."""
-
         def record_and_pass_on(share: float, iteration: int, size: float) -> None:
-            """Record the update, then call `watch`."""
             self.record(iteration, size)
             watch(share, iteration, size)
 
         return record_and_pass_on
 
     def book_steady(self, steps: Sequence[Step]) -> None:
-        """Attribute the updates of a steady solve: the first one at the last order belongs to the flow."""
+        """Attribute the updates of a steady solve: the first at the last order belongs to the flow."""
         before = sum(step.report.iterations for step in steps if step.order != steps[-1].order)
         laps, self._laps = self._laps, []
         for number, (_, share) in enumerate(laps):
@@ -183,7 +173,6 @@ class Corrections:
                 self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
 
     def book_step(self, number: int) -> None:
-        """Attribute the updates of a time step by its number, from one."""
         laps, self._laps = [*self._laps, (0, self._ledger.lap(EffectName.FLOW))], []
         for iteration, share in laps:
             if self._inertia and iteration >= LINEAR_CORRECTIONS:
@@ -193,7 +182,7 @@ class Corrections:
 
 
 def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:
-    """Cost of each effect as text, the costliest first; shares below a thousandth are omitted."""
+    """Cost of each effect as text, the costliest first; fractions below a thousandth are omitted."""
     total = sum(share["wall_time"] for share in effects.values()) or 1.0
     dearest = sorted(effects.items(), key=lambda item: -item[1]["wall_time"])
     return [

@@ -1,4 +1,4 @@
-"""The path of a moving grain in sentences, and coordinates as text."""
+"""Path of a moving grain in sentences, and coordinates as text."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ def trajectory_sentence(trajectory: dict[str, Any]) -> str:
 
 
 def course_words(course: dict[str, Any]) -> str:
-    """Motion of a grain on its bed: its history, and its state at the end."""
+    """Motion of a grain on its bed: its history and final state."""
     if course["first_motion"] is None:
         return "has stayed at rest"
     left = (

@@ -1,4 +1,4 @@
-"""What a run says of the turbulence at its walls, as data."""
+"""Quantities of turbulence along the walls of a run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OF_MODEL = {"k-epsilon": " (behind steps the model reattaches 15% too soon)"}
 
 
 class Iteration(Protocol):
-    """How the iteration to a steady flow ended."""
+    """Outcome of the iteration to a steady flow."""
 
     @property
     def converged(self) -> bool:
@@ -48,15 +48,14 @@ class WallReport:
     friction: C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
     plane: whether all walls are planes
     backward: in 2-D intervals along the bed of reverse flow next to it
-    along: in 2-D by names of walls x, y_plus, and friction 2 tau/V^2, below zero in reverse flow, at nodes of
-        ascending x
+    along: in 2-D by wall: x ascending, y_plus, and friction 2 tau/V^2, negative in reverse flow
     roughness: equivalent sand roughness of the walls; iteration: of a steady flow
-    mesh_size: the factor of all cells that the run had
-    coarse_along: the largest fraction of the stress's change along a smooth resolved wall that lies along edges of
-        cells where it changes too much; None: without such a wall, and between planes
-    judged_along: whether that decides, past 2-D forms without corners and without a grain. Elsewhere it is reported: at
-        the grain of demos/scenes/sand_in_turbulence.toml, with a fraction of 0.61, the stress was within 2% on
-        average, and 2.3% at its peak, of that on cells of half the size
+    mesh_size: the run's factor of all cells
+    coarse_along: largest fraction of the stress's change along a smooth resolved wall in edges along which
+        it changes too much; None: without such a wall, and between planes
+    judged_along: whether that decides, past 2-D bedforms without corners and without a grain. At the grain of
+        demos/scenes/sand_in_turbulence.toml, with a fraction of 0.61, the stress was within 2% on average, and
+        2.3% at its peak, of that on cells of half the size
     """
 
     model: str
@@ -78,35 +77,33 @@ class WallReport:
 
     @property
     def shear_velocities(self) -> Floats:
-        """(2,) u* at the downstream end, and its mean along the walls."""
+        """u* (2,) at the downstream end, and its mean along the walls."""
         return np.array([self.at_outflow, self.shear_velocity])
 
     @property
     def separated(self) -> Floats:
-        """(2,) x at which the flow along the bed separates and reattaches, farthest apart; (0,) where it does not."""
+        """x (2,) of the farthest separation and reattachment along the bed; (0,) without any."""
         return np.array(max(self.backward, key=lambda span: span[1] - span[0], default=()))
 
     @property
     def leading(self) -> int:
-        """Index of the representative of `shear_velocities`: over a bed that is not planar, the mean along the walls.
+        """Index of the representative of `shear_velocities`: over a bed that is not planar, the mean.
 
-        Where the flow leaves over a slope the stress at the last node does not converge with the mesh.
+        The stress at an outflow over a slope does not converge with the mesh.
         """
         return 0 if self.plane else 1
 
     @property
     def converged(self) -> bool:
-        """Whether the flow is one in time, or a steady one that has converged."""
         return self.iteration is None or self.iteration.converged
 
     @property
     def spread(self) -> float:
-        """Relative deviation of the loads of the last iterations from their mean; 0: converged."""
         return 0.0 if self.iteration is None else self.iteration.spread
 
     @property
     def doubt(self) -> str:
-        """Warnings where the flow has not converged, or cells along walls decide that are too long; otherwise empty."""
+        """Warning of a flow that is not converged, or of too long cells along walls; otherwise empty."""
         return self._unsteady + (self._coarse if self.judged_along else "")
 
     @property
@@ -134,7 +131,6 @@ class WallReport:
         return f"NOT RESOLVED: {text}, at most {100 * MOST_COARSE:g}% may; {remedy}; "
 
     def columns(self) -> dict[str, float]:
-        """Columns of the history; in 2-D with x of `separated`, NaN without."""
         columns = {
             "shear_velocity": self.at_outflow,
             "y_plus_min": self.least,
@@ -146,7 +142,6 @@ class WallReport:
         return columns
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
         stored = asdict(replace(self, iteration=None))
         del stored["iteration"]
         changes = () if self.iteration is None else self.iteration.changes
@@ -159,7 +154,6 @@ class WallReport:
         }
 
     def lines(self, errors: Floats | None = None, ends: Floats | None = None) -> list[str]:
-        """The line for a reader, with errors (2,) of both shear velocities and of `separated` where they are known."""
         text = (
             f"{self._unsteady}{self._coarse}y+ of the walls {self.least:.3g} to {self.largest:.3g}"
         )
@@ -173,7 +167,6 @@ class WallReport:
         return [f"{'turbulence':<20}{text}"]
 
     def _spans(self, ends: Floats | None) -> str:
-        """The intervals of x of reverse flow next to the bed."""
         spans, others = longest(self.backward)
         within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
         main = tuple(self.separated)
@@ -184,7 +177,6 @@ class WallReport:
         return words + (f", and in {others} shorter places" if others else "")
 
     def _friction(self, errors: Floats | None) -> str:
-        """What the walls exert, in words: at the outflow, over a bed that is not level on average as well."""
         within = ["", ""]
         if errors is not None and self.at_outflow:
             error = errors[0] / self.at_outflow
@@ -197,6 +189,6 @@ class WallReport:
 
 
 def longest(spans: Sequence[Sequence[float]]) -> tuple[list[Sequence[float]], int]:
-    """The longest few of spans, as they are sorted, and how many others there are: narrow wedges have many."""
+    """The longest few spans, in their order, and the number of others."""
     chosen = sorted(range(len(spans)), key=lambda i: spans[i][0] - spans[i][1])[:MOST_SPANS]
     return [spans[i] for i in sorted(chosen)], len(spans) - len(chosen)

@@ -1,4 +1,4 @@
-"""Result of a computed flow: loads, verdict, error bars, cost. Functions are collective unless stated otherwise."""
+"""Result of a computed flow: loads, verdict, error bars, cost."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NO_MORE = 0.01
 
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
-    """Result of the present flow, without error estimates (see `completed`)."""
+    """Result of the present flow, without error estimates (see `completed`). Collective."""
     from ..mesh.sampling import cells_between, centrelines
 
     scene, grain = run.scene, run.grain
@@ -114,8 +114,7 @@ def completed(
 ) -> Result:
     """Add error bars, or the reason `why` they are missing, and omitted effects. Collective.
 
-    Loads are corrected for errors of known sign; `follows`: rocking is followed to the next
-    equilibrium.
+    Loads are corrected for errors of known sign; `follows`: rocking is followed.
     """
     corrected = _corrected(run, result, bars)
     if follows:
@@ -163,7 +162,7 @@ def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
 
 
 def cost(run: Run) -> dict[str, Any]:
-    """Wall time by stage and effect, unknowns, iterations, memory, versions."""
+    """Wall time by stage and effect, unknowns, iterations, memory, versions. Collective."""
     from .. import compat
 
     mesh, statistics = run.domain.mesh, run.fluid.solver.statistics

@@ -1,4 +1,4 @@
-"""Coarse runs for the error bars of a steady flow, if possible on the moved mesh of the run."""
+"""Coarse runs for the error bars of a steady flow."""
 
 from __future__ import annotations
 
@@ -24,12 +24,10 @@ ByItself = Callable[[Scene, Comm, float], Loads]
 class Beside:
     """Loads in scenes that differ from a solved run in gap or domain; callable. Collective.
 
-    In 3-D the moved mesh serves all scenes or none, since new meshes add differences and take most
-    of the time; otherwise each scene has its own run.
+    In 3-D the moved mesh serves all scenes or none; otherwise each scene has its own run.
 
     Args:
         run: solved; each call restores its mesh.
-        coarse: scenes of the coarse runs.
         by_itself: runs a scene on its own mesh, at a speed.
         speed: of the flow relative to the scene's.
     """
@@ -38,7 +36,6 @@ class Beside:
         self._run, self._coarse, self._by_itself, self._speed = run, coarse, by_itself, speed
 
     def serves(self, key: str) -> bool:
-        """Whether the moved mesh serves a scene, given by its JSON. Collective."""
         return key in self._meshes
 
     def __call__(self, scene: Scene) -> Loads:
@@ -49,7 +46,6 @@ class Beside:
 
     @cached_property
     def _meshes(self) -> dict[str, MovedMesh]:
-        """Moved mesh of each coarse scene by its JSON; empty if one needs another mesh."""
         run = self._run
         steady_in_space = run.scene.gdim == 3 and run.scene.time is None
         if not steady_in_space or run.setup.is_averaged or run.layout.placement is None:
@@ -62,8 +58,7 @@ class Beside:
 class InTurn:
     """Loads of coarse runs in sequence; a context manager, callable. Collective.
 
-    In steady 3-D flow the first scene is meshed, and its mesh moved for the others. `prepare`:
-    creates the meshed run; None: from the scene.
+    In steady 3-D flow the first scene is meshed, and its mesh moved for the others. `prepare` creates its run.
     """
 
     def __init__(
@@ -101,7 +96,7 @@ class InTurn:
         return self._beside(scene)
 
     def handed_over(self, wanted: Scene) -> tuple[Run, ExitStack] | None:
-        """The solved run of a scene and its exit stack, if it was meshed last. Not collective."""
+        """The solved run of a scene and its exit stack, if it was meshed last."""
         if self._run is None or self._run.scene != wanted:
             return None
         run, self._run, self._beside = self._run, None, None

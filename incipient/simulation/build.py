@@ -46,7 +46,7 @@ def prepared(
         recorder: notified of the mesh.
         checkpoint: of an earlier session, which provides mesh and costs.
         sizing: changes the planned cell sizes.
-        speed: of the flow, relative to the scene's, for the mesh with a law of the wall.
+        speed: of the flow, relative to the scene's.
 
     Raises IncipientError on all ranks if planning or meshing fails.
     """
@@ -111,7 +111,7 @@ def _load_libraries(comm: Comm, draws: bool) -> None:
 
 
 def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
-    """Flow model with the terms of a plan's effects. Not collective."""
+    """Flow model with the terms of a plan's effects."""
     from ..fluid import FlowModel
 
     model = FlowModel(order=plan.order, inertia=False, solver=plan.solver.name)

@@ -14,9 +14,7 @@ from .state import Run
 
 
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]:
-    """Forces and torques on the grain for velocities in units of `speed`, with the surface integral
-    if `surface`.
-    """
+    """Forces and torques on the grain for velocities in units of `speed`, with the surface integral if `surface`."""
     scene, probe = run.scene, run.probe
     assert probe is not None
     flow = probe.resultant()
@@ -33,14 +31,14 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]
 
 
 def weights(scene: Scene) -> tuple[Floats, Floats]:
-    """Buoyancy and weight (3,) of the scene's grain. Not collective."""
+    """Buoyancy and weight (3,) of the scene's grain."""
     assert scene.grain is not None
     gravity = spatial(scene.gravity_vector)
     return -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
 
 
 def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
-    """Drag, lift and moment coefficients. Not collective."""
+    """Drag, lift and moment coefficients."""
     scene = run.scene
     assert scene.grain is not None
     velocity, length = scene.reference_velocity, scene.grain.size
@@ -52,7 +50,7 @@ def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
 
 
 def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
-    """Verdict of both criteria as plain data; None without contacts. Not collective."""
+    """Verdict of both criteria as plain data; None without contacts."""
     scene = run.scene
     if run.contacts is None or scene.contact is None or scene.body is None or scene.mass is None:
         return None

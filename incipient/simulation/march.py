@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 class March:
     """Time integration of a run, from its start or a checkpoint. Every method is collective.
 
-    coupling: of flow and moving boundaries, which precede the run's other parts; None without any.
-    transient: time stepper.
+    coupling: of flow and moving boundaries, or None.
     """
 
     def __init__(self, run: Run, checkpoint: Checkpoint | None):
@@ -56,7 +55,6 @@ class March:
 
     @property
     def over(self) -> bool:
-        """Whether an event of a moving grain ends the run."""
         grain = self._run.grain
         return grain is not None and grain.ends != ""
 
@@ -77,13 +75,11 @@ class March:
             self._renew_worn_mesh()
 
     def check(self, step: TimeStep) -> None:
-        """Raise ConvergenceError for a free surface that cannot continue."""
         grain, surface = self._run.grain, self._run.surface
         if surface is not None:
             surface.check(step, None if grain is None else grain.state.placement)
 
     def _coupled(self, fluid: Fluid, parts: Sequence[RunPart]) -> Coupling | None:
-        """Couple the flow with moving boundaries; the mesh moves to their positions."""
         if not self._run.plan.has(EffectName.MOVING_MESH):
             return None
         from ..coupled.coupling import Coupling

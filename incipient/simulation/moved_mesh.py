@@ -98,7 +98,6 @@ class MovedMesh:
 
 
 def _centre(run: Run, setup: Setup) -> Floats:
-    """The grain's centre with the gap of another setup."""
     layout, scene = run.layout, setup.scene
     assert layout.placement is not None and layout.resting is not None and scene.grain is not None
     if scene.bed_shape is None or not scene.rests:

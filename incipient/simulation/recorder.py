@@ -28,7 +28,6 @@ class Recorder:
         """Begin after meshing."""
 
     def wants_fields(self, number: int, last: bool) -> bool:
-        """Whether to record the fields of this step."""
         return False
 
     def step(self, row: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Simulation of a scene: plan, fluid, tractions, contact, result."""
+"""Simulation of a scene."""
 
 from __future__ import annotations
 
@@ -54,10 +54,7 @@ def simulate(
     voice: Silent | None = None,
     follows: bool = True,
 ) -> Result:
-    """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError.
-
-    `follows`: rocking is followed to the next equilibrium.
-    """
+    """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError."""
     recorder = recorder or Recorder()
     with solved(scene, comm, recorder, voice) as run:
         result = completed(run, outcome(run), follows=follows)

@@ -42,7 +42,7 @@ class Known:
 
 @dataclass
 class Accounts:
-    """Data shared by the runs of one search: costs and known estimates.
+    """Costs and known estimates, shared by the runs of a search.
 
     spent: why no further estimate may begin, or "".
     """
@@ -53,7 +53,6 @@ class Accounts:
     spent: Callable[[], str] = lambda: ""
 
     def count(self, **numbers: int) -> None:
-        """Add to iteration counts by name. Not collective."""
         for name, number in numbers.items():
             self.iterations[name] = self.iterations.get(name, 0) + number
 
@@ -61,9 +60,8 @@ class Accounts:
 class Run:
     """A scene, its plan, mesh, flow and progress.
 
-    fluid, parts: on the newest mesh, parts with moving boundaries first. march: time integration; None for steady
-    flow and before the first step. steadiness: rate of change in a run until steady flow, otherwise None.
-    first_motion: time at which a fixed grain in unsteady flow would first move.
+    fluid, parts: on the newest mesh, parts with moving boundaries first. march: None for steady flow and before the
+    first step. first_motion: time at which a fixed grain in unsteady flow would first move.
     """
 
     def __init__(
@@ -91,47 +89,38 @@ class Run:
 
     @property
     def states(self) -> list[Any]:
-        """The state functions of a steady flow and its turbulence."""
         turbulence = [] if self.turbulence is None else [self.turbulence.fields.state]
         return [self.fluid.state, *turbulence]
 
     @property
     def domain(self) -> Domain:
-        """The newest mesh."""
         return self.fluid.domain
 
     @property
     def probe(self) -> TractionProbe | None:
-        """Traction probe of the grain, or None."""
         return self._probe if self.grain is None else self.grain.probe
 
     @property
     def time_stepper(self) -> Transient | None:
-        """Time stepper; None for steady flow and before the first step."""
         return None if self.march is None else self.march.transient
 
     @property
     def grain(self) -> MovingGrain | None:
-        """Moving grain; None without one and before the first step."""
         return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
 
     @property
     def surface(self) -> MovingSurface | None:
-        """Free surface; None without one and before the first step."""
         return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
 
     @property
     def turbulence(self) -> TurbulentFlow | None:
-        """Turbulence of the flow, or None."""
         return cast("TurbulentFlow | None", self.part(EffectName.TURBULENCE))
 
     @property
     def elevations(self) -> Elevations | None:
-        """Elevations of the free surface so far, or None."""
         return None if self.surface is None else self.surface.elevations
 
     def part(self, effect: EffectName) -> Any:
-        """The part of an effect on the newest mesh, or None."""
         return part_of(self.parts, effect)
 
     def wall_report(self) -> WallReport | None:
@@ -148,7 +137,6 @@ class Run:
 
     @property
     def is_steady(self) -> bool:
-        """Whether a run until steady flow has reached it."""
         return self.steadiness is not None and self.steadiness.reached
 
     def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
@@ -165,16 +153,13 @@ class Run:
         self.fluid, self._probe = fluid, probe
 
     def would_move(self, time: float | None) -> None:
-        """Record the first time at which the grain would move. Not collective."""
         if self.first_motion is None:
             self.first_motion = time
 
     def count(self, **numbers: int) -> None:
-        """Add to iteration counts by name. Not collective."""
         self.accounts.count(**numbers)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """Context manager that reports and times a stage. Not collective."""
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)
 

@@ -31,7 +31,6 @@ class Steadiness:
         return self.change <= self._asked
 
     def column(self, step: TimeStep) -> dict[str, float]:
-        """Record a step; returns its history column."""
         now = self._fluid.state.x.array
         changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
         self._before = now.copy()

@@ -81,7 +81,6 @@ def make_as_fast(run: Run, factor: float) -> None:
 
 
 def _stabilise(run: Run, factor: float) -> None:
-    """Continue with the stabilisation for the flow times a factor. Collective."""
     from ..fluid import Fluid
 
     before, model = run.fluid, run.fluid.model

@@ -78,10 +78,10 @@ class TimeLoop:
             self._start_from(inertia=start == "steady")
 
     def _start_within_oscillation(self) -> None:
-        """Set the state to the oscillating base flow and a disturbance that is at rest on walls, without an impulse.
+        """Set the state to the oscillating base flow and a disturbance at rest on walls, without an impulse.
 
-        The disturbance is that of one backward difference over 1/w in which the base flow u(0) has its rate of change,
-        u'(0) = w u(T/4): the step begins at u(0) - u'(0)/w, and without a grain it ends at u(0).
+        The disturbance is that of one backward difference over 1/w in which the base flow u(0) has its rate u'(0) =
+        w u(T/4): the step begins at u(0) - u'(0)/w, and without a grain it ends at u(0).
         """
         run, fluid, flow = self._run, self._run.fluid, self._run.scene.flow
         velocity, at = fluid.velocity, run.setup.base_flow.velocity
@@ -95,7 +95,6 @@ class TimeLoop:
             raise ConvergenceError(NOT_BEGUN)
 
     def _start_from(self, inertia: bool) -> None:
-        """Set the state of fluid and turbulence to the steady flow around the fixed grain."""
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.setup, held=True, lid=True)
@@ -151,9 +150,6 @@ class TimeLoop:
         self._interruption.armed = False
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
-        """Record a step, with a checkpoint if due or `kept` (to resume a run ended at contact), and
-        stop on an interrupt.
-        """
         run = self._run
         self._recorder.step(row)
         self._recorder.contacts([] if run.grain is None else run.grain.contact_rows())
@@ -223,7 +219,6 @@ class TimeLoop:
             return self._recorder.keep(collected(self._run))
 
     def _kept_after(self, error: IncipientError) -> IncipientError:
-        """Store the last converged state after a failed step; returns the error with its location."""
         run = self._run
         # If recording a step failed, the history lacks its row, and the earlier checkpoint is valid.
         if isinstance(error, OutputError) or run.time_stepper is None or not self._recorder.keeps:

@@ -1,9 +1,8 @@
 """The steady flow and its turbulence by pseudo-transient continuation of both as one system of equations.
 
-An iteration is an implicit Euler step of pseudo-time with one correction of Newton's method. Each cell takes a step of
-its own, by switched evolution relaxation (Mulder & van Leer 1985, J. Comput. Phys. 59, 232; Kelley & Keyes 1998,
-SIAM J. Numer. Anal. 35, 508): its Courant number is the wanted change over the residual, the residual being the change
-of the last step over its Courant number. Steps grow as the residual falls, and become those of Newton's method.
+An iteration is an implicit Euler step of pseudo-time with one Newton update, whose local Courant numbers follow from
+switched evolution relaxation (Mulder & van Leer 1985, J. Comput. Phys. 59, 232; Kelley & Keyes 1998, SIAM J. Numer.
+Anal. 35, 508): the wanted change over the residual, which is the change in the last step over its Courant number.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ MOST_FAILURES = 10
 
 @dataclass(frozen=True)
 class Continued:
-    """How a continuation ended.
+    """Outcome of a continuation.
 
-    changes: (n, 2) of flow and turbulence in each iteration, relative to the flow, and of logarithms
-    loads:   (m,) in the mean over the last iterations, of a flow that has not converged
+    changes: (n, 2) of flow and logarithms in each iteration, the former relative to the flow
+    loads:   (m,) averaged over the last iterations of a flow that is not converged
     spread:  largest difference of these loads from their mean, over its size; 0: converged
     """
 
@@ -51,13 +50,10 @@ def continued(
     loads: Callable[[], Floats] | None = None,
     watch: Callable[[int, float], None] = lambda number, change: None,
 ) -> Continued:
-    """Find the steady flow with its turbulence from their present states. Collective.
+    """Compute the steady flow with its turbulence from their present states. Collective.
 
-    It has converged when flow and logarithms of the turbulence change by less than their `tolerances` in an iteration.
-    `loads` returns those on the grain, or on the bed (m,), in units of a force.
-
-    Raises:
-        ConvergenceError: the iteration diverges.
+    Converged when flow and logarithms change by less than their `tolerances` in an iteration. `loads` returns those
+    on the grain, or on the bed (m,), in units of a force. Raises ConvergenceError if the iteration diverges.
     """
     fluid.constraints.update(fluid.time)
     compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
@@ -82,7 +78,6 @@ def continued(
 
 
 def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tuple[float, float]:
-    """Make a step, shorter where it has no solution, and choose the next one; by how much both change."""
     for _ in range(MOST_FAILURES):
         try:
             of_flow, of_logarithms = system.correction()
@@ -103,7 +98,7 @@ def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tu
 
 
 def _has_ended(changes: list[tuple[float, float]]) -> bool:
-    """Whether no steady flow is to be expected: of the last iterations none changed less than all before."""
+    """Whether none of the last iterations changed less than all before."""
     if len(changes) <= STAGNANT:
         return False
     sizes = [max(one) for one in changes]

@@ -30,9 +30,7 @@ MOST_CHANGE = 1.0, 0.3
 class CoupledFlow(Holder):
     """Flow and turbulence as one system of equations. Every method is collective.
 
-    In pseudo-time each cell takes a step of its own, a Courant number times the time in which the flow passes it, by
-    one correction of Newton's method, with a derivative by coarser quadrature than the residual. Holds PETSc objects:
-    use it as a context manager, or call `destroy`.
+    Holds PETSc objects: use it as a context manager, or call `destroy`.
 
     Attributes:
         courant: Courant numbers (local cells,).
@@ -72,18 +70,16 @@ class CoupledFlow(Holder):
         )
 
     def _factors(self) -> Direct:
-        """The solver by factors of both as one matrix."""
         self._nest.convert("aij", self._matrix)
         return Direct(self._matrix)
 
     def _residual_forms(self) -> list[Any]:
-        """Both residuals in UFL, the eddy viscosity limited by the strain of the flow as it is."""
         fluid, turbulence = self._fluid, self._turbulence
         flow = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
         return [turbulence.watching(flow, ufl.split(fluid.state)[0]), turbulence.form]
 
     def _derivative(self, form: Any, own: Any, state: Any) -> Any:
-        """The derivative of a residual in UFL, with the rate in pseudo-time in the state that is its `own`."""
+        """Derivative of a residual in UFL, with the pseudo-time rate if the state is its `own`."""
         change = ufl.TrialFunction(state.function_space)
         jacobian = ufl.derivative(form, state, change)
         coarser = {"quadrature_degree": DEGREE_OF_DERIVATIVE[self._fluid.domain.gdim]}
@@ -103,10 +99,7 @@ class CoupledFlow(Holder):
         return jacobian + rate * ufl.inner(change, test) * measure
 
     def _passing(self) -> Any:
-        """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL.
-
-        Where the strain is large what a change of the velocity carries would otherwise outweigh the rate.
-        """
+        """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL."""
         velocity, _ = ufl.split(
             dolfinx.fem.Function(self._fluid.state.function_space, self._fluid.state.x)
         )
@@ -124,11 +117,7 @@ class CoupledFlow(Holder):
                 matrix.assemble()
 
     def correction(self) -> tuple[Floats, Floats]:
-        """The changes (owned unknowns,) of the flow and of the logarithms in a step.
-
-        Raises:
-            ConvergenceError: the matrix has no factors.
-        """
+        """Changes (owned unknowns,) of flow and logarithms in a step. Raises ConvergenceError."""
         self._turbulence.hold()
         for vector, form, conditions in zip(
             self._vectors, self._residuals, self._conditions, strict=True
@@ -149,10 +138,9 @@ class CoupledFlow(Holder):
     def changes_of_cells(
         self, of_flow: Floats, of_logarithms: Floats, units: tuple[float, float]
     ) -> Floats:
-        """(local cells,) the largest change at a node of each cell.
+        """Largest change (local cells,) at a node of each cell, of a logarithm or a velocity over the largest speed.
 
-        It is that of a logarithm, or of a velocity over the largest speed, both in `units`; arguments are changes
-        (owned unknowns,).
+        Both in `units`; arguments are changes (owned unknowns,).
         """
         fluid, changes = self._fluid, list[Floats]()
         states = fluid.state, self._turbulence.state
@@ -172,7 +160,6 @@ class CoupledFlow(Holder):
         )
 
     def carry_out(self, of_flow: Floats, of_logarithms: Floats) -> None:
-        """Add corrections (owned unknowns,) to both states."""
         self._last = half_where_reversed(of_logarithms, self._last)
         for state, values in (
             (self._fluid.state, of_flow),
@@ -182,7 +169,6 @@ class CoupledFlow(Holder):
             state.x.scatter_forward()
 
     def _renew(self) -> None:
-        """Make the derivative that of the present state, and factors of it."""
         self._assemble_blocks()
         if self._solver.matrix is self._matrix:
             self._nest.convert("aij", self._matrix)
@@ -192,23 +178,23 @@ class CoupledFlow(Holder):
 
 
 def relative_change(fluid: Fluid, change: Floats) -> float:
-    """Size of a change of the flow (owned unknowns, or all local ones), relative to it. Collective."""
+    """Size of a change (owned or local unknowns,) relative to the flow. Collective."""
     whole = fluid.squared_velocities(fluid.state.x.array)
     return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
 
 
 def half_where_reversed(changes: Floats, last: Floats | float) -> Floats:
-    """Changes (n,), half as large where they would take back more than half of the last ones.
+    """Changes (n,), halved where they would reverse more than half of the last ones.
 
-    Newton's method else takes turns between both sides of a limiter: past a sphere in its pocket at u* d/nu = 75 ln k
-    of a node changed by 0.27 to and fro.
+    Newton's method otherwise alternates between both sides of a limiter: past a sphere in its pocket at
+    u* d/nu = 75 ln k of a node oscillated by 0.27.
     """
     reversed_ = (changes * last < 0.0) & (np.abs(changes) > 0.5 * np.abs(last))
     return np.where(reversed_, 0.5, 1.0) * changes
 
 
 def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:
-    """Changes (owned unknowns,) as large as they may be at a node. Collective."""
+    """Changes (owned unknowns,) limited to the largest admissible change at a node. Collective."""
     most, own = MOST_CHANGE[1] * _fastest(fluid), _owned_nodes(fluid, of_flow)
     sizes, limited = np.linalg.norm(of_flow[own], axis=1), of_flow.copy()
     limited[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
@@ -216,13 +202,11 @@ def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Float
 
 
 def _owned_nodes(fluid: Fluid, of_flow: Floats) -> Integers:
-    """Unknowns (n, gdim) of the velocity at nodes that this rank owns."""
     nodes = fluid.space.unknowns_at_nodes
     return np.asarray(nodes[nodes[:, -1] < len(of_flow)])
 
 
 def _fastest(fluid: Fluid) -> float:
-    """The largest speed at a node. Collective."""
     velocities = fluid.state.x.array[fluid.space.unknowns_at_nodes]
     mine = float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
     return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))

@@ -1,8 +1,7 @@
-"""Developed flow over one wall by the k-omega SST model, in one dimension: the inflow of channels.
+"""Developed flow over one wall by the 1-D k-omega SST model: the inflow of channels.
 
-The equations are those of `forms.k_omega_sst` for a flow that depends on the height alone, in units of u* and the
-depth, by finite volumes for ln k and ln omega. The shear stress falls linearly to zero on top. At a smooth wall volumes
-begin where only molecules matter, the flow over a rough one is that over a smooth wall farther away.
+Finite volumes for ln k and ln omega of `forms.k_omega_sst`, in units of u* and the depth; the shear stress falls
+linearly to zero on top.
 """
 
 from __future__ import annotations
@@ -47,9 +46,8 @@ MOST_TRIALS, SAME_DISCHARGE = 30, 1e-6
 class DevelopedChannel:
     """Profiles over the depth, in units of u* and the depth, at heights (n,) from zero to one.
 
-    re_tau: u* h/nu
-    mean:   velocity in the mean over the depth, over u*
-    speed, log_k, log_omega: (n,), the logarithms from the second height on; the first stands for the wall
+    re_tau: u* h/nu; mean: depth-averaged velocity
+    log_k, log_omega: (n,), from the second height on; the first is the wall
     """
 
     re_tau: float
@@ -61,11 +59,10 @@ class DevelopedChannel:
 
     @property
     def is_laminar(self) -> bool:
-        """Whether k dies out at this Re_tau."""
         return bool(self.log_k.max() <= LAMINAR)
 
     def logarithms(self, heights: Floats) -> Floats:
-        """ln k and ln omega (2, ...) at heights; next to the wall they are those of the first one above it."""
+        """ln k and ln omega (2, ...) at heights, constant below the first height above the wall."""
         nodes = self.heights[1:]
         at = np.log(np.maximum(heights, nodes[0]))
         return np.array(
@@ -73,7 +70,7 @@ class DevelopedChannel:
         )
 
     def shifted(self, away: float) -> DevelopedChannel:
-        """The flow over a rough wall, which begins a distance from the smooth one, over the depth."""
+        """Flow over a rough wall at a distance from the smooth one, over the depth."""
         start = float(np.interp(away, self.heights, self.speed))
         above = self.heights > away
         heights, speed, log_k, log_omega = (
@@ -89,8 +86,6 @@ class DevelopedChannel:
 
 
 class _Column:
-    """The equations for a Re_tau and a roughness over the depth."""
-
     def __init__(self, re_tau: float):
         self.viscosity, self._laminar = 1.0 / re_tau, False
         first = min(FIRST / re_tau, 0.02)
@@ -101,7 +96,6 @@ class _Column:
         self.stress = 1.0 - self.centres
 
     def guess(self) -> Floats:
-        """(n, 2) logarithms to begin with."""
         y = self.centres
         damped = (1.0 - np.exp(-y / self.viscosity / 12.0)) ** 3
         k = (3.3 - 2.3 * y) * damped + 1e-8
@@ -109,7 +103,6 @@ class _Column:
         return np.log(np.column_stack([k, omega]))
 
     def strain(self, k: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """dU/dy for the stress there is, and nu_t/k."""
         nu, y = self.viscosity, self.centres
         viscous = 500.0 * nu / (y**2 * omega)
         argument = np.maximum(2.0 * np.sqrt(k) / (BETA_STAR * omega * y), viscous)
@@ -120,7 +113,6 @@ class _Column:
         return strain, 1.0 / np.maximum(omega, strain * limited / A_1)
 
     def rates(self, logarithms: Floats) -> Floats:
-        """(n, 2) dK/dt and dW/dt times the volumes."""
         nu, y = self.viscosity, self.centres
         k, omega = np.exp(logarithms).T
         strain, time = self.strain(k, omega)
@@ -152,7 +144,7 @@ class _Column:
         return changes
 
     def jacobian(self, logarithms: Floats) -> Floats:
-        """The derivatives of the rates as a banded matrix (7, 2 n), unknowns in the order K, W of each volume."""
+        """Derivatives of the rates as a banded matrix (7, 2 n), unknowns K, W of each volume."""
         base, number = self.rates(logarithms).ravel(), logarithms.size
         bands, rows = np.zeros((7, number)), np.arange(number)
         for colour in range(6):
@@ -165,11 +157,7 @@ class _Column:
         return bands
 
     def solve(self, logarithms: Floats) -> Floats:
-        """The steady logarithms from those at hand, by implicit steps of pseudo-time; a laminar flow has k = exp(-25).
-
-        Raises:
-            ConvergenceError: none converged.
-        """
+        """Steady logarithms by implicit pseudo-time steps; laminar flow has k = exp(-25). Raises ConvergenceError."""
         step, mass = STEP, np.repeat(self.sizes, 2)
         for _ in range(MOST_STEPS):
             bands = -self.jacobian(logarithms)
@@ -188,7 +176,6 @@ class _Column:
         raise ConvergenceError("the developed flow of the k-omega model did not converge")
 
     def profiles(self, logarithms: Floats) -> DevelopedChannel:
-        """The flow with these logarithms."""
         strain, _ = self.strain(*np.exp(logarithms).T)
         first, re_tau = self.faces[0], 1.0 / self.viscosity
         rise = strain * self.sizes
@@ -204,23 +191,17 @@ class _Column:
 
 @lru_cache(maxsize=256)
 def developed(re_tau: float, roughness: float = 0.0) -> DevelopedChannel:
-    """The developed flow at u* h/nu, over a wall of a given roughness over depth. Not collective.
-
-    Raises:
-        ConvergenceError: it did not converge.
-    """
+    """Developed flow at u* h/nu, over a wall of a given roughness over depth. Raises ConvergenceError."""
     column = _Column(re_tau)
     smooth = column.profiles(column.solve(column.guess()))
-    return smooth.shifted(shift(roughness * re_tau) / re_tau) if roughness else smooth
+    away = shift(roughness * re_tau) / re_tau
+    return smooth.shifted(away) if away > SLIGHT else smooth
 
 
 def of_discharge(reynolds: float, roughness: float = 0.0) -> DevelopedChannel:
-    """The developed flow at a Reynolds number of the mean velocity and the depth. Not collective.
+    """Developed flow at a Reynolds number of mean velocity and depth. Raises ConvergenceError.
 
     roughness: equivalent sand roughness over the depth
-
-    Raises:
-        ConvergenceError: it did not converge.
     """
     # By Keulegan's law, or laminar; then by secants in logarithms.
     re_tau = max(math.sqrt(3.0 * reynolds), 0.09 * reynolds**0.88)

@@ -1,4 +1,4 @@
-"""Both quantities of a turbulence model on a mesh: their unknowns, their equations, and one implicit step of them."""
+"""Both quantities of a turbulence model on a mesh: unknowns, equations, and an implicit step."""
 
 from __future__ import annotations
 
@@ -42,26 +42,25 @@ LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 
 class TurbulenceFields(Holder):
-    """The logarithms of k and of a second quantity in Lagrange elements. Every method is collective.
+    """Logarithms of k and of a second quantity in Lagrange elements. Every method is collective.
 
     Holds PETSc objects: use it as a context manager, or call `destroy`.
 
     Args:
-        values: at the inflow, a function of places (3, n) that returns (2, n).
-        inflow: names of boundaries at which the logarithms are given.
-        walls: distances by names of boundaries that are walls, or have a wall a distance beyond them.
-        surfaces: smooth ones, in the viscous sublayer, that the mesh reaches: omega is given in the cells at them.
-        viscosity: of the molecules.
+        values: at the inflow, (2, n), a function of positions (3, n).
+        inflow: names of boundaries at which the logarithms are prescribed.
+        walls: distances from the mesh by names of wall boundaries.
+        surfaces: smooth walls resolved into the viscous sublayer: omega is prescribed in the cells at them.
+        viscosity: molecular.
         k_epsilon: the closure; None: the k-omega SST model.
-        order_of_flow: of the velocity, whose strain limits the eddy viscosity of the k-omega SST model.
-        least: k at which that model destroys no more of it.
-        in_layers: whether layers of thin cells lie along walls that are no planes.
+        order_of_flow: of the velocity, whose strain limits the SST model's eddy viscosity.
+        least: k below which that model destroys none.
+        in_layers: whether layers of thin cells lie along curved walls.
         order: of the elements of both logarithms.
 
     Attributes:
         state: function (2,) of the logarithms.
-        closure: what the model says in UFL, see `forms.turbulence.residual`.
-        form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
+        form, of_molecules: residual in UFL, and molecular viscosity, after `carried_by`.
     """
 
     form: Any
@@ -111,7 +110,7 @@ class TurbulenceFields(Holder):
 
     @property
     def wanted(self) -> tuple[float, float]:
-        """Wanted changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration.
+        """Wanted changes per iteration of a logarithm, and of a velocity over the largest speed, at a node.
 
         A backward-facing step by k-omega SST diverges with twice as large ones (docs/contribute/defaults.md).
         """
@@ -119,15 +118,12 @@ class TurbulenceFields(Holder):
 
     @property
     def names(self) -> str:
-        """Both quantities, in words."""
         return f"k and {self.closure.second}"
 
     def constant(self, value: float) -> Any:
-        """A number on the mesh that recompiles nothing."""
         return dolfinx.fem.Constant(self.domain.mesh, PETSc.ScalarType(value))
 
     def _at_inflow(self, values: Values) -> list[Any]:
-        """Dirichlet conditions on the logarithms."""
         if not self._inflow:
             return []
         self._given.interpolate(values)
@@ -139,7 +135,6 @@ class TurbulenceFields(Holder):
     def give(
         self, values: Values, viscosity: float, walls: Mapping[str, float], least: float
     ) -> None:
-        """Take other values at the inflow, and other walls, those of a flow of another viscosity."""
         self._given.interpolate(values)
         self._molecules, self._least.value = viscosity, least
         for name, away in walls.items():
@@ -147,7 +142,6 @@ class TurbulenceFields(Holder):
         self.follow()
 
     def follow(self) -> None:
-        """Let distances from walls be those of the mesh where it is now."""
         if not self._walls or not isinstance(self.closure, KOmegaSST):
             return
         places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
@@ -163,18 +157,21 @@ class TurbulenceFields(Holder):
         self._distance.x.array[:] = least
 
     def _thicknesses(self, away: Floats) -> Floats:
-        """(nodes,) of the thinnest cell at a surface that has the node, zero away from surfaces. Collective."""
+        """Thickness (nodes,) of the thinnest cell at a surface with the node, zero elsewhere. Collective."""
         dofs = compat.cell_dofs(self._distance.function_space)[self._at]
-        thickness = dolfinx.fem.Function(self._distance.function_space)
-        thickness.x.array[:] = np.inf
-        np.minimum.at(thickness.x.array, dofs, away[dofs].max(axis=1, keepdims=True))
-        thickness.x.scatter_forward()
-        return np.where(np.isfinite(thickness.x.array), thickness.x.array, 0.0)
+        inverse = dolfinx.fem.Function(self._distance.function_space)
+        np.maximum.at(inverse.x.array, dofs, 1.0 / away[dofs].max(axis=1, keepdims=True))
+        view = compat.vec_view(inverse)  # a rank has not all cells of its nodes
+        view.ghostUpdate(addv=PETSc.InsertMode.MAX_VALUES, mode=PETSc.ScatterMode.REVERSE)
+        view.destroy()
+        inverse.x.scatter_forward()
+        near = inverse.x.array > 0.0
+        return np.divide(1.0, inverse.x.array, where=near, out=np.zeros(len(near)))
 
     # -- what the flow sees of it ------------------------------------------------------------------
 
     def viscosity(self, of_molecules: Any) -> Any:
-        """The molecular and eddy viscosity, for `FlowModel.viscosity`, limited by the strain last looked at."""
+        """Molecular plus eddy viscosity, for `FlowModel.viscosity`, limited by the strain at the last `look`."""
         flow = forms.FlowFields(self._seen, of_molecules, None)
         return of_molecules + self.closure.eddy_viscosity(ufl.split(self.state), flow)
 
@@ -183,23 +180,22 @@ class TurbulenceFields(Holder):
         return forms.shear_velocity(ufl.split(self.state), self.closure)
 
     def watch(self, fluid: Fluid) -> None:
-        """Take the flow by whose strain the eddy viscosity is limited."""
         self._fluid = fluid
         self.look()
 
     def look(self) -> None:
-        """Take note of the flow as it is."""
+        """Store the present flow."""
         if self._fluid is not None:
             self._seen.interpolate(self._fluid.velocity)
 
     def watching(self, form: Any, velocity: Any) -> Any:
-        """A form in which the eddy viscosity depends on a velocity (UFL) instead of the flow last looked at."""
+        """Form whose eddy viscosity depends on a velocity (UFL) instead of the stored flow."""
         return ufl.replace(form, {self._seen: velocity})
 
     # -- a steady state, solved together with the flow ------------------------------------------------
 
     def weights(self) -> Floats:
-        """(owned nodes,) the fraction of eddies in the viscosity, before strain limits it. Not collective."""
+        """Fraction (owned nodes,) of the eddy viscosity before its limitation by strain."""
         k, second = (
             self.state.x.array[: 2 * self.space.dofmap.index_map.size_local].reshape(-1, 2).T
         )
@@ -208,15 +204,14 @@ class TurbulenceFields(Holder):
         return np.asarray(eddies / (self._molecules + eddies))
 
     def impose(self) -> None:
-        """Let the state be as it is given."""
         compat.impose(self.state.x.array, self.conditions)
         self.state.x.scatter_forward()
         self._before.x.array[:] = self.state.x.array
 
     def hold(self) -> None:
-        """Make ready for a correction in steady flow; what is taken from an earlier state goes half way to that of now.
+        """Prepare for a Newton update in steady flow; lagged quantities are halfway between two states.
 
-        All the way two states may take turns.
+        Otherwise two states may alternate.
         """
         for one in self.rate:
             one.value = 0.0
@@ -228,9 +223,9 @@ class TurbulenceFields(Holder):
     def carried_by(
         self, velocity: Any, of_molecules: Any, added: Any = (0, 0), carrier: Any = None
     ) -> None:
-        """Compile the equations of the turbulence that a velocity carries and makes.
+        """Compile the equations of the turbulence that a velocity carries and produces.
 
-        Arguments are UFL; `added` (2,) is what else makes both quantities, `carrier` the velocity less the mesh's, see
+        Arguments are UFL; `added` (2,) are further sources, `carrier` the velocity relative to the mesh, see
         `forms.turbulence.FlowFields`.
         """
         mesh, unknowns, tests = (
@@ -262,7 +257,6 @@ class TurbulenceFields(Holder):
         self.renew_factors()
 
     def _make_solver(self) -> Direct:
-        """The solver of a step in time."""
         self._residual = compat.form(self.form)
         self._jacobian = compat.form(
             ufl.derivative(self.form, self.state, ufl.TrialFunction(self.space))
@@ -275,9 +269,9 @@ class TurbulenceFields(Holder):
 
     @property
     def _reach(self) -> Any:
-        """Size of a cell along a direction, for `forms.turbulence.FlowFields`; None: upwinding is along streamlines.
+        """Cell size along a direction, for `forms.turbulence.FlowFields`; None: streamline upwinding.
 
-        Stretched cells grow away from walls faster than the logarithms allow if upwinded along streamlines alone.
+        Stretched cells grow away from walls faster than the logarithms allow with streamline upwinding alone.
         """
         if not self._in_layers:
             return None
@@ -285,9 +279,9 @@ class TurbulenceFields(Holder):
 
     @property
     def _across(self) -> Any:
-        """Square of the change from node to node by a slope, for `forms.turbulence.FlowFields`, in 3-D wakes.
+        """Square of the change between nodes by a slope, for `forms.turbulence.FlowFields`, in 3-D wakes.
 
-        Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
+        Not between planes: in long thin cells the bound keeps ln k from becoming steady.
         """
         if self.domain.gdim == 2 or not self._in_layers:
             return None
@@ -300,7 +294,6 @@ class TurbulenceFields(Holder):
         return square
 
     def _equations(self, rate: Any, tests: Any, flow: forms.FlowFields) -> Any:
-        """The residual of both equations in UFL, with the fluxes at walls."""
         logarithms = ufl.split(self.state)
         form = forms.residual(logarithms, rate, tests, flow, self.closure)
         for name, away in self._walls.items():
@@ -309,7 +302,7 @@ class TurbulenceFields(Holder):
         return form
 
     def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:
-        """Set dK/dt = a0 K + a1 K(1) + a2 K(2), `past` being the states K(1) and K(2). Not collective."""
+        """Set dK/dt = a0 K + a1 K(1) + a2 K(2), with `past` states K(1) and K(2)."""
         for constant, value in zip(self.rate, rate, strict=True):
             constant.value = value
         for function, values in zip((self._before, self._older), past, strict=False):
@@ -322,10 +315,10 @@ class TurbulenceFields(Holder):
         tolerance: float,
         lasting: bool = False,
     ) -> float:
-        """Solve for the state with dK/dt = a0 K + a1 K(1) + a2 K(2) from its present values; the last correction.
+        """Solve with dK/dt = a0 K + a1 K(1) + a2 K(2) from the present state; returns the last Newton update.
 
-        It is infinite if Newton's method does not converge. The size of a correction is the largest of a logarithm.
-        With `lasting` factors serve on, also those of steps before, while corrections with them shrink well.
+        Its size is the largest of a logarithm; infinite without convergence. With `lasting` factorisations are
+        reused while updates shrink well.
         """
         self.solver = self.solver or self._make_solver()
         fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
@@ -344,11 +337,9 @@ class TurbulenceFields(Holder):
         return float("inf")
 
     def renew_factors(self) -> None:
-        """Request new factors at the next step. Not collective, but to be called on every rank."""
         self._rate_of_factors = np.inf
 
     def _correct(self, fresh: bool) -> float:
-        """One correction, with the matrix of the present state or the one before; its size, infinite if it fails."""
         conditions = self.conditions
         assert self.solver is not None
         with self._vector.localForm() as local:
@@ -389,6 +380,5 @@ class TurbulenceFields(Holder):
     # -- its values -----------------------------------------------------------------------------------
 
     def largest(self, values: np.ndarray) -> float:
-        """The largest size of values over all ranks; infinite if one is no number."""
         mine = float(np.abs(values).max(initial=0.0))
         return float(self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX))

@@ -1,4 +1,4 @@
-"""The steps of a flow in time with its turbulence: both in turn until the flow stays."""
+"""Time steps of a flow and its turbulence, iterated in turn until the flow stays."""
 
 from __future__ import annotations
 
@@ -20,26 +20,19 @@ NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a sm
 
 
 class Moving(Interface, Protocol):
-    """What moves with the flow, solved together with it for given turbulence fields."""
+    """Interface of moving parts, solved together with the flow for given turbulence fields."""
 
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> NewtonReport:
-        """Solve for the end of the step again, from the end computed with other fields and its report."""
+        """Solve the step again, from the end computed with other fields and its report."""
         ...
 
 
 class InTime:
-    """Turbulence as what is solved together with a flow in time, see `fluid.transient.Interface`.
+    """Turbulence as the interface of an unsteady flow, see `fluid.transient.Interface`.
 
-    Flow and turbulence take the same backward difference, in turn until the flow stays. What moves with the flow
-    is solved together with it each time: turbulence fields answer to a motion far less than the pressure does.
-
-    Args:
-        moving: a grain, and the mesh with it; None: nothing moves.
-
-    Attributes:
-        past: states (local unknowns,) of both logarithms, the present one first.
+    Flow and turbulence take the same backward difference. `past`: states (local unknowns,), newest first.
     """
 
     def __init__(
@@ -54,7 +47,6 @@ class InTime:
         self._failed = False
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
-        """Solve for the end of a step from the last state, the fluid's state included."""
         fluid, turbulence = self._fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         sizes: list[float] = []
@@ -79,7 +71,6 @@ class InTime:
     def _flow(
         self, length: float, order: int, tolerance: float, before: NewtonReport | None
     ) -> NewtonReport:
-        """The flow, with what moves in it, for given turbulence fields; `before` is the report with earlier ones."""
         if self._moving is None:
             return self._fluid.solve(tolerance)
         if before is None:
@@ -90,34 +81,29 @@ class InTime:
         return report
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which what moves meets something."""
+        """The length, or a shorter one at which a moving part makes contact."""
         return length if self._moving is None else self._moving.allowed(length)
 
     def accept(self) -> None:
-        """The attempt holds."""
         self.past = [self.turbulence.state.x.array.copy(), self.past[0]]
         if self._moving is not None:
             self._moving.accept()
 
     def restore(self) -> None:
-        """Go back to the last state."""
         self.turbulence.state.x.array[:] = self.past[0]
         if self._moving is not None:
             self._moving.restore()
             self.turbulence.follow()
 
     def forget(self) -> None:
-        """Drop what earlier steps have taught about the iteration, and factors."""
         self.turbulence.renew_factors()
         if self._moving is not None:
             self._moving.forget()
 
     def velocities(self) -> np.ndarray:
-        """(n,) velocities of what moves."""
         return np.empty(0) if self._moving is None else self._moving.velocities()
 
     def complaint(self) -> str:
-        """Why the last attempt failed, and a remedy."""
         if self._failed:
             return f"{self.turbulence.names} do not converge: use a smaller time.step"
         return (self._moving.complaint() if self._moving is not None else "") or NO_STEP

@@ -1,4 +1,4 @@
-"""The flow that enters between walls: developed, or as measured, with a law of the wall next to the walls."""
+"""Inflow between walls: developed, or measured, with a law of the wall next to the walls."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..arrays import Floats
 from ..forms.k_omega_sst import BETA_STAR, INNER
 from ..scene import Turbulence
 from .developed import DevelopedChannel
-from .wall_law import CROSSING, WallLaw
+from .wall_law import CROSSING, WallLaw, smooth_profile
 
 if TYPE_CHECKING:
     from .walls import Walls
@@ -28,7 +28,7 @@ LAYER, ROWS, GROWTH = 0.05, 9, 1.3
 
 @dataclass(frozen=True)
 class Developed:
-    """Developed flow between one wall or two, each with a depth and a u*. No method is collective."""
+    """Developed flow between one or two walls, each with a depth and a u*."""
 
     channel: DevelopedChannel
     depth: float
@@ -55,12 +55,12 @@ class Developed:
 
 @dataclass(frozen=True)
 class Measured:
-    """A profile given by rows, and the law of the wall between them and the walls. No method is collective.
+    """A profile given as rows, with the law of the wall between them and the walls.
 
     Speeds are cubic in the logarithm of the height and monotone where the rows are. Where k is not given it is in
-    equilibrium with the mixing length l, l^2 (du/dy)^2/C_mu^(1/2), and that of the least intensity is added; l is kappa
-    times the distance from the next wall, at most the one given. omega is k^(1/2)/(C_mu^(1/4) l), next to walls, where
-    k falls as van Driest's damping has it, that of the viscous sublayer.
+    equilibrium with the mixing length l, l^2 (du/dy)^2/C_mu^(1/2), plus the minimum intensity; l is kappa times the
+    wall distance, at most the given one. omega is k^(1/2)/(C_mu^(1/4) l), next to walls, where k has van Driest's
+    damping, that of the viscous sublayer.
 
     rows: (n, 2) or (n, 3) of height, speed and k; depth: of each of `number` walls; law: of the walls
     """
@@ -77,7 +77,6 @@ class Measured:
     def of(
         cls, asked: Turbulence, number: int, depth: float, mean: float, viscosity: float
     ) -> Measured:
-        """The profile of the section [turbulence] in a flow of a reference velocity."""
         assert asked.intensity is not None and asked.length is not None
         rows = np.array(asked.profile or _uniform(number, depth))
         scaled = rows * np.array([1.0, mean, mean**2])[: rows.shape[1]]
@@ -87,7 +86,7 @@ class Measured:
 
     @cached_property
     def shear_velocities(self) -> Floats:
-        """u* (number,) at the lower wall and at the one on top: those that give the next row its speed."""
+        """u* (number,) at the lower and the upper wall from the speed of the next row."""
         places = [0, -1][: self.number]
         ends = self._ends[: self.number]
         return np.asarray(self.law.shear_velocity(self.rows[places, 1], self.viscosity, ends))
@@ -98,16 +97,13 @@ class Measured:
 
     @property
     def _ends(self) -> Floats:
-        """Distances (2,) of the outermost rows from their walls."""
         y = self.rows[:, 0]
         return np.array([y[0], self._whole - y[-1]])
 
     def speed(self, above: Floats) -> Floats:
-        """Speeds (n,) at heights (n,) above the lower wall."""
         return self._speed_and_slope(above)[0]
 
     def turbulence(self, above: Floats) -> tuple[Floats, Floats]:
-        """k and omega (n,) at heights (n,) above the lower wall."""
         away = np.minimum(above, self._whole - above) if self.number == 2 else above
         length = np.minimum(self.law.kappa * away, self.length)
         damped = -np.expm1(-away * self.shear_velocities.max() / self.viscosity / DAMPING)
@@ -121,7 +117,6 @@ class Measured:
         return k, np.hypot(np.sqrt(k) / (BETA_STAR**0.25 * length), in_sublayer)
 
     def _speed_and_slope(self, above: Floats) -> tuple[Floats, Floats]:
-        """Speeds and their slopes (n,)."""
         law, (y, u) = self.law, self.rows[:, :2].T
         first, last = self.shear_velocities[0], self.shear_velocities[-1]
         slopes = PchipInterpolator(np.log(y), u).derivative()(np.log(y))
@@ -131,14 +126,26 @@ class Measured:
         within = np.log(np.clip(above, y[0], y[-1]))
         speed, slope = between(within), np.abs(between(within, 1)) / above
         near, far = above < y[0], above > y[-1]
-        speed[near], slope[near] = self._at_wall(float(first), above[near])
+        speed[near], slope[near] = self._at_wall(float(first), above[near], self._ends[0])
         slope[far] = 0.0
         if self.number == 2:
-            speed[far], slope[far] = self._at_wall(float(last), self._whole - above[far])
+            speed[far], slope[far] = self._at_wall(
+                float(last), self._whole - above[far], self._ends[1]
+            )
         return speed, slope
 
-    def _at_wall(self, shear_velocity: float, away: Floats) -> tuple[Floats, Floats]:
-        """Speeds and slopes (n,) by the law of the wall."""
+    def _at_wall(self, shear_velocity: float, away: Floats, end: float) -> tuple[Floats, Floats]:
+        """Speeds and slopes (n,) by the law of the wall, the next row being a distance `end` from it.
+
+        Next to smooth walls they are Reichardt's, scaled to the law there: with the slope of the viscous sublayer up to
+        y+ = 11 eddies would exert eight times the shear stress, and k would grow from the inflow on.
+        """
+        if not self.law.roughness:
+            unit = self.viscosity / shear_velocity
+            speed, slope = smooth_profile(away / unit)
+            law = self.law.velocity(shear_velocity, self.viscosity, end)
+            scale = shear_velocity * law / smooth_profile(end / unit)[0]
+            return scale * speed, scale / unit * slope
         speed = shear_velocity * self.law.velocity(shear_velocity, self.viscosity, away)
         in_sublayer = away * shear_velocity < CROSSING * self.viscosity
         outer = shear_velocity / (self.law.kappa * away)
@@ -146,7 +153,6 @@ class Measured:
 
 
 def _uniform(number: int, depth: float) -> list[tuple[float, float]]:
-    """Rows of a uniform flow, from where the layers at walls end."""
     near, whole = LAYER * depth * GROWTH ** np.arange(ROWS), number * depth
     far = whole - near[::-1] if number == 2 else [whole]
     return [(float(height), 1.0) for height in (*near, *far)]
@@ -154,13 +160,13 @@ def _uniform(number: int, depth: float) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True)
 class Inflow:
-    """The flow that enters a mesh, at heights that are those between the walls. No method is collective."""
+    """Inflow of a mesh, as a function of the height between the walls."""
 
     walls: Walls
     profile: Developed | Measured
 
     def _above(self, height: Floats) -> Floats:
-        """Heights (n,) above the lower wall, stretched to where the mesh ends past grains and bedforms."""
+        """Heights (n,) above the lower wall, stretched to the end of the mesh past grains and bedforms."""
         walls, slip = self.walls, self.walls.slip(self.walls.names[0])
         low = walls.ground + (slip if walls.plane else 0.0)
         whole = walls.number * walls.depth
@@ -170,7 +176,7 @@ class Inflow:
 
     @cached_property
     def _scale(self) -> float:
-        """By which speeds are larger so that all the discharge passes the mesh, and the layers at plane walls."""
+        """Factor of speeds for the whole discharge, including plane wall layers, to pass the mesh."""
         walls = self.walls
         if walls.asked.profile:
             return 1.0
@@ -190,20 +196,20 @@ class Inflow:
         return np.log([k, second])
 
     def velocity(self, x: Floats, t: float) -> Floats:
-        """The velocity (gdim, n) at places (3, n)."""
+        """Velocity (gdim, n) at positions (3, n)."""
         return self._velocity(self._above(x[self.walls.up]))
 
     def logarithms(self, x: Floats) -> Floats:
-        """Logarithms of k and epsilon or omega (2, n) at places (3, n)."""
+        """Logarithms of k and epsilon or omega (2, n) at positions (3, n)."""
         walls = self.walls
         high = walls.number * walls.depth - (walls.number - 1) * walls.nearest
         return self._logarithms(np.clip(self._above(x[walls.up]), walls.nearest, high))
 
     def velocity_at(self, away: Floats) -> Floats:
-        """Velocity (gdim, n) at distances (n,) from the next boundary that is a wall."""
+        """Velocity (gdim, n) at distances (n,) from the nearest wall boundary."""
         walls = self.walls
         return self._velocity(np.minimum(away + walls.slip(walls.names[0]), walls.depth))
 
     def logarithms_at(self, away: Floats) -> Floats:
-        """Logarithms (2, n) at distances (n,) from the next boundary that is a wall."""
+        """Logarithms (2, n) at distances (n,) from the nearest wall boundary."""
         return self._logarithms(np.minimum(away + self.walls.smooth, self.walls.depth))

@@ -1,4 +1,4 @@
-"""Iterative solution of the linear systems of flow and turbulence, for three dimensions."""
+"""Iterative solution of the linear systems of flow and turbulence in 3-D."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ PART_OF_EXACT = 0.6
 
 
 class CompressedFactors:
-    """LU factors of a matrix whose blocks away from the diagonal are of low rank, by MUMPS. Methods are collective.
+    """Block low-rank LU factorisation by MUMPS. Methods are collective.
 
-    Without MUMPS they are PETSc's own, which are exact and for one rank. Source: Amestoy, Buttari, L'Excellent & Mary
-    (2019), ACM Trans. Math. Software 45, 2.
+    Without MUMPS it is PETSc's own, exact and for one rank. Amestoy, Buttari, L'Excellent & Mary (2019), ACM Trans.
+    Math. Software 45, 2.
     """
 
     def __init__(self, matrix: Any):
@@ -42,11 +42,6 @@ class CompressedFactors:
         self._factors: Any = None
 
     def assemble(self) -> None:
-        """Make factors of the matrix as it is now.
-
-        Raises:
-            ConvergenceError: there are none.
-        """
         self.destroy()
         self._factors = PETSc.PC().create(self._matrix.comm)
         self._factors.setOperators(self._matrix)
@@ -68,11 +63,9 @@ class CompressedFactors:
             )
 
     def apply(self, right: Any, left: Any) -> None:
-        """Solve approximately with the matrix that the factors are of."""
         self._factors.apply(right, left)
 
     def destroy(self) -> None:
-        """Free PETSc's memory."""
         if self._factors is not None:
             self._factors.destroy()
             self._factors = None
@@ -80,12 +73,11 @@ class CompressedFactors:
 
 
 class BlockByBlock:
-    """Solves A x = b, A of flow and turbulence in a nest of four blocks, by GMRES with its lower triangle.
+    """GMRES for A x = b, A a nest of four blocks of flow and turbulence, with its lower triangle.
 
-    One application solves for the flow by approximate factors, which serve until more than 10 iterations are needed;
-    then for the turbulence, with what the flow does to it, by factors of its block. Both quantities make and destroy
-    each other: with factors of the block of each, after each other, GMRES fails in long steps of k and epsilon. PETSc
-    options with the prefix ``turbulent_`` override those of GMRES.
+    The flow's approximate factorisation, reused up to 10 iterations, is applied first, then that of the turbulence's
+    whole block: with one per quantity GMRES fails in long steps of k and epsilon. PETSc options with the prefix
+    ``turbulent_`` take precedence.
     """
 
     def __init__(self, nest: Any):
@@ -114,15 +106,15 @@ class BlockByBlock:
             self._solver.setFromOptions()
 
     def prepare(self) -> None:
-        """Take the blocks of the matrix as they are; factors of the flow may be of an earlier one. Collective."""
+        """Take the present blocks of the matrix; the flow's factorisation may be of an earlier one. Collective."""
         if self._aged:
             self._of_flow.assemble()
         self._factors.prepare()
 
     def balance(self, right: tuple[Any, Any]) -> float:
-        """Scale the turbulence's rows of A so that its right-hand side is as large as the flow's; by which factor.
+        """Scale the turbulence's rows of A to a right-hand side as large as the flow's; returns the factor. Collective.
 
-        Both are then solved as well: next to walls the logarithms' residuals are the larger by orders. Collective.
+        Next to walls the logarithms' residuals are larger by orders of magnitude.
         """
         of_flow, of_fields = (one.norm() for one in right)
         factor = (
@@ -135,10 +127,7 @@ class BlockByBlock:
         return factor
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b as well as one of several corrections can use; x is not finite if it fails. Collective.
-
-        Factors of the flow are made anew where those at hand do not serve.
-        """
+        """Solve A x = b to the accuracy of a Newton update; x is not finite if it fails. Collective."""
         solver = self._solver
         solver.setTolerances(max_it=MOST_TOGETHER if self._aged else PATIENCE)
         solver.solve(b, x)
@@ -152,7 +141,6 @@ class BlockByBlock:
             x.set(np.inf)
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
-        """One application of the preconditioner; called by PETSc."""
         values, (flow, change) = right.array_r, self._flow
         left_fields, of_fields = self._turbulence
         number = flow.getLocalSize()
@@ -164,7 +152,6 @@ class BlockByBlock:
         left.setArray(np.concatenate([change.array_r, left_fields.array_r]))
 
     def destroy(self, _: Any = None) -> None:
-        """Free PETSc's memory."""
         if self._solver is None:  # PETSc frees the context of a preconditioner as well
             return
         solver, self._solver = self._solver, None

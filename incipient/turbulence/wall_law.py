@@ -28,9 +28,9 @@ NUMPY = SimpleNamespace(log=np.log, larger=np.maximum, sin=np.sin, cos=np.cos, s
 class WallLaw:
     """u+ = ln(y+)/kappa + B + w (8.5 - B - ln(k+)/kappa), k+ of the equivalent sand roughness: Nikuradse's.
 
-    w is 0 on smooth walls, 1 on rough ones, and sin(pi/2 ln(k+/2.25)/ln(40)) between. Below the distance at which the
-    law of a smooth wall meets it, u+ = y+. Functions take numbers, arrays, or UFL expressions with the functions
-    `log`, `larger`, `sin`, `cos` and `sqrt` of UFL.
+    w is 0 on smooth walls, 1 on rough ones, and sin(pi/2 ln(k+/2.25)/ln(40)) between; u+ = y+ below its
+    intersection with the law of a smooth wall. Functions take numbers, arrays, or UFL expressions with
+    UFL's functions `log`, `larger`, `sin`, `cos` and `sqrt`.
     """
 
     roughness: float = 0.0  # equivalent sand roughness k, 0: smooth [length]
@@ -38,12 +38,10 @@ class WallLaw:
     offset: float = 5.2
 
     def velocity(self, shear_velocity: Any, viscosity: Any, distance: Any) -> Any:
-        """u+ at a distance from the wall for a shear velocity u*."""
         away = distance * shear_velocity / viscosity
         return np.minimum(away, self._outer(shear_velocity, viscosity, distance, NUMPY))
 
     def _outer(self, shear_velocity: Any, viscosity: Any, distance: Any, functions: Any) -> Any:
-        """u+ of the logarithmic layer, below it that where it begins."""
         away = functions.larger(distance * shear_velocity / viscosity, CROSSING)
         by_roughness, _ = self.by_roughness(shear_velocity, viscosity, functions)
         return functions.larger(
@@ -51,7 +49,7 @@ class WallLaw:
         )
 
     def by_roughness(self, shear_velocity: Any, viscosity: Any, functions: Any) -> tuple[Any, Any]:
-        """What roughness adds to u+, and the derivative of that by ln u*; from smooth walls on it has a kink."""
+        """Change of u+ by roughness, and its derivative by ln u*, with a kink from smooth walls on."""
         if not self.roughness:
             return 0.0, 0.0
         k_plus = functions.larger(self.roughness * shear_velocity / viscosity, SMOOTH_TO)
@@ -64,12 +62,11 @@ class WallLaw:
     def shear_velocity(
         self, speed: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
     ) -> Any:
-        """u* for a speed at a distance from the wall."""
         in_layer = self._in_layer(speed, viscosity, distance, functions)
         return functions.larger(in_layer, functions.sqrt(viscosity * speed / distance))
 
     def _in_layer(self, speed: Any, viscosity: Any, distance: Any, functions: Any) -> Any:
-        """u* of the logarithmic layer, by corrections of the law u+ = 8.3 (y+)^(1/7)."""
+        """u* of the logarithmic layer, by Newton updates of the law u+ = 8.3 (y+)^(1/7)."""
         u = (speed / 8.3) ** (7 / 8) * (viscosity / distance) ** (1 / 8)
         for _ in range(CORRECTIONS):
             law = self._outer(u, viscosity, distance, functions)
@@ -80,10 +77,10 @@ class WallLaw:
     def drag(
         self, speed: Any, fluctuations: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
     ) -> Any:
-        """Friction over the velocity: u*/u+, next to the wall that of the viscous sublayer, nu/y, blended as by Menter.
+        """Friction over velocity: u*/u+, next to the wall nu/y of the viscous sublayer, blended as by Menter.
 
-        u* is the larger of that for the speed and of `fluctuations`, that which k stands for there: where the flow
-        separates the speed vanishes and k does not (Kuzmin, Mierka & Turek 2007).
+        u* is the larger of that for the speed and `fluctuations`, that from k, which does not vanish at separation
+        (Kuzmin, Mierka & Turek 2007).
         """
         in_layer = self._in_layer(speed, viscosity, distance, functions)
         u = functions.larger(in_layer, fluctuations)
@@ -91,18 +88,23 @@ class WallLaw:
         return ((u / outer) ** SHARP + (viscosity / distance) ** SHARP) ** (1 / SHARP)
 
 
+def smooth_profile(y: Any) -> tuple[Any, Any]:
+    """u+ at distances y+ from a smooth wall, from the viscous sublayer on, and its slope.
+
+    Source: Reichardt (1951, Z. Angew. Math. Mech. 31, 208).
+    """
+    kappa, inner, outer = WallLaw.kappa, np.exp(-y / 11.0), np.exp(-y / 3.0)
+    constant = WallLaw.offset - math.log(kappa) / kappa
+    speed = np.log1p(kappa * y) / kappa + constant * (1.0 - inner - y / 11.0 * outer)
+    return speed, 1.0 / (1.0 + kappa * y) + constant / 11.0 * (inner - outer + y / 3.0 * outer)
+
+
 def shift(roughness: float) -> float:
     """Distance [nu/u*] of a smooth wall from a rough one with the same flow, `roughness` being u* k_s/nu.
 
-    There the flow over the smooth wall has the velocity that roughness takes from it; its profile is that of Reichardt
-    (1951, Z. Angew. Math. Mech. 31, 208).
+    There the flow over the smooth wall has the velocity that roughness takes from it.
     """
-    law = WallLaw(roughness)
-    lost = -law.by_roughness(1.0, 1.0, NUMPY)[0]
-    constant = law.offset - math.log(law.kappa) / law.kappa
-
-    def excess(y: float) -> float:
-        bent = 1.0 - math.exp(-y / 11.0) - y / 11.0 * math.exp(-y / 3.0)
-        return math.log1p(law.kappa * y) / law.kappa + constant * bent - lost
-
-    return float(brentq(excess, 0.0, 1.0 + roughness)) if lost > 0.0 else 0.0
+    lost = -WallLaw(roughness).by_roughness(1.0, 1.0, NUMPY)[0]
+    if lost <= 0.0:
+        return 0.0
+    return float(brentq(lambda y: smooth_profile(y)[0] - lost, 0.0, 1.0 + roughness))

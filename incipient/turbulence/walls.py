@@ -1,4 +1,4 @@
-"""The walls of a mean flow: how far beyond the mesh they are, and the flow that enters between them."""
+"""Walls of a mean flow: their distances from the mesh, and the inflow between them."""
 
 from __future__ import annotations
 
@@ -31,20 +31,18 @@ LEAST_K_MEASURED = 1e-4
 
 @dataclass(frozen=True)
 class Walls:
-    """The walls of a flow, as estimated before it is computed.
+    """The walls of a flow, as estimated before its computation.
 
-    depth:    over which a wall is felt: that of an open channel, half of that between two walls
+    depth:    of influence of a wall: of an open channel, or half the distance between two walls
     number:   of walls above each other at the inflow, one or two
-    ground:   height of the lower side there: where the mesh begins past grains and bedforms, else the wall
-    top:      height of what is above
-    mean:     reference velocity; viscosity: kinematic
-    plane:    whether all walls are planes, from which the mesh stands off: no bedforms, no grain
-    names:    of the boundaries that have a wall beyond them
+    ground:   height of the lower side there: of the mesh past grains and bedforms, otherwise of the wall
+    plane:    whether all walls are planes beyond the mesh: no bedforms, no grain
+    names:    of the boundaries with a wall beyond them
     up:       axis of heights
-    smooth:   distance of smooth walls from the mesh; past grains and bedforms of the law alone
-    roughness: equivalent sand roughness of all walls but a grain, which is smooth; 0: all are
+    smooth:   distance of smooth walls from the mesh; past grains and bedforms in the law alone
+    roughness: equivalent sand roughness of all walls but a grain; 0: smooth
     shear_velocity: u* of the inflow, of two walls the larger; bed_shear_velocity: at the lower wall
-    asked:    the section [turbulence]; profile: of the inflow
+    asked:    the section [turbulence]
     """
 
     depth: float
@@ -65,33 +63,29 @@ class Walls:
 
     @property
     def unit(self) -> float:
-        """nu/u* [length]."""
         return self.viscosity / self.shear_velocity
 
     def distance(self, name: str) -> float:
-        """Distance of a wall from the mesh."""
         smooth = self.is_resolved or name == "body"
         return self.smooth if smooth else max(self.smooth, self.roughness)
 
     def from_origin(self, name: str) -> float:
-        """Distance from the mesh of the wall that turbulence is as next to: beyond a rough one in the sublayer."""
+        """Wall distance from the mesh in the turbulence model: beyond a rough wall in the sublayer."""
         rough = self.is_resolved and self.roughness and name != "body"
         beyond = self.unit * shift(self.roughness / self.unit) if rough else 0.0
         return self.distance(name) + beyond
 
     @property
     def nearest(self) -> float:
-        """Distance of the lower wall from the mesh."""
         return self.distance(self.names[0])
 
     def slip(self, name: str) -> float:
-        """Length over which the velocity next to a wall falls to zero, as the law of friction has it.
+        """Slip length of the velocity next to a wall, by the law of friction.
 
-        A plane wall really is beyond the mesh. At other walls, where the mesh ends itself, the velocity vanishes the
-        more the thinner the layer is that the law stands for.
+        Without a distance between mesh and wall it vanishes with the thickness of the layer that the law represents.
         """
         y = self.distance(name)
-        return y if self.is_beyond(name) else y * min(1.0, y / (CROSSING * self.unit))
+        return y if self.is_beyond(name) else y * min(1.0, y / (CROSSING * self.unit)) ** 2
 
     @property
     def surfaces(self) -> tuple[str, ...]:
@@ -100,41 +94,34 @@ class Walls:
         return tuple(name for name in smooth if self.is_resolved and not self.is_beyond(name))
 
     def is_beyond(self, name: str) -> bool:
-        """Whether the mesh really ends a distance from a wall: between planes, and below a wall on top."""
+        """Whether the mesh ends a distance from a wall: between planes, and below an upper wall."""
         return self.plane or name in self.names[1 : self.number]
 
     def law(self, name: str) -> WallLaw:
-        """The law of a wall between it and the mesh."""
         return WallLaw(0.0 if name == "body" or self.is_resolved else self.roughness)
 
     @property
     def is_resolved(self) -> bool:
-        """Whether smooth walls begin within the viscous sublayer, so that cells at them are thin layers."""
         return self.smooth < CROSSING * self.unit
 
     @property
     def ceiling(self) -> float:
-        """Height of the upper side of the mesh."""
         return self.top - (self.number - 1) * self.nearest
 
     @cached_property
     def inflow(self) -> Inflow:
-        """The flow that enters the mesh."""
         return Inflow(self, self.profile)
 
     @property
     def is_laminar(self) -> bool:
-        """Whether the inflow is laminar by the k-omega model."""
         return isinstance(self.profile, Developed) and self.profile.channel.is_laminar
 
     @property
     def least_k(self) -> float:
-        """k at which no more of it is destroyed."""
         least = LEAST_K * self.shear_velocity**2
         return max(least, LEAST_K_MEASURED * self.mean**2) if self.asked.profile else least
 
     def text(self) -> str:
-        """How walls are treated, in words."""
         kind = "" if not self.roughness else f", u* k_s/nu about {self.roughness / self.unit:.3g}"
         return (
             f"walls {self.nearest:.3g} from the mesh, y+ about {self.nearest / self.unit:.3g}{kind}, "
@@ -145,12 +132,12 @@ class Walls:
 def walls_of(
     scene: Scene, base_flow: BaseFlow, names: SideNames, ground: float, asked: Turbulence
 ) -> Walls:
-    """The walls of a flow, and how far from them the mesh ends. Not collective.
+    """The walls of a flow, and their distances from the mesh. Not collective.
 
     ground: height of the bed at the inflow
 
     Raises:
-        SceneError: rows of the inflow lie beyond a wall, or walls are rougher or farther than the model is for.
+        SceneError: rows of the inflow lie beyond a wall, or walls are too rough or too far for the model.
         ConvergenceError: no developed flow converged.
     """
     number = 2 if scene.top == "wall" else 1

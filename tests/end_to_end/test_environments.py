@@ -75,7 +75,7 @@ FULL = "the standard output cannot be written (No space left on device)"
 REMOVED = "mkdir gone; cd gone; rmdir ../gone;"
 QUICK = [  # for every run of the tests
     shell("ulimit -v 250000;", "plan", 5, "the memory is too small"),
-    shell("ulimit -n 10;", "plan", 5, "ulimit -n is 10, too little"),
+    shell("ulimit -n 10;", "plan", 5, "ulimit -n is 10, too small"),
     shell(REMOVED, "sweep", 5, "the working directory has been"),
     among("plan", 5, "TMPDIR=file: temporary files cannot be written there", TMPDIR="file"),
     among("new", PYTHONWARNINGS="error"),
@@ -113,7 +113,7 @@ SLOW = [
     shell("ulimit -v 500000;", "judge --out", 5, "not drawn: "),
     shell("ulimit -d 200000;", "run", 5, "the memory is too small"),
     shell("ulimit -n 64;", "sweep"),
-    shell("ulimit -s 512;", "run", 5, "ulimit -s is 512, too little"),
+    shell("ulimit -s 512;", "run", 5, "ulimit -s is 512, too small"),
     shell("ulimit -s 1024;", "run"),
     shell("ulimit -s unlimited;", "run"),
     shell("ulimit -f 0;", "plan"),

@@ -8,23 +8,29 @@ import pytest
 from scenes import message
 
 import incipient
-from incipient.scene import Disc, Domain, Fluid, Numerics, Scene
+from incipient.scene import Disc, Domain, Fluid, Numerics, Scene, Time
 from incipient.scene.flows import Flow
 
 EXTENTS = {2: {"length": 2.0, "height": 1.0}, 3: {"length": 2.0, "width": 1.0, "height": 1.0}}
 COMPONENTS = {2: ["0.1*y", "0"], 3: ["0.1*z", "0", "0"]}
 FLOWS = [kind.model_fields["kind"].default for kind in get_args(get_args(Flow)[0])]
-THROUGH = {"shear", "poiseuille", "open-channel", "uniform", "log-law"}
+THROUGH = {"shear", "poiseuille", "open-channel", "uniform", "log-law", "oscillatory"}
 REFUSED = {*((kind, "box") for kind in THROUGH), ("lid", "channel")}
+# What a kind needs beyond its name.
+NEEDS = {"oscillatory": {"period": 2.0}}
 
 
 def flow_in(kind: str, domain: str, gdim: int) -> Scene:
     """An empty domain at Re = 10 on few cells."""
-    flow = {"kind": kind} | ({"components": COMPONENTS[gdim]} if kind == "expression" else {})
+    flow = {"kind": kind} | NEEDS.get(kind, {})
+    if kind == "expression":
+        flow["components"] = COMPONENTS[gdim]
+    time = Time(end=0.5, step=0.1) if kind == "oscillatory" else None
     return Scene(
         domain=Domain(kind=domain, **EXTENTS[gdim]),
         fluid=Fluid(reynolds=10.0, scale="flow"),
         flow=flow,
+        time=time,
         numerics=Numerics(mesh_size=4.0, order=2, error_bars=False),
     )
 

@@ -138,7 +138,7 @@ def test_a_wall_on_top_is_met_where_the_mesh_ends_at_it():
     scene = moving(1.0, 0.1, flow=Poiseuille())
     near = Setup(scene).surroundings.clearance(Placement((1.9375, 0.85)))
     assert near.other == "top"
-    assert near.distance == pytest.approx(1.0 - Setup(scene).walls.distance - 0.95)
+    assert near.distance == pytest.approx(1.0 - Setup(scene).walls.distance("top") - 0.95)
 
 
 def test_the_stream_enters_above_the_bed_that_is_meshed():
@@ -150,7 +150,7 @@ def test_the_stream_enters_above_the_bed_that_is_meshed():
             bed=RidgeBed(amplitude=0.04, wavelength=0.5),
         )
     )
-    assert setup.walls.floor + setup.walls.distance == pytest.approx(0.04, abs=1e-12)
+    assert setup.walls.ground == pytest.approx(0.04, abs=1e-12)
     assert setup.walls.depth == pytest.approx(0.96)
 
 

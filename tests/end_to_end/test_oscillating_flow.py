@@ -175,6 +175,18 @@ def test_the_stress_on_the_bed_is_the_largest_of_a_period() -> None:
     assert setup.bed_stress(3.0) == pytest.approx(3.0 * setup.bed_stress())
 
 
+def test_the_plan_has_the_numbers_of_the_layer_and_says_where_it_may_be_turbulent() -> None:
+    """By hand, with nu = 0.05, T = 4, U = d = 1: KC = U T/d, delta^2 = nu T/pi; Re_delta is 550 from Re 2.4e5 on."""
+    scene = pocket(False)
+    text = incipient.make_plan(scene).text()
+    assert "KC 4, delta/d 0.252, Re_delta 5.05" in text and "turbulent" not in text
+    plain = scene.model_dump(exclude_unset=True)
+    for reynolds, doubted in ((2.3e5, False), (2.5e5, True)):
+        plain["fluid"] |= {"reynolds": reynolds, "inertia": True}
+        text = incipient.make_plan(Scene(**plain)).text()
+        assert ("Stokes layers may be turbulent from 550 on" in text) == doubted
+
+
 REFUSED = (
     ("", r"\[time\][^[]*", "flow.kind: "),
     ("step = 1.0", r"step = \S+", "time.step: "),

@@ -108,7 +108,8 @@ def test_result_has_the_documented_keys(name, request):
     assert (
         result["schema_version"] == 2 and result["status"] == "complete" and result["error"] == ""
     )
-    assert set(result["plan"]["effects"][0]) == {"name", "present", "reason", "forced", "expected"}
+    decision = {"name", "present", "reason", "forced", "expected", "of"}
+    assert set(result["plan"]["effects"][0]) == decision
     assert {"order", "geometry_order", "mesh_size", "convection", "scheme", "reynolds"} <= set(
         result["plan"]
     )

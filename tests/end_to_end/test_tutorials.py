@@ -37,7 +37,7 @@ def numbers(pattern: str, page: str) -> list[float]:
 def test_the_first_verdict() -> None:
     result = incipient.run(scene_of("verdict"))
     x, y, turning = numbers(
-        r"force of the flow +\(([\d.]+), ([\d.]+)\) +torque about the centre of mass (-[\d.]+)",
+        r"force of the flow +\(([\d.]+), ([\d.]+)\).* +torque about the centre of mass (-[\d.]+)",
         "verdict",
     )
     assert result.force and result.torque and result.verdict

@@ -59,7 +59,7 @@ def test_error_bars_of_a_grain_in_turbulence_have_mesh_gap_and_domain():
     assert list(of_the_model(scene)) == ["gap", "domain"]
     wider = [one for one in coarse_scenes(scene) if one.numerics.mesh_size == pytest.approx(2**0.5)]
     assert len(wider) == 1 and not wider[0].numerics.error_bars
-    assert make_plan(scene).datum is None
+    assert not make_plan(scene).datum
 
 
 GIVEN = {"inflow": "given", "intensity": 0.05, "length": 0.1}

@@ -123,10 +123,10 @@ def test_the_plan_tells_the_datum(changes, words):
 
 
 def test_flows_without_a_profile_or_a_bed_have_no_datum():
-    assert make_plan(scene(flow=ExpressionFlow(components=("y", "0")))).datum == ""
+    assert make_plan(scene(flow=ExpressionFlow(components=("y", "0")))).datum is None
     held = Disc(diameter=1, centre=(4, 3))
     free = scene(body=held, bed=None)
-    assert make_plan(free).datum == "" and Setup(free).base_flow.datum == 0.0
+    assert make_plan(free).datum is None and Setup(free).base_flow.datum == 0.0
 
 
 @pytest.mark.parametrize("kind", FLOWS)

@@ -184,6 +184,12 @@ def test_powers_at_walls_are_those_of_developed_flow():
         assert np.abs(power - slope)[layer].max() < within
 
 
+def test_developed_flow_over_fine_roughness_is_that_over_a_smooth_wall():
+    """u* k_s/nu = 2, below 2.25, from which on roughness matters: heights ascend."""
+    rough = developed(500.0, 0.004)
+    assert rough.mean == developed(500.0).mean and (np.diff(rough.heights) > 0.0).all()
+
+
 def test_developed_flow_has_the_discharge_asked_for():
     found = of_discharge(11000.0)
     assert found.re_tau * found.mean == pytest.approx(11000.0, rel=1e-5)

@@ -122,7 +122,7 @@ def test_the_command_prints_csv(tmp_path: Path, capsys: Any) -> None:
     assert [row["size_low"] for row in rows] == ["1.0", "2.0"]
     assert float(rows[0]["shields_50"]) > float(rows[1]["shields_50"]) > 0.0
     assert cli.main(["table", str(path), "--size-classes", "1,x"]) == 2
-    assert "is no list of numbers" in capsys.readouterr().err
+    assert "is not a list of numbers" in capsys.readouterr().err
 
 
 def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

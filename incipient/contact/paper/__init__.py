@@ -1,8 +1,7 @@
 """The paper's criteria of incipient motion at the significant reaction surface.
 
-Equation numbers are the labels of the paper's source, interpreted as in
-docs/explanation/criteria.md; n points out of the grain, r = x - c, and a force F presses a contact
-where n . F > 0.
+Equation numbers are the labels of the paper's source (docs/explanation/criteria.md); n points out
+of the grain, r = x - c, and a force F presses a contact where n . F > 0.
 """
 
 from dataclasses import dataclass
@@ -47,10 +46,9 @@ class Minima:
 
 @dataclass(frozen=True, eq=False)
 class Distributions:
-    """Reaction and friction of the whole contact surface to the force, to the torque, and to both.
+    """Reaction and friction of the whole contact surface, outside the table of outcomes.
 
-    Not used by the table of outcomes. `force_left`, `torque_left` (3,): what `of_both` leaves
-    unbalanced.
+    `force_left`, `torque_left` (3,): what `of_both` leaves unbalanced.
     """
 
     of_force: Distribution  # P = F_flow&g
@@ -108,7 +106,6 @@ class Classification:
 
     @cached_property
     def distributions(self) -> Distributions:
-        """Reaction and friction over the whole contact surface."""
         load, arms = self.load, self.contacts.points - self.load.centre
         from_force = np.broadcast_to(load.force, arms.shape)
         from_torque = _tangential_force(load.flow_couple, arms)
@@ -136,11 +133,11 @@ class Classification:
 
     @property
     def moves(self) -> bool:
-        """Whether the grain begins to move by these criteria."""
+        """Whether the grain begins to move."""
         return self.mode.moves
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """JSON data."""
         read = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves}
         derived = {"away": plain(self.away), "distributions": plain(self.distributions)}
         return read | plain(self) | derived
@@ -208,7 +205,6 @@ def classify(
 
 
 def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
-    """Arms r = x - c (n, 3); raises SceneError for invalid friction or arms."""
     if not (np.isfinite(friction) and friction >= 0.0):
         raise SceneError(
             f"friction {friction} is not a coefficient; give a finite number that is not negative"
@@ -233,7 +229,6 @@ def _criterion(load: Load, scales: tuple[float, float]) -> Criterion:
 def _minima(
     load: Load, contacts: Contacts, arms: Floats, scales: tuple[float, float], tolerance: float
 ) -> Minima:
-    """(2) and (7) at every contact, their signs and minimisers."""
     toward = -contacts.normals @ load.force
     # (7) is -lever |lever| with the lever of the torque on the normal, and has the minimisers of -lever.
     lengths = np.linalg.norm(arms, axis=1)
@@ -252,7 +247,7 @@ def _minima(
 
 
 def _tangential_force(torque: Floats, arms: Floats) -> Floats:
-    """F_tau = tau ^ r / |r|^2 of (6), (n, 3); the component of tau along r gives none."""
+    """F_tau = tau ^ r / |r|^2 of (6), (n, 3)."""
     return np.asarray(cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
 
 
@@ -307,11 +302,7 @@ def _obstacles(
     answer: dict[str, Any],
     scales: tuple[float, float],
 ) -> tuple[int, ...]:
-    """Contacts that the motion would penetrate, where the paper's assumption fails.
-
-    A grain with sticking x* can only turn about it, otherwise it follows F; of several contacts x*
-    any may be the pivot.
-    """
+    """Contacts that the motion would penetrate, where the paper's assumption fails."""
     if not mode.moves:
         return ()
     if (answer["C_friction"] < 1.0 - TOLERANCE).any():

@@ -33,9 +33,8 @@ class Axis(Enum):
 class Away:
     """Condition on the axis through the centre of mass along the torque, and the nearest admissible axis.
 
-    `levers` (n,): lengths, negative where the contact opens. `nearest` (3,): pivot by the paper's
-    principle of least action, on the edge of the nearest region that no normal excludes; None, at
-    infinite `distance`, if all axes along the torque are excluded.
+    `levers` (n,): lengths, negative where the contact opens. `nearest` (3,): pivot by the principle of least
+    action; None, at infinite `distance`, if all axes are excluded.
     """
 
     direction: Floats
@@ -46,7 +45,7 @@ class Away:
 
 
 def levers(points: Floats, direction: Floats, contacts: Contacts) -> Floats:
-    """Levers (k, n) of all contacts for rotation about axes through `points` (k, 3) along a unit vector (3,)."""
+    """Levers (k, n) of all contacts for axes through `points` (k, 3) along a unit vector (3,)."""
     about_origin = cross(contacts.points, contacts.normals) @ direction
     return np.asarray(about_origin[None] - points @ cross(contacts.normals, direction).T)
 
@@ -67,11 +66,7 @@ def away(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 def nearest_axis(
     contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
 ) -> Floats | None:
-    """Point (3,) nearest to the centre with an admissible axis along `direction`; None if there is none.
-
-    Points admitted are an intersection of half-planes, one per contact, wider than `tolerance` (a
-    length).
-    """
+    """Point (3,) nearest to the centre with an admissible axis along `direction`, or None; `tolerance` is a length."""
     inward = cross(contacts.normals, direction)
     length = np.linalg.norm(inward, axis=1)
     if (length <= PARALLEL).any():

@@ -1,5 +1,4 @@
-"""The paper's modified Coulomb friction at contacts with normals (n, 3) out of the grain, where n .
-F > 0 (Heaviside factor H).
+"""The paper's modified Coulomb friction at contacts with normals (n, 3) out of the grain.
 
 Under the pressing force P, F_flow&g, F_tau of (6) or their sum, F_c = c_1 int (F_reaction +
 F_friction) H(n . P) dGamma_c over a contact surface, with c_1 = c_2 / int H(n . P) dGamma_c = (n* .

@@ -32,7 +32,7 @@ class Mode(Enum):
 
 
 class Category(Enum):
-    """Item of the paper's list of possible modes, which has two kinds of sliding and pivoting."""
+    """Item of the paper's list of possible modes, with two kinds of sliding and pivoting."""
 
     TRANSLATION_ONLY = ("1", "translation only (lifting or sliding)")
     SLIDING_WITH_AWAY_ROTATION = (

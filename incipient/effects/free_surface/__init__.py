@@ -24,7 +24,6 @@ class FreeSurfaceEffect(Effect):
     def part_in_time(
         self, setup: Setup, stage: Stage, kept: Checkpoint | None
     ) -> MovingSurface | None:
-        """The surface."""
         if not setup.scene.has_surface:
             return None
         from .part import MovingSurface

@@ -40,7 +40,6 @@ OUTLINE = 65  # points on each curve of a grain's outline
 class MovingSurface(RunPart):
     """Free surface above a fluid on a mesh with a level top. Every method is collective.
 
-    Where that top is not the still level, the mesh moves by the elevation less the difference.
     Attributes: `part`, set by `joined`; `readings` of elevations.
     """
 
@@ -75,12 +74,10 @@ class MovingSurface(RunPart):
             self._take_over(before)
 
     def moving(self, motion: MeshMotion) -> tuple[SurfacePart, ...]:
-        """The surface; keeps the mesh motion for its reference positions."""
         self._motion = motion
         return (self.part,)
 
     def on(self, domain: Domain) -> MovingSurface:
-        """The surface for another mesh."""
         return MovingSurface(self._setup, self._stage)
 
     def _take_over(self, old: MovingSurface) -> None:
@@ -109,8 +106,7 @@ class MovingSurface(RunPart):
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
     def drawn_height(self, height: float, placement: Placement) -> float:
-        """Height of the domain for a new mesh around a grain: the still level or, near it, the mean
-        surface above the grain.
+        """Height of a new mesh around a grain: the still level or, near it, the mean surface above the grain.
 
         Raises MeshError if the grain reaches it.
         """
@@ -159,25 +155,20 @@ class MovingSurface(RunPart):
         return float(nearest - TOUCHING * grain.size)
 
     def accept_step(self, step: TimeStep) -> None:
-        """Record the elevations."""
         self.begin()
 
     def change(self, depth: float) -> float:
-        """Root-mean-square displacement of the surface in the last step, over the depth."""
         return self.part.risen() / depth
 
     def begin(self) -> None:
-        """Record the elevations at the stations, and the largest."""
         values = self._stations.values(self.part.elevation)
         self.readings.append(ElevationReading(self.fluid.time, values, self.part.largest()))
 
     @property
     def elevations(self) -> Elevations | None:
-        """Recorded elevations; None before the first step."""
         return Elevations.of(self.readings) if self.readings else None
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, float]:
-        """Elevations, discharge and energies after a step."""
         assert coupling is not None
         with self._stage("free surface"):
             elevations = self._stations.values(self.part.elevation)
@@ -195,7 +186,6 @@ class MovingSurface(RunPart):
             }
 
     def reported(self) -> dict[str, Any]:
-        """Final surface and its history."""
         stations = [
             one[0] if len(one) == 1 else one
             for one in stations_of(self._scene.surface, self._scene.domain)
@@ -209,13 +199,11 @@ class MovingSurface(RunPart):
 
     @property
     def unknowns(self) -> int:
-        """Nodes of the surface."""
         return int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))
 
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """Checkpoint data: present and past elevations, mesh positions."""
         from ...restart.checkpoint import StoredSurface
         from ...restart.redistribution import numbered_nodes
 
@@ -230,7 +218,6 @@ class MovingSurface(RunPart):
         return {"surface": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Restore elevations and mesh positions from a checkpoint."""
         from ...restart.redistribution import spread_nodes
 
         assert kept.surface is not None and coupling is not None
@@ -266,9 +253,9 @@ class _Stations:
 
 
 def _depths(scene: Scene, places: Floats) -> tuple[Floats, str]:
-    """The depth (n,) below the still level at positions (n, 3), down to bed or resting grain, and which in words.
+    """Depth (n,) below the still level at positions (n, 3), down to bed or resting grain, and which in words.
 
-    A 3-D grain does not count: the mesh above it folds before the surface touches it. Not collective.
+    A 3-D grain does not count: the mesh above it folds before the surface touches it.
     """
     domain, bed = scene.domain, scene.bed_shape
     floor = np.full(len(places), domain.bottom)

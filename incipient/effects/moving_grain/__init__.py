@@ -31,7 +31,7 @@ def _new_meshes(stored: Mapping[str, Any]) -> int:
 
 
 class FreeBodyEffect(Effect):
-    """The motion of a rigid grain by flow and weight, or by prescription."""
+    """Free or prescribed motion of a rigid grain."""
 
     name = EffectName.FREE_BODY
     quantities = (
@@ -52,15 +52,25 @@ class FreeBodyEffect(Effect):
             _path(f"on_bed.works.{name}", f"work of {name}", "energy", line="works", short=name)
             for name in WORKS
         ),
-        _path("interface_iterations.mean", "iterations a step", line="interface", detail=True),
-        _path("interface_iterations.most", "at most", line="interface", detail=True),
+        *(
+            _path(
+                f"interface_iterations.{key}",
+                f"iterations of flow and grain a step, {words}",
+                line="interface",
+                short=short,
+                detail=True,
+            )
+            for key, words, short in (
+                ("mean", "on average", "iterations a step"),
+                ("most", "at most", "at most"),
+            )
+        ),
         _path("new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
     )
 
     def part_in_time(
         self, setup: Setup, stage: Stage, kept: Checkpoint | None
     ) -> MovingGrain | None:
-        """The moving grain."""
         if not setup.scene.moves:
             return None
         state = (
@@ -76,7 +86,6 @@ class FreeBodyEffect(Effect):
         return MovingGrain(setup, stage, state)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """A fixed grain that would have begun to move."""
         verdict = solved.verdict or {}
         since, rocking = verdict.get("first_motion"), verdict.get("rocking")
         if since is None:

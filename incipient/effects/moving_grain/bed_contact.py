@@ -1,4 +1,4 @@
-"""Contact of a moving grain with its bed in each step: mode, work, trajectory. Not collective.
+"""Contact of a moving grain with its bed in each step: mode, work, trajectory.
 
 Contact begins at the gap `contact.gap`, which keeps the flow in between resolved.
 """
@@ -59,22 +59,12 @@ class Course:
 
     @property
     def done(self) -> list[str]:
-        """Events of `time.until` that have occurred."""
         left, rested = self.left is not None, self.rested >= RESTED
         return [*(["out-of-pocket"] if left else []), *(["at-rest"] if rested else [])]
 
 
 class BedContact:
-    """Contact of a moving grain with its bed.
-
-    Args:
-        gap: [length] of contact.
-        speed: reference velocity of the flow.
-        start: placement at time zero; weight: submerged (gdim,), possibly zero.
-
-    Attributes:
-        motion: in contact; course: history.
-    """
+    """Contact of a moving grain with its bed; `gap` [length] of contact, submerged `weight` (gdim,), possibly zero."""
 
     def __init__(
         self,
@@ -111,9 +101,7 @@ class BedContact:
         weight: Floats,
         contacts: ActiveContacts,
     ) -> None:
-        """Record a step between two states, with mean non-contact load and its constant part (k,),
-        and final contacts.
-        """
+        """Record a step between two states, with mean non-contact load and its constant part (k,)."""
         (before, after), course = ends, self.course
         now = self._mode(after, contacts)
         done = _works(before, after, mean_load, weight, contacts)
@@ -161,7 +149,7 @@ class BedContact:
         return last > RISEN * self._near.grain.size and height < last >= before
 
     def _falls_elsewhere(self, placement: Placement) -> bool:
-        """Whether the grain, released without flow and friction, settles in another position than at the start."""
+        """Whether the grain, released without flow and friction, settles elsewhere than at the start."""
         near, size = self._near, self._near.grain.size
         first = Placement(tuple(self._start), placement.angle, placement.quaternion)
         try:
@@ -196,12 +184,10 @@ class BedContact:
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, contacts: ActiveContacts) -> dict[str, Any]:
-        """Contacts and history as plain data."""
         named = {name: value.tolist() for name, value in vars(contacts).items() if name != "work"}
         return {"contacts": named, "course": asdict(self.course), "done": self.course.done}
 
     def restore(self, kept: dict[str, Any]) -> ActiveContacts:
-        """Restore the history from a checkpoint; returns the contacts."""
         course = kept["course"]
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)

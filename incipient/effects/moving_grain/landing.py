@@ -1,7 +1,7 @@
-"""Contacts and stability of a moving grain that has met the bed or rests on it. Not collective.
+"""Contacts and stability of a moving grain that has met the bed or rests on it.
 
-Its contacts are the points within `contact.gap`; both criteria use the loads of that moment,
-including the fluid's resistance to its motion.
+Contacts are the points within `contact.gap`; both criteria use the loads of that moment,
+including the fluid's resistance to the motion.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Landing:
 def landing(
     setup: Setup, state: BodyState, met: Clearance, force: Forces, torque: Torques, does: str = ""
 ) -> Landing:
-    """Contacts and verdict of a grain that has met a boundary, or rests or moves there. Not collective."""
+    """Contacts and verdict of a grain that has met a boundary, or rests or moves there."""
     scene, bed, stands = setup.scene, setup.sides.bottom, does == REST
     if does and not stands:
         return Landing(why_not=f"the grain moves: {does}")
@@ -78,7 +78,7 @@ def landing(
 def _factor_where_it_touches(
     setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Torques]
 ) -> float | None:
-    """Safety factor under the same load with the contact gap closed, or None; it shifts a later release."""
+    """Safety factor under the same load with the contact gap closed, or None."""
     scene, geometry = setup.scene, setup.geometry
     assert scene.contact is not None
     placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, scene.contact_gap)

@@ -28,7 +28,7 @@ IN_POCKET = "in-pocket"  # returning or at rest after a gust
 
 
 class GrainOnBed(MovingGrain):
-    """Moving grain in contact with its bed; `bed_contact` has its history since the scene's placement."""
+    """Moving grain in contact with its bed; `bed_contact` has its history."""
 
     part: RigidPartOnBed
 
@@ -48,9 +48,7 @@ class GrainOnBed(MovingGrain):
         return RigidPartOnBed(*others, contact=self.bed_contact.motion, **named)
 
     def _meshed_at(self) -> Placement:
-        """Next to contact a placement up to half the next step ahead, which halves the shear of
-        cells in the gap.
-        """
+        """Placement for a mesh: near contact up to half the next step ahead, with less shear of cells in the gap."""
         now, length, gap = self.state, self.last_step(), self.setup.scene.contact_gap
         if length is None or not len(self.bed_contact.motion.near(now.placement, gap)):
             return now.placement
@@ -107,7 +105,6 @@ class GrainOnBed(MovingGrain):
         }
 
     def contact_rows(self) -> list[dict[str, Any]]:
-        """Point, normal, mean force over the last step, and slip of each contact."""
         contacts, length, gdim = self.part.contacts, self.last_step(), self.scene.gdim
         if length is None:
             return []
@@ -140,7 +137,6 @@ class GrainOnBed(MovingGrain):
         return {"body": replace(body, on_bed=self.bed_contact.stored(self.part.contacts))}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Restore contacts and history, too."""
         super().restore(kept, coupling)
         if kept.body is not None and kept.body.on_bed is not None:
             self.part.contacts = self.bed_contact.restore(kept.body.on_bed)

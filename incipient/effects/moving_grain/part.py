@@ -44,7 +44,6 @@ class MovingGrain(RunPart):
     """Moving grain of a scene.
 
     Args:
-        stage: context managers by name, for timing.
         state: None: that of the scene.
         made_for: placement for which the mesh was built; None: that of the state.
 
@@ -89,18 +88,15 @@ class MovingGrain(RunPart):
 
     @property
     def probe(self) -> TractionProbe:
-        """Traction probe at the present position."""
         return self.part.probe
 
     @property
     def state(self) -> BodyState:
-        """Present state."""
         return self.part.state
 
     # -- solution ---------------------------------------------------------------------------------
 
     def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
-        """Enter a fluid, with the counts of `before`."""
         self._fluid, self.energy = fluid, EnergyBudget(fluid)
         free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
         made_for = self._made_for or self._start.placement
@@ -114,7 +110,6 @@ class MovingGrain(RunPart):
             )
 
     def moving(self, motion: MeshMotion) -> tuple[RigidPart, ...]:
-        """The body in the fluid; the mesh moves to its placement."""
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
@@ -126,7 +121,6 @@ class MovingGrain(RunPart):
         return (self.part,)
 
     def drawn(self) -> Placement:
-        """Rounded placement for a new mesh."""
         assert self.scene.placement is not None
         placement = self._meshed_at() if self.meshes_ahead else self.state.placement
         return rounded(placement, self.scene.placement, ROUNDING * self.grain.size)
@@ -135,21 +129,17 @@ class MovingGrain(RunPart):
         return self.state.placement
 
     def on(self, domain: Domain) -> MovingGrain:
-        """The grain on a mesh built for `drawn`."""
         return type(self)(self.setup, self._stage, self.state, self.drawn())
 
     def last_step(self) -> float | None:
-        """Length of the last step, or None."""
         times = [one.time for one in self.part.past]
         return None if len(times) == 1 else times[0] - times[1]
 
     def accept_step(self, step: TimeStep) -> None:
-        """Count the coupling iterations."""
         assert isinstance(step.report, InterfaceReport)
         self.interface_iterations.append(step.report.corrected)
 
     def contact_rows(self) -> list[dict[str, Any]]:
-        """Rows of contacts.csv after a step, one per contact. Not collective."""
         return []
 
     @property
@@ -160,7 +150,6 @@ class MovingGrain(RunPart):
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        """Position, velocities and loads."""
         assert coupling is not None
         return {
             **columns_of_state(self.state),
@@ -173,7 +162,6 @@ class MovingGrain(RunPart):
         return {}
 
     def energies(self) -> dict[str, float]:
-        """Number of meshes, and energies of fluid and grain."""
         with self._stage("tractions"):
             kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
             power = self.energy.power()
@@ -187,11 +175,9 @@ class MovingGrain(RunPart):
 
     @property
     def unknowns(self) -> int:
-        """The degrees of freedom that are free."""
         return int(self.body.mask.sum())
 
     def reported(self) -> dict[str, Any]:
-        """End of the motion, position and trajectory."""
         state, near = self.state, self.clearance()
         iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
         trajectory = {
@@ -220,7 +206,6 @@ class MovingGrain(RunPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        """Distance from the nearest other boundary. Not collective."""
         return self.surroundings.clearance(self.state.placement)
 
     def _room(self, state: BodyState) -> float:
@@ -228,7 +213,6 @@ class MovingGrain(RunPart):
         return self.obstacles.clearance(state.placement, 2.0 * gap).distance - gap
 
     def _weight(self) -> Floats:
-        """Submerged weight (gdim,)."""
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
 
     def _other_load(self, state: BodyState) -> Floats:
@@ -248,7 +232,6 @@ class MovingGrain(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """Checkpoint data of the grain, its coupling and its mesh."""
         from ...restart.checkpoint import StoredBody
         from ...restart.redistribution import numbered_nodes
 
@@ -276,7 +259,6 @@ class MovingGrain(RunPart):
         return {"body": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Restore state and past from a checkpoint."""
         from ...restart.redistribution import spread_nodes
 
         assert kept.body is not None and coupling is not None
@@ -301,7 +283,7 @@ def rounded(placement: Placement, first: Placement, unit: float) -> Placement:
 
 
 def columns_of_state(state: BodyState) -> dict[str, float]:
-    """History columns of position, orientation and velocities. Not collective."""
+    """History columns of position, orientation and velocities."""
     gdim = len(state.place)
     turned = dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True))
     place = dict(zip("xyz", state.place.tolist(), strict=False))
@@ -315,6 +297,6 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
 
 
 def columns_of_load(load: Floats, force: str, torque: str) -> dict[str, float]:
-    """History columns of a load (3,), in 3-D (6,). Not collective."""
+    """History columns of a load (3,), in 3-D (6,)."""
     gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
     return named(force, pushed, gdim) | named_torque(torque, twisted, gdim)

@@ -28,10 +28,9 @@ ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
 class Block(LinearSolver):
     """GMRES with a block-triangular preconditioner (`triangle`), reused until iterations have grown by half.
 
-    Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains
-    projected out. A steady flow that GMRES fails on is solved by LU factorisation from then on,
-    memory permitting. In unsteady flow the residual is that of the preconditioned system, which is
-    closer to the error. PETSc prefixes: ``fluid_``, ``fluid_velocity_``, ``fluid_pressure_``.
+    Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains projected out. A steady
+    flow on which GMRES fails gets an LU factorisation, memory permitting. PETSc prefixes: ``fluid_``,
+    ``fluid_velocity_``, ``fluid_pressure_``.
     """
 
     regular: ClassVar[bool] = False
@@ -82,7 +81,7 @@ class Block(LinearSolver):
         self._state, self._usual = self.matrix.stateGet(), np.inf
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b with the present matrix, to the accuracy of a chord-method update. Collective."""
+        """Solve A x = b with the present matrix, to the accuracy of a chord-method update."""
         self._solve(b, x, self._rough, transposed=False)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:

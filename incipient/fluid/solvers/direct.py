@@ -28,7 +28,7 @@ NOT_FINITE = (
 
 
 def bytes_of_factors(matrix: Any, part: float = 1.0) -> float:
-    """Memory of the LU factorisation of a 3-D flow matrix, or of a part of it. Not collective."""
+    """Memory of the LU factorisation of a 3-D flow matrix, or of a part of it."""
     return float(part * LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
 
 
@@ -41,8 +41,8 @@ def fits(matrix: Any, part: float = 1.0) -> bool:
 class Direct(LinearSolver):
     """LU factorisation of A, or GMRES preconditioned with that of an earlier, similar A.
 
-    A factorisation is reused until more than `patience` iterations are needed. PETSc options with
-    the prefix ``fluid_`` take precedence.
+    A factorisation is reused up to `patience` iterations. PETSc options with the prefix ``fluid_``
+    take precedence.
     """
 
     regular: ClassVar[bool] = True
@@ -96,7 +96,6 @@ class Direct(LinearSolver):
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
 
     def _applied(self, b: Any, x: Any, transposed: bool) -> float:
-        """Apply the factorisation once to give x; returns the residual norm."""
         preconditioner, left = self._solver.getPC(), b.duplicate()
         if transposed:
             preconditioner.applyTranspose(b, x)
@@ -110,7 +109,7 @@ class Direct(LinearSolver):
         return size
 
     def prepare(self) -> None:
-        """Factorise the present matrix. Collective. Raises UnsolvedError or ConvergenceError."""
+        """Factorise the present matrix. Raises UnsolvedError or ConvergenceError."""
         self._factorise()
         self._aged = False
 

@@ -27,7 +27,7 @@ class Equations:
     viscosity:     None: no stresses, as in the projection onto divergence-free velocities
     rate:          coefficient a0 of the velocity in its time derivative; None: steady
     carrier:       convecting velocity relative to the mesh; None: no convection
-    upwind_size:   cell size over element order in the upwinding
+    upwind_size:   cell size over element order
     """
 
     space: TaylorHood
@@ -41,7 +41,6 @@ class Equations:
     surface: SurfaceLoad | None = None
 
     def held(self) -> np.ndarray:
-        """Mask of constrained unknowns, (local unknowns,)."""
         index_map = self.space.mixed.dofmap.index_map
         is_held = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
         for condition in self.dirichlet:
@@ -49,11 +48,9 @@ class Equations:
         return is_held
 
     def owned_held(self) -> np.ndarray:
-        """Mask of constrained unknowns, (owned unknowns,)."""
         return self.held()[: self.space.mixed.dofmap.index_map.size_local]
 
     def measure(self) -> Any:
-        """Cell measure of preconditioning operators."""
         degree = {"quadrature_degree": 2 * self.space.order}
         return ufl.dx(domain=self.space.mixed.mesh, metadata=degree)
 
@@ -89,8 +86,7 @@ class LinearStatistics:
 class LinearSolver(Owner, ABC):
     """Solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
 
-    `matrix` is None where A is known by its action alone; `regular`: A must be regular, with a
-    pinned pressure in closed flow.
+    `matrix`: None where A is an action; `regular`: needs a pinned pressure in closed flow.
     """
 
     matrix: Any
@@ -100,8 +96,7 @@ class LinearSolver(Owner, ABC):
     def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
         """Solve A x = b to a residual of `rtol` times b; `fresh` prepares first.
 
-        Raises UnsolvedError for singular or non-finite A or without convergence, otherwise
-        ConvergenceError.
+        Raises UnsolvedError for singular or non-finite A or without convergence, otherwise ConvergenceError.
         """
         if fresh:
             self.prepare()

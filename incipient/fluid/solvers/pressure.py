@@ -1,7 +1,4 @@
-"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the Jacobian [[F, G], [B, 0]].
-
-Vectors are (owned pressures,).
-"""
+"""Approximate inverses of the pressure's Schur complement S = B F^-1 G of the Jacobian [[F, G], [B, 0]]."""
 
 from __future__ import annotations
 
@@ -68,8 +65,7 @@ class PressureMass(Owner):
 class CahouetChabard(Owner):
     """S^-1 = M^-1 + a0 A^-1 for unsteady flow, with the Laplacian A and rate coefficient a0.
 
-    At free outflow the doubled diagonal of A keeps the preconditioner regular. Cahouet & Chabard
-    (1988), Int. J. Numer. Methods Fluids 8, 869.
+    At free outflow the diagonal of A is doubled. Cahouet & Chabard (1988), Int. J. Numer. Methods Fluids 8, 869.
     """
 
     def __init__(self, equations: Equations):
@@ -107,8 +103,8 @@ class LeastSquaresCommutator(Owner):
     """S^-1 = L^-1 (B D^-1 F D^-1 G) L^-1, L = B D^-1 G, for steady flow with inertia.
 
     F is reduced to the diagonal blocks of the velocity components, with diagonals D. G includes
-    upwinding, whose tests cancel in S. Elman, Howle, Shadid, Shuttleworth & Tuminaro (2006), SIAM
-    J. Sci. Comput. 27, 1651; scaling and G are measured (docs/contribute/defaults.md).
+    upwinding. Elman, Howle, Shadid, Shuttleworth & Tuminaro (2006), SIAM J. Sci. Comput. 27, 1651;
+    scaling and G are measured (docs/contribute/defaults.md).
     """
 
     def __init__(self, equations: Equations):

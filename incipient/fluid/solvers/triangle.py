@@ -22,9 +22,8 @@ OF_COMPONENT = {"pc_mg_galerkin": "pmat"} | RELAXATION
 class Triangle(Owner):
     """Upper block triangle of [[F, G], [B, 0]], or its transpose: a `PCPYTHON` context. Methods are collective.
 
-    z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`)
-    and, for each component's block of F, one V-cycle to linear elements and on by algebraic
-    multigrid. Constrained rows are identities.
+    z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`) and, for each
+    component's block of F, one multigrid V-cycle. Constrained rows are identities.
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool = False):
@@ -65,15 +64,13 @@ class Triangle(Owner):
         left.setArray(z)
 
     def destroy(self, _: Any = None) -> None:
-        """Free PETSc's memory; called by PETSc."""
         super().destroy()
 
 
 class Blocks(Owner):
     """Blocks of the Jacobian: F's diagonal blocks, G `gradient` and B `divergence`. Methods are collective.
 
-    Free velocities and all pressures ascend as in the mixed system; velocities (n,): numbers of the
-    owned ones.
+    Free velocities and all pressures ascend as in the mixed system; velocities (n,): numbers of the owned ones.
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool):
@@ -108,7 +105,6 @@ class Blocks(Owner):
         ]
 
     def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
-        """Apply functions of PETSc vectors, one per component, to velocities (n,)."""
         results = np.empty_like(values)
         for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
             right.setArray(values[at])
@@ -144,7 +140,6 @@ def _times(matrix: Any, vectors: list[Any], values: np.ndarray) -> np.ndarray:
 
 
 def _interpolations(equations: Equations) -> list[Any]:
-    """Interpolation from free linear nodes to the free velocities of each component, ascending."""
     fine, rows = component_rows(equations.space)
     coarse = compat.space(fine.mesh, ("Lagrange", 1))
     whole = compat.interpolation_matrix(coarse, fine)
@@ -162,7 +157,6 @@ def _interpolations(equations: Equations) -> list[Any]:
 
 
 def _among(matrix: Any, rows: np.ndarray, columns: np.ndarray) -> Any:
-    """Submatrix of owned rows, in their order, and owned columns. Collective."""
     starts = matrix.getOwnershipRange()[0], matrix.getOwnershipRangeColumn()[0]
     above, below = (
         PETSc.Mat().createAIJ(

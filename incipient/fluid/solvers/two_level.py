@@ -40,8 +40,7 @@ class TwoLevel(LinearSolver):
 
     Search directions are smoothing steps (pressure mass over viscosity, symmetric relaxation of
     each velocity component), then a coarse solution. Residuals are measured in the dual of the
-    energy norm, since the largest cells, far from the bodies, would otherwise dominate. Eisenstat,
-    Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
+    energy norm. Eisenstat, Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
 
     Args:
         times: product of A, or its transpose, with a vector (owned unknowns,).
@@ -92,7 +91,7 @@ class TwoLevel(LinearSolver):
         self._scale = 1.0 / weights
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b to the accuracy of an error estimate. Collective. Raises ConvergenceError."""
+        """Solve A x = b to the accuracy of an error estimate. Raises ConvergenceError."""
         self._solve(b, x, CONVECTED_ROUGH if self._convected else ROUGH, transposed=False)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
@@ -203,7 +202,6 @@ class Relaxation(Owner):
         self._sweeps = {False: {k: self._swept(matrix) for k, matrix in self._matrices.items()}}
 
     def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
-        """Relax with the operators or their transposes, (owned rows of the mixed system,)."""
         transposed = transposed and self._convected
         if transposed not in self._sweeps:
             self._sweeps[True] = {
@@ -227,17 +225,13 @@ class Relaxation(Owner):
 
 
 def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
-    """First component with the same conditions as each, on all ranks. Collective."""
     same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=int)
     comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)
     return [int(number) for number in same.argmax(axis=1)]
 
 
 class OrderTransfer(Owner):
-    """Transfer between mixed spaces of two orders on one mesh, by interpolation and its transpose. Collective.
-
-    Vectors are (owned unknowns,), zero where constrained.
-    """
+    """Transfer of (owned unknowns,), zero where constrained, between two orders on one mesh. Collective."""
 
     def __init__(self, coarse: Equations, fine: Equations):
         super().__init__()
@@ -287,8 +281,8 @@ def _smoothing_mass(equations: Equations) -> PressureMass:
 class Action(Owner):
     """Jacobian of the present state, or its transpose, as an action; identity where `held`. Collective.
 
-    For orders of three and more on tetrahedra, one application costs about three of a matrix, which
-    takes twenty to assemble and 1.5 kB per unknown.
+    From third order on tetrahedra, one application costs about three of a matrix, which takes twenty
+    to assemble and 1.5 kB per unknown.
     """
 
     def __init__(self, state: Any, residual: Callable[[Any, Any], Any], held: np.ndarray):
@@ -318,10 +312,10 @@ class Action(Owner):
 
 
 class PressureForce(Owner):
-    """Pressure part of momentum, or transposed continuity part (without upwinding), of the Jacobian. Collective.
+    """Matrix of momentum's pressure part, or of continuity without upwinding (transposed). Collective.
 
-    A matrix, which saves 198 of 430 actions for two updates and two dual solutions of a sphere in
-    shear (30,000 unknowns, order two).
+    It saves 198 of 430 actions for two updates and two dual solutions of a sphere in shear (30,000 unknowns,
+    second order).
     """
 
     def __init__(self, space: TaylorHood, form: Callable[[bool], Any]):
@@ -342,7 +336,6 @@ class PressureForce(Owner):
         self._fresh = set()
 
     def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """Pressure forces (owned unknowns,) of values (owned unknowns,)."""
         if transposed not in self._made:
             form = compat.form(self._form(not transposed))
             matrix = self.holding(petsc.create_matrix(form))

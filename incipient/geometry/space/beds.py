@@ -176,9 +176,9 @@ class Plane(Terrain):
 class SphereBed(Terrain):
     """Spheres above the half-space below the plane z = origin_z.
 
-    Centres (k, 3) and radii (k,) repeat with two horizontal `periods`, if any. `posts` (k,) reach down to the plane as
-    cylinders. A `seed` shifts each sphere of an array horizontally within the space between its neighbours and lowers
-    it by up to half a radius.
+    Centres (k, 3) and radii (k,) repeat with two horizontal `periods`, if any. `posts` (k,) reach down to the plane
+    as cylinders. A `seed` shifts each sphere of an array horizontally between its neighbours and lowers it by up to
+    half a radius.
     """
 
     centres: Floats
@@ -211,10 +211,10 @@ class SphereBed(Terrain):
     ) -> SphereBed:
         """Equal spheres in a regular array; the centres of the lowest lie on the plane z = origin_z.
 
-        arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, in equilateral
-        triangles; "random": the triangular one in disorder by a seed. Every further layer lies in the pockets of that
-        below it. A centre is at `offset`; the whole is turned by `angle` about the vertical. Spheres closer than their
-        diameter overlap.
+        arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x with neighbours in
+        equilateral triangles; "random": the triangular one in disorder, by its seed. Further layers lie in the
+        pockets of those below. A centre is at `offset`; the whole is turned by `angle` about the vertical. Spheres
+        may overlap.
         """
         square, c, s = arrangement == "square", np.cos(angle), np.sin(angle)
         second = [0.0, 1.0] if square else [0.5, np.sqrt(0.75)]

@@ -78,8 +78,8 @@ class HeightMap(SmoothTerrain):
     ) -> "HeightMap":
         """A bed from the upper side of a surface in an STL, PLY or OBJ file, times `scale`.
 
-        Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero. Raises
-        SceneError for an unreadable file, or a surface with a hole as seen from above.
+        The lowest height is zero; `cell` is by default a 200th of the longer side. Raises SceneError if the file
+        cannot be read, or the surface has a hole as seen from above.
         """
         points, triangles = triangles_in(path)
         result = cls.of_triangles(scale * points[triangles], cell, Path(path))

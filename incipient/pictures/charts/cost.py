@@ -1,4 +1,4 @@
-"""The chart of a study of cost: errors against CPU time and memory, and the frontier."""
+"""Chart of a study of cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Charts of critical gusts, of entrainment, of a grain in many poses, and of a judged series."""
+"""Charts of critical gusts, entrainment, a grain in many poses, and a judged series."""
 
 from __future__ import annotations
 
@@ -21,12 +21,11 @@ _TALLEST = 20.0  # safety factors above it are not shown
 
 
 def _columns(rows: list[dict[str, Any]], *names: str) -> np.ndarray:
-    """Columns (names, rows) of numbers; NaN for null."""
     return np.array([[row[name] for row in rows] for name in names], dtype=float)
 
 
 def gusts(stored: dict[str, Any], directory: Path) -> Figure:
-    """Critical strength of gusts against duration, between the limits of long and of short ones."""
+    """Critical strength of gusts against duration, between the limits of long and short gusts."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     axes = figure.add_subplot(xscale="log", yscale="log")
     points = sorted(stored["points"], key=lambda point: point["duration"])
@@ -44,7 +43,7 @@ def gusts(stored: dict[str, Any], directory: Path) -> Figure:
 
 
 def entrainment(stored: dict[str, Any], directory: Path) -> Figure:
-    """Probability of motion at an instant against the Shields number, with its error bars."""
+    """Probability of motion at an instant against the Shields number, with error bars."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     axes = figure.add_subplot(xscale="log", yscale="log")
     curve, quantiles = stored["curve"], stored["quantiles"]
@@ -79,7 +78,7 @@ def entrainment(stored: dict[str, Any], directory: Path) -> Figure:
 
 
 def poses(stored: dict[str, Any], directory: Path) -> Figure:
-    """The fraction of the poses of a grain that moves, against the Shields number."""
+    """Fraction of the poses of a grain that move, against the Shields number."""
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.subplots()
     shields = [math.inf if value is None else value for value in stored["shields"]]
@@ -91,7 +90,7 @@ def poses(stored: dict[str, Any], directory: Path) -> Figure:
 
 
 def series(stored: dict[str, Any], directory: Path) -> Figure:
-    """The safety factor of a judged series in time, the times of motion, and fractions of the modes."""
+    """Safety factor of a judged series in time, times of motion, and fractions of the modes."""
     samples = directory / SAMPLES
     with reading(samples, "judge the series again", error=OutputError):
         times, factors = np.loadtxt(samples, delimiter=",", skiprows=1, usecols=(0, 1), ndmin=2).T

@@ -20,7 +20,7 @@ _REYNOLDS = np.geomspace(0.1, 299.0, 60)
 
 
 def beside_soulsby_whitehouse(axes: Axes) -> None:
-    """Draw their curve, and name the axes."""
+    """Draw their curve, and label the axes."""
     shields = soulsby_whitehouse(_CURVE)
     reynolds = np.sqrt(shields * _CURVE**3)
     label = "Soulsby & Whitehouse (1997)"
@@ -31,7 +31,7 @@ def beside_soulsby_whitehouse(axes: Axes) -> None:
 
 
 def draw_flume(answer: FlumeAnswer, path: Path) -> None:
-    """Draw the flume's Shields number among critical ones to a PNG; raises OutputError. Not collective."""
+    """Draw the flume's Shields number among critical ones to a PNG; raises OutputError."""
     require_ending(path, ".png")
     with style.applied():
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")

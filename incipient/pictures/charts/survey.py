@@ -1,4 +1,4 @@
-"""The picture of a survey, the bed seen from above and its distributions, and its spheres for ParaView."""
+"""Picture of a survey, the bed from above and its distributions, and its spheres for ParaView."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
 
 
 def for_paraview(directory: Path) -> Path:
-    """Write the spheres as triangles with numbers, diameters and thresholds, NaN where there is none; the path."""
+    """Write the spheres as triangles with numbers, diameters and thresholds (NaN without one); the path."""
     grains, spheres = _tables(directory)
     centres = pyvista.PolyData(np.column_stack([spheres["x"], spheres["y"], spheres["z"]]))
     centres["number"] = np.arange(centres.n_points, dtype=float)

@@ -1,4 +1,4 @@
-"""Pictures of a sweep: a quantity against a parameter, maps over two parameters, and the critical Shields number."""
+"""Pictures of a sweep: a quantity against a parameter, maps over two, and the critical Shields number."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ def draw(
     against: str | None = None,
     by: str | None = None,
 ) -> list[Path]:
-    """Draw the pictures of a sweep next to its file, under its name. Not collective.
+    """Draw the pictures of a sweep next to its file, under its name.
 
     Args:
         quantity: column to draw; default: the critical Shields number, otherwise the safety factor.
         against, by: columns of the abscissa and of the curves; default: the first keys that the sweep varies.
 
     Raises:
-        OutputError: nothing has been computed yet, or a picture cannot be written.
-        SceneError: there is no such column.
+        OutputError: without a computed case, or a picture cannot be written.
+        SceneError: no such column.
     """
     with Store(file) as store:
         keys = store.keys()
