@@ -60,7 +60,9 @@ def developed_channel(re_tau, y_plus, cells=120, step=0.02, sand=0.0):
             break
     assert change < 1e-9
     rise = 0.5 * (gradient[1:] + gradient[:-1]) * size
-    velocity = law_of_the_wall(y_plus, sand) + np.cumsum(rise) - 0.5 * rise
+    # Both frictions act at the first place, blended with the third power as `WallLaw.drag` has them.
+    first = (law_of_the_wall(y_plus, sand) ** -3.0 + y_plus**-3.0) ** (-1.0 / 3.0)
+    velocity = first + np.cumsum(rise) - 0.5 * rise
     below = law_of_the_wall((np.arange(20000) + 0.5) / 20000 * y_plus, sand)
     return float((velocity * size).sum() + below.clip(min=0.0).mean() * low)
 

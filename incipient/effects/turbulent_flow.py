@@ -157,6 +157,11 @@ class TurbulentFlow(RunPart):
     def _take(self, fluid: Fluid, factor: float) -> None:
         setup = self._of_run if factor == 1.0 else self._of_run.faster(factor)
         scene = setup.scene
+        if self._of_run.walls.plane and scene.turbulence is not None:  # the mesh ends where it did
+            kept = {"wall_distance": self._of_run.walls.smooth}
+            changed = {"turbulence": scene.turbulence.model_copy(update=kept)}
+            setup = Setup(scene.model_copy(update=changed))
+            scene = setup.scene
         if scene == self._scene:
             return
         self._setup, self._scene = setup, scene

@@ -159,6 +159,7 @@ class WallReport:
         )
         if self.roughness:
             u = self.shear_velocity
+            text += f", {self.distance / self.roughness:.3g} times the roughness off"
             text += f", u* k_s/nu about {u * self.roughness / self.viscosity:.3g}"
         text += f"; {self._friction(errors)}"
         if self.backward:

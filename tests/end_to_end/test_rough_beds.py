@@ -333,7 +333,7 @@ def test_a_slice_that_a_measured_profile_enters_is_the_plane_s():
 def test_in_a_slower_flow_of_a_search_the_least_k_is_the_one_of_that_flow():
     """0.001 u*^2 with u* of the flow at hand, over V^2 of it."""
     with prepared(
-        over_sand(0.02, 22000.0, 4.0, Domain(length=3.0, height=1.0)), MPI.COMM_SELF
+        over_sand(0.02, 22000.0, 1.0, Domain(length=3.0, height=1.0)), MPI.COMM_SELF
     ) as run:
         part = run.part("turbulence")
         for factor, onwards in ((1.0, False), (0.2, True)):
