@@ -27,6 +27,9 @@ FEWEST_ROWS, FEWEST_COLUMNS, LAYERS = 6, 8, 2
 # Cells at other walls in the logarithmic layer, over the distance; in the viscous sublayer the first layer likewise,
 # and at a grain, where u* on its crest is twice that of the bed.
 WALL_CELL, FIRST_LAYER, AT_GRAIN = 4.0, 2.2, 0.5
+# Rows and layers at rough walls, over the distance of a smooth wall with the same flow: with 0.5 the velocity over
+# u* k_s/nu = 27 is within 0.1% of the developed flow, with 2.2 it was 8% off.
+ON_ROUGH = 0.5
 WALL_GROWTH, GROWTH, MOST_LAYERS = 0.25, {2: 1.35, 3: 2.0}, 80
 # Cells along walls with such layers: over the depth, a grain's size, and the length over which a bed would rise by its
 # relief at its steepest slope (tests/end_to_end/test_resolved_along_walls.py).
@@ -68,7 +71,8 @@ def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
 
 def _rows(walls: Walls) -> tuple[float, float, float, float]:
     largest = LARGEST_ROW * walls.depth
-    first = min(FIRST_ROW * walls.from_origin(walls.names[0]), largest)
+    bed = walls.names[0]
+    first = min((ON_ROUGH if walls.is_rough(bed) else FIRST_ROW) * walls.from_origin(bed), largest)
     part = walls.depth - walls.nearest
     bend = min((largest - first) / ROW_GROWTH, part)
     to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
@@ -159,8 +163,11 @@ def layers(setup: Setup, order: int, along: float) -> WallLayers | None:
     walls, gdim = setup.walls, setup.scene.gdim
     if not walls.is_resolved:
         return None
-    coarse = FIRST_LAYER * coarsening(walls, order)
-    first = {name: min(coarse * walls.from_origin(name), along) for name in walls.names}
+    coarse = coarsening(walls, order)
+    over = {name: ON_ROUGH if walls.is_rough(name) else FIRST_LAYER for name in walls.names}
+    first = {
+        name: min(size * coarse * walls.from_origin(name), along) for name, size in over.items()
+    }
     if "body" in first:
         first["body"] *= AT_GRAIN
     if gdim == 2:

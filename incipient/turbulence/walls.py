@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 # Distance of the mesh from smooth walls by model [nu/u*]: within the logarithmic layer, and in the viscous sublayer.
 DISTANCE = {"k-epsilon": 50.0, "k-omega-sst": 0.45}
+SMALL = 0.25  # of the distance of smooth walls, by which roughness moves a wall without an effect above 0.5%
 LARGEST = 0.2  # roughness, and distance of the mesh from walls, over the depth
 # Likewise over a grain's size, a layer on both its sides then being as thick as itself, and over half a bedform.
 LARGEST_AT_GRAIN, LARGEST_AT_FORMS = 0.5, 2.0
@@ -69,11 +70,20 @@ class Walls:
         smooth = self.is_resolved or name == "body"
         return self.smooth if smooth else max(self.smooth, self.roughness)
 
+    def is_rough(self, name: str) -> bool:
+        """Whether a wall in the sublayer is modelled as a smooth one farther away; not by less than SMALL."""
+        return self.is_resolved and name != "body" and self._beyond > SMALL * self.smooth
+
+    @property
+    def _beyond(self) -> float:
+        return self.unit * shift(self.roughness / self.unit) if self.roughness else 0.0
+
     def from_origin(self, name: str) -> float:
         """Wall distance from the mesh in the turbulence model: beyond a rough wall in the sublayer."""
-        rough = self.is_resolved and self.roughness and name != "body"
-        beyond = self.unit * shift(self.roughness / self.unit) if rough else 0.0
-        return self.distance(name) + beyond
+        if not self.is_rough(name):
+            return self.distance(name)
+        # Where the mesh reaches the wall the velocity vanishes there, and the roughness alone is beyond it.
+        return self._beyond + (self.distance(name) if self.is_beyond(name) else 0.0)
 
     @property
     def nearest(self) -> float:
@@ -90,7 +100,7 @@ class Walls:
     @property
     def surfaces(self) -> tuple[str, ...]:
         """Names of the smooth walls in the viscous sublayer that the mesh reaches."""
-        smooth = [name for name in self.names if name == "body" or not self.roughness]
+        smooth = [name for name in self.names if not self.is_rough(name)]
         return tuple(name for name in smooth if self.is_resolved and not self.is_beyond(name))
 
     def is_beyond(self, name: str) -> bool:
