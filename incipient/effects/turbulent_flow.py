@@ -258,7 +258,7 @@ class TurbulentFlow(RunPart):
             iteration=self.continued,
             mesh_size=scene.numerics.mesh_size,
             coarse_along=None if walls.plane else max(coarse, default=None),
-            judged_along=in_plane and math.isfinite(rise(scene)),
+            judged_along=in_plane and scene.grain is None and math.isfinite(rise(scene)),
         )
 
     @property

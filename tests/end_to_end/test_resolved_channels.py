@@ -459,3 +459,20 @@ def test_the_grain_is_about_to_move_at_its_threshold(sand):
     assert found.shields == pytest.approx(1.0 / stress.mean**2 / weight, rel=1e-4)
     assert found.shear_reynolds == pytest.approx(stress.re_tau / 8.0, rel=1e-4)
     assert any("tau_b of the inflow" in note for note in found.notes)
+
+
+def test_the_order_that_a_plan_takes_converges_and_higher_ones_are_refused():
+    """Of order 3 the velocity alternates between cells and grows eightfold in each iteration."""
+    scene = channel(20000.0, numerics=Numerics(error_bars=False))
+    assert incipient.make_plan(scene).order == 2
+    found = incipient.run(scene).turbulence
+    assert found.converged
+    assert 1.0 / found.shear_velocity == pytest.approx(of_discharge(20000.0, 0.0).mean, rel=5e-3)
+    with pytest.raises(SceneError, match=r"numerics\.order: is 3, .* use 2, or a turbulence\.wall"):
+        incipient.make_plan(channel(20000.0, numerics=Numerics(order=3)))
+
+
+def test_an_accuracy_is_reached_where_walls_are_resolved():
+    result = incipient.run(channel(20000.0, numerics=Numerics(accuracy=0.02)))
+    assert result.adaptation.met and result.turbulence.converged
+    assert result.turbulence.mesh_size < 3.0
