@@ -177,12 +177,18 @@ class Inflow:
     @cached_property
     def _scale(self) -> float:
         """Factor of speeds for the whole discharge, including plane wall layers, to pass the mesh."""
-        walls = self.walls
+        walls, parts = self.walls, (np.arange(SAMPLES) + 0.5) / SAMPLES
         if walls.asked.profile:
             return 1.0
-        low = 0.0 if walls.plane else walls.slip(walls.names[0])
-        places = low + (walls.number * walls.depth - low) * (np.arange(SAMPLES) + 0.5) / SAMPLES
-        return float(walls.mean / self.profile.speed(places).mean())
+        slip, whole = walls.slip(walls.names[0]), walls.number * walls.depth
+        high = whole - (walls.top - walls.ceiling)
+        inside = self.profile.speed(slip + (high - slip) * parts).mean()
+        inside *= walls.ceiling - walls.ground - (slip if walls.plane else 0.0)
+        beyond = 0.0
+        for name in filter(walls.is_beyond, walls.names):
+            y, u = walls.distance(name), walls.shear_velocity
+            beyond += y * u * float(walls.law(name).velocity(u, walls.viscosity, y * parts).mean())
+        return float((walls.mean * whole - beyond) / inside)
 
     def _velocity(self, above: Floats) -> Floats:
         speed = self._scale * self.profile.speed(above)

@@ -64,7 +64,7 @@ def test_a_bed_with_forms_bounds_the_mesh_itself(model, slip):
     y = (np.arange(20000) + 0.5) / 20000 * walls.nearest
     u = walls.shear_velocity
     layer = walls.nearest * u * walls.law("top").velocity(u, found.viscosity, y).mean()
-    assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=5e-3)
+    assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
 
 
 def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
