@@ -422,7 +422,7 @@ def on_waves(reynolds, acceleration):
 def test_loads_below_a_rough_stream_follow_the_speed_that_enters():
     """Over those below a smooth stream of the same discharge: between the squares of speeds at its foot and its top.
 
-    What enters has V/u* of the same model over sand in one dimension, within 3%.
+    What enters has V/u* of the same model with Aupoix's conditions, whose u+ is up to 0.32 off Nikuradse's: 3% of V/u*.
     """
     loads, speeds = [], []
     for sand in (0.0, 1.0):

@@ -12,7 +12,7 @@
 - pebble: settling with exact friction cones has its rest 7e-4 of a diameter away
 - sphere_in_pocket, threshold_sphere: another mesh of its bed, 0.2% more unknowns; the safety factor changes by 1e-4
 - turbulent_channel, sand_in_turbulence, large_grain, backward_facing_step: one wall treatment and one inflow of both
-  models; u* of the channel changes by 0.7%, more than half of which is the friction of the viscous sublayer in the blend at
+  models; u* of the channel changes by 0.7%, more than half of it the friction of the viscous sublayer in the blend at
   y+ = 50, loads of large_grain by 0.1% and 0.3%, of sand_in_turbulence by 0.02%, the step's reattachment by 0.01%
 - sand_in_turbulence: u* on average along the walls changes by 8%, since the bed no longer has twice the weight of the
   grain (its mean over x by 0.4%); separation by 0.4%, since friction is read at corners of cells alone
