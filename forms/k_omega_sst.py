@@ -54,6 +54,7 @@ class KOmegaSST:
         return ufl.exp(logarithms[0]) * self._time(logarithms, flow)
 
     def diffusivities(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
+        """Molecular plus turbulent diffusivity of k and of omega."""
         eddies, inner = (
             self.eddy_viscosity(logarithms, flow),
             self.inner_share(logarithms, flow.viscosity),
@@ -62,6 +63,7 @@ class KOmegaSST:
         return flow.viscosity + sigma_k * eddies, flow.viscosity + sigma_omega * eddies
 
     def sources(self, logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
+        """Production less destruction of k and omega, over each."""
         omega, square = ufl.exp(logarithms[1]), _square(flow.velocity)
         inner = self.inner_share(logarithms, flow.viscosity)
         made = ufl.min_value(

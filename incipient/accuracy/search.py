@@ -315,6 +315,7 @@ class Search(ABC):
         self.known.terms.update({term.name: term for term in self.suited.terms})
 
     def conclude(self, estimate: float, doubt: str = "") -> None:
+        """Record whether the accuracy is reached; with a `doubt` it is not."""
         accuracy, unmet = self.numerics.accuracy, ""
         if doubt:
             unmet = f"not known to be reached: {doubt}"

@@ -246,6 +246,7 @@ class ContactMotion:
         return ActiveContacts(near.points, near.normals, local, local, torques)
 
     def kept_out(self, end: BodyState) -> BodyState:
+        """A state moved out of the bed, with its velocities."""
         shapes = np.where(np.arange(self.body.size) < self.body.gdim, 1.0, self.reach**-2)
         none = ActiveContacts.none(self.body.gdim)
         start = _Start(end, none, np.diag(shapes * self.body.mask), 0.0)

@@ -219,6 +219,7 @@ class MeanLoad:
     last_step: float | None = None
 
     def coefficients(self, dt: float) -> tuple[float, float, float]:
+        """Backward differences of the velocity now and at two earlier times, times `dt`."""
         if self.order == 1 or self.last_step is None:
             return 1.0, -1.0, 0.0
         r = dt / self.last_step

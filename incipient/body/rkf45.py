@@ -49,6 +49,7 @@ class Tolerances:
     absolute: float | Floats
 
     def norm(self, error: Floats, size: Floats) -> float:
+        """CVODE's weighted root mean square of errors (n,)."""
         weight = self.relative * size + self.absolute
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(error == 0.0, 0.0, error / weight)

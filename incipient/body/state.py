@@ -68,6 +68,7 @@ class Inertia:
         return np.asarray(np.maximum(self.moments / largest, THINNEST))
 
     def matrix(self, orientation: Floats, mass: float, moments: Floats) -> Floats:
+        """Matrix (k, k) of mass and moments at an orientation; k = 3 in 2-D, 6 in 3-D."""
         axes = np.eye(len(self.moments)) if self.axes is None else self.axes
         if len(orientation) == 4:
             axes = rotation_matrix(orientation) @ axes

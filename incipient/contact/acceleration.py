@@ -141,6 +141,7 @@ class ReleaseProblem:
 
     @classmethod
     def of(cls, contacts: ContactProblem, mass: Floats, inertia: Floats) -> "ReleaseProblem":
+        """From masses (n,) and moments of inertia (n, 3, 3) about the centres."""
         wrench, size = contacts.wrench(1.0)
         left = np.sqrt((wrench * wrench).sum(axis=1))
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench

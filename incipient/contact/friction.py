@@ -113,6 +113,7 @@ class FrictionCone:
         return self.scaling[..., None, :] * edge
 
     def project(self, local: Floats) -> Floats:
+        """The nearest forces (..., 3) in the cone."""
         outside = self.margin(local) < 0.0
         if not outside.any():
             return local

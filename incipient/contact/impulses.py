@@ -52,6 +52,7 @@ class CoulombLaw:
         return cls(gain, free, friction, np.ascontiguousarray(onto), -step * free)
 
     def residual(self, local: Floats) -> float:
+        """Largest violation of the contact laws by impulses (k, 3)."""
         trial = (local.ravel() @ self.onto + self.offset).reshape(-1, 3)
         pressure = np.maximum(trial[:, 0], 0.0)
         shear = np.hypot(trial[:, 1], trial[:, 2])

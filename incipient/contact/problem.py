@@ -177,6 +177,7 @@ class ContactProblem:
         return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:
+        """Local forces (n, k, 3) of multipliers (n, h) of `cone_columns`."""
         parts = factors.reshape(len(self), self.arms.shape[1], -1)
         if self.generators is None:
             return np.asarray(parts * self.law.scaling[:, None])
