@@ -43,7 +43,9 @@ BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the di
 
 def coarsening(walls: Walls, order: int) -> float:
     """Factor on cells at walls for an order; sizes in the logarithmic layer are for order three."""
-    return 1.0 if walls.is_resolved or order > 2 else 0.75
+    if walls.is_resolved:
+        return 1.0 if order == 2 else 1.3
+    return 1.0 if order > 2 else 0.75
 
 
 def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
