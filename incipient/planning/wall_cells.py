@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 # Rows of a channel: the first over the distance of the wall; growth with the distance from it; the largest over the
 # depth, along the channel as well.
 FIRST_ROW, ROW_GROWTH, LARGEST_ROW, COLUMN = 4.0 / 3.0, 0.3, 0.08, 0.5
+# First row on coarse meshes over the distance of the wall, at most: where it was 6.5 or 10 (mesh_size 3 or 4) k of that
+# row in the viscous sublayer grew in each iteration, and the flow did not converge.
+LARGEST_FIRST = 3.5
 FEWEST_ROWS, FEWEST_COLUMNS, LAYERS = 6, 8, 2
 # Cells at other walls in the logarithmic layer, over the distance; in the viscous sublayer the first layer likewise,
 # and at a grain, where u* on its crest is twice that of the bed.
@@ -69,10 +72,14 @@ def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
     return Grid(extents_in_space, ends, names.of_box(half), half, parallel=True)
 
 
-def _rows(walls: Walls) -> tuple[float, float, float, float]:
+def _rows(walls: Walls, coarse: float) -> tuple[float, float, float, float]:
     largest = LARGEST_ROW * walls.depth
     bed = walls.names[0]
-    first = min((ON_ROUGH if walls.is_rough(bed) else FIRST_ROW) * walls.from_origin(bed), largest)
+    over = min(
+        ON_ROUGH if walls.is_rough(bed) else FIRST_ROW,
+        LARGEST_FIRST * ROW_GROWTH / math.expm1(ROW_GROWTH * coarse),
+    )
+    first = min(over * walls.from_origin(bed), largest)
     part = walls.depth - walls.nearest
     bend = min((largest - first) / ROW_GROWTH, part)
     to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
@@ -80,7 +87,7 @@ def _rows(walls: Walls) -> tuple[float, float, float, float]:
 
 
 def _row_ends(walls: Walls, height: float, coarse: float) -> Floats:
-    first, largest, to_bend, whole = _rows(walls)
+    first, largest, to_bend, whole = _rows(walls, coarse)
     number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
     counted = whole * np.arange(1, number + 1) / number
     near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
@@ -96,7 +103,7 @@ def coarsest(setup: Setup) -> float:
     walls = setup.walls
     if not walls.plane:
         return math.inf
-    rows = _rows(walls)[-1] / (FEWEST_ROWS // walls.number)
+    rows = _rows(walls, 1.0)[-1] / (FEWEST_ROWS // walls.number)
     columns = math.inf
     if walls.asked.inflow != "developed":  # else the flow does not change along them
         columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
