@@ -479,6 +479,22 @@ def test_any_order_and_size_of_cells_converges(order, mesh_size, within):
     assert 1.0 / found.shear_velocity == pytest.approx(mean, rel=within)
 
 
+@pytest.mark.parametrize(("order", "mesh_size"), [(2, 4.0), (3, 2.8)])
+def test_a_flow_past_a_grain_converges_on_coarse_cells(order, mesh_size):
+    """u* d/nu = 30, loads within 2% of those on cells of 0.7 of both orders.
+
+    Where first layers grew with all cells k in them grew without end from 3 nu/u* on.
+    """
+    mean = developed(120.0).mean
+    grain = {"body": Disc(diameter=1.0, x=0.0, density=2.65), "contact": Contact(friction=0.5)}
+    box = Domain(length=10.0, height=4.0, origin=(-4.0, 0.0))
+    numerics = Numerics(order=order, mesh_size=mesh_size, error_bars=False)
+    found = incipient.run(channel(120.0 * mean, domain=box, bed=Flat(), numerics=numerics, **grain))
+    assert found.turbulence.converged
+    print(order, mesh_size, found.force.flow, len(found.turbulence.iteration.changes))
+    assert found.force.flow[:2] == pytest.approx([0.5821, 0.3555], rel=0.02)
+
+
 def test_an_accuracy_is_reached_where_walls_are_resolved():
     result = incipient.run(channel(20000.0, numerics=Numerics(accuracy=0.02)))
     assert result.adaptation.met and result.turbulence.converged
