@@ -209,11 +209,11 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _free_of_contradictions(self, info: ValidationInfo) -> Scene:
-        problems = [*contradictions(self)]
+        problems = contradictions(self)
         if not problems and not (info.context or {}).get(UNPLACED):
             problems = misplaced(self)
         if problems:
-            raise refusal("Scene", problems, between=True)
+            raise refusal(*problems, between=True)
         return self
 
     @property
@@ -332,8 +332,7 @@ class Scene(Section):
     def bed_shape(self) -> Any:
         if self.bed is None:
             return None
-        build = self.bed.surface if self.gdim == 2 else self.bed.terrain
-        return build(self.domain.bottom)
+        return self.bed.shape(self.domain.bottom, (0.0,) * self.up)
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
@@ -347,11 +346,9 @@ class Scene(Section):
             return None
         # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
         corner, over = self.domain.origin, [body.x]
-        if self.gdim == 2:
-            bed: Any = self.bed.surface(0.0, corner[0])
-        else:
-            bed = self.bed.terrain(0.0, corner[:2])
+        if self.gdim == 3:
             over.append(self.domain.middle if body.aside is None else body.aside)
+        bed = self.bed.shape(0.0, corner[:-1])
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
             upright = (*[0.0] * (self.gdim - 1), -1.0)

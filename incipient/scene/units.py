@@ -183,4 +183,4 @@ def _get(section: Any, key: str) -> Any:
 
 
 def _refused(key: str, why: str, remedy: str) -> ValidationError:
-    return refusal("Scene", [problem(key, why, remedy)], between=True)
+    return refusal(problem(key, why, remedy), between=True)
