@@ -30,10 +30,6 @@ Settle = Annotated[
 ]
 
 
-def _weightless(s: Any) -> bool:
-    return s.density is None and s.mass is None
-
-
 class BodySection(Section):
     """A grain, in 2-D or in 3-D.
 
@@ -59,11 +55,6 @@ class BodySection(Section):
              'leave it out, or set motion = "{v[1]}"'),
         Rule("mass", lambda s: s.density is not None and s.mass is not None,
              "is given with density, from which it follows", "leave one of them out"),
-        Rule("density", lambda s: s.is_free and _weightless(s),
-             "a {s.motion} grain needs a mass and a moment of inertia, which may be zero",
-             "give density, or mass and inertia"),
-        Rule("inertia", lambda s: s.inertia is not None and _weightless(s),
-             "is given without a mass", "give density or mass as well, or leave it out"),
         Rule("x", lambda s: s.x is None and s.centre is None,
              "neither x nor centre is given", "give x to rest on the bed, or centre"),
         Rule("x", lambda s: s.x is not None and s.centre is not None, "both x and centre are given", "leave one out"),

@@ -10,8 +10,7 @@ import numpy as np
 
 from ..arrays import spatial
 from ..geometry.closest import clearance
-from .messages import Problem
-from .section import Rule, first_broken
+from .section import Rule
 from .symmetry import differences
 
 if TYPE_CHECKING:
@@ -27,11 +26,6 @@ _PLACES, _ALONG = (
     2001,
 )  # points across and, in 2-D, along which bed and free surface are checked
 CELLS_OF_A_FORM = 20  # at the least
-
-
-def misplaced(scene: Scene) -> list[Problem]:
-    """Problems of positions and extents, of the first broken rule."""
-    return first_broken(PLACES, scene)
 
 
 # -- domain ----------------------------------------------------------------------------------------

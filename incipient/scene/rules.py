@@ -160,6 +160,11 @@ _GIVE = "give body.x, body.density, [bed] and [contact], or a number for the acc
 _STEADY = "but without [time] the flow is steady"
 
 RULES: tuple[Rule, ...] = (
+    Rule("body.density", lambda s: _free(s) and s.mass is None,
+         "a {s.body.motion} grain needs a mass and a moment of inertia, which may be zero",
+         "give density, or mass and inertia"),
+    Rule("body.inertia", lambda s: s.body is not None and s.body.inertia is not None and s.mass is None,
+         "is given without a mass", "give density or mass as well, or leave it out"),
     # Dimension.
     *_of_dimension("body", "shape", '"sphere"'),
     *_of_dimension("bed", "kind", '"spheres"'),
