@@ -42,7 +42,7 @@ class BodySection(Section):
     gdims: ClassVar[tuple[int, ...]]
     shape_key: ClassVar[str] = "shape"
     made_of: ClassVar[tuple[Any, ...]]
-    rules = (
+    rules: ClassVar[tuple[Rule, ...]] = (
         Rule("course", lambda s: s.motion == "prescribed" and s.course is None,
              "is missing though the motion is prescribed", "add it, or set motion = \"fixed\""),
         Rule("x", lambda s: s.motion in ("free", "prescribed") and s.centre is None,

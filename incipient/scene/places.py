@@ -1,10 +1,8 @@
-"""Rules of sizes and positions of domain, bed, grain and surface, each checked if the earlier ones hold."""
-
-from __future__ import annotations
+"""Rules of a scene `s` on sizes and positions of domain, bed, grain and surface; each needs the earlier ones."""
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +10,6 @@ from ..arrays import spatial
 from ..geometry.closest import clearance
 from .section import Rule
 from .symmetry import differences
-
-if TYPE_CHECKING:
-    from .model import Scene
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
@@ -31,7 +26,7 @@ CELLS_OF_A_FORM = 20  # at the least
 # -- domain ----------------------------------------------------------------------------------------
 
 
-def _coarse(s: Scene) -> list[Any]:
+def _coarse(s: Any) -> list[Any]:
     finest = FINEST_PLACE if s.body is None or s.contact is None else s.contact.tolerance
     size = math.inf if s.body is None else s.grain.size
     sides = [
@@ -42,7 +37,7 @@ def _coarse(s: Scene) -> list[Any]:
     return [side for side in needed if 4.0 * side[1] > side[2]]
 
 
-def _vast(s: Scene) -> list[Any]:
+def _vast(s: Any) -> list[Any]:
     sizes = {"the grain": math.inf if s.body is None else s.grain.size}
     if s.gdim == 3 and s.bed is not None:
         sizes["a bedform"] = s.bed_shape.feature
@@ -54,7 +49,7 @@ def _vast(s: Scene) -> list[Any]:
 # -- bed -------------------------------------------------------------------------------------------
 
 
-def _forms(s: Scene) -> Any:
+def _forms(s: Any) -> Any:
     """Number of bedforms to be meshed, in 3-D of those below the grain, if too many."""
     forms, where = s.bed.forms(s.domain.length), "on the domain's length"
     if s.gdim == 3:
@@ -65,7 +60,7 @@ def _forms(s: Scene) -> Any:
     return forms * CELLS_OF_A_FORM > s.numerics.max_cells and (forms, where)
 
 
-def _short(s: Scene) -> list[Any]:
+def _short(s: Any) -> list[Any]:
     reaches, slack = s.bed_shape.extent if s.gdim == 3 else (), _SAME
     if s.bed.kind == "polyline":
         reaches, slack = ((s.bed.points[0][0], s.bed.points[-1][0]),), 0.0
@@ -77,25 +72,25 @@ def _short(s: Scene) -> list[Any]:
     ]
 
 
-def _steps_at_ends(s: Scene) -> list[float]:
+def _steps_at_ends(s: Any) -> list[float]:
     points = s.bed.points if s.bed.kind == "polyline" else ()
     steps = [after for (before, _), (after, _) in pairwise(points) if before == after]
     ends = s.domain.spans[0]
     return [x for x in steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
 
 
-def _heights(s: Scene) -> tuple[float, float]:
+def _heights(s: Any) -> tuple[float, float]:
     """The bed's lowest and highest height."""
     domain, bed = s.domain, s.bed_shape
     if s.gdim == 3:
         heights, spans = bed.height(domain.grid(_PLACES, _PLACES)), domain.spans
     else:
-        x, spans = np.linspace(domain.left, domain.right, _ALONG), domain.spans[0]
-        heights = bed.height(np.concatenate([x, bed.corners(*spans)]))
+        (spans,) = domain.spans
+        heights = bed.height(np.concatenate([domain.grid(_ALONG)[:, 0], bed.corners(*spans)]))
     return float(heights.min()), max(float(heights.max()), bed.crest_level(*spans))
 
 
-def _datum(s: Scene) -> Any:
+def _datum(s: Any) -> Any:
     """Range of the bed's heights above its base, if it excludes the datum: a layer of fluid would be at rest."""
     level = getattr(s.flow, "datum", "auto")
     if s.bed is None or isinstance(level, str):
@@ -108,11 +103,11 @@ def _datum(s: Scene) -> Any:
 # -- surface ---------------------------------------------------------------------------------------
 
 
-def _stations(s: Scene) -> list[Any]:
+def _stations(s: Any) -> list[Any]:
     return [*enumerate(s.surface.places())] if s.has_surface and s.surface else []
 
 
-def _outside(s: Scene) -> list[Any]:
+def _outside(s: Any) -> list[Any]:
     return [
         (number, axis, value, low, high)
         for number, place in _stations(s)
@@ -121,7 +116,7 @@ def _outside(s: Scene) -> list[Any]:
     ]
 
 
-def _low_surface(s: Scene) -> Any:
+def _low_surface(s: Any) -> Any:
     if not s.has_surface or s.surface is None:
         return False
     across = s.domain.grid(*[_PLACES] * len(s.domain.spans))
@@ -136,7 +131,7 @@ def _low_surface(s: Scene) -> Any:
 # -- grain -----------------------------------------------------------------------------------------
 
 
-def _away(s: Scene) -> list[Any]:
+def _away(s: Any) -> list[Any]:
     if s.body is None:
         return []
     centre = (s.body.x, s.body.aside) if s.body.centre is None else s.body.centre
@@ -148,7 +143,7 @@ def _away(s: Scene) -> list[Any]:
     ]
 
 
-def _sides(s: Scene) -> list[Any]:
+def _sides(s: Any) -> list[Any]:
     """Axis, extreme coordinate of the grain, side, its place, and the distance between them."""
     if (placement := s.placement) is None:
         return []
@@ -157,23 +152,22 @@ def _sides(s: Scene) -> list[Any]:
     else:
         axes = np.vstack([np.eye(3), -np.eye(3)]) @ placement.rotation
         points = placement.to_scene([s.grain.extreme(axis) for axis in axes])
-    low, high = points.min(axis=0), points.max(axis=0)
-    sides = [(0, "left side", s.domain.left), (0, "right side", s.domain.right)]
-    if s.gdim == 3 and s.body.shape != "cylinder":
-        near, far = s.domain.across
-        sides += [(1, "side at least y", near), (1, "side at largest y", far)]
-    sides += [(s.up, "lower side", s.domain.bottom)] * (s.bed is None) + [
-        (s.up, "top", s.domain.ceiling)
-    ]
-    lower = ("left side", "side at least y", "lower side")
-    return [
-        ("xyz"[k], low[k], name, place, low[k] - place) if name in lower
-        else ("xyz"[k], high[k], name, place, place - high[k])
-        for k, name, place in sides
-    ]  # fmt: skip
+    extent = zip(points.min(axis=0), points.max(axis=0), strict=True)
+    across = [("side at least y", "side at largest y")] * (s.gdim - 2)
+    names = [("left side", "right side"), *across, ("lower side", "top")]
+    box = (*s.domain.spans, (s.domain.bottom, s.domain.ceiling))
+    sides = []
+    for axis, (low, high), (start, end), (first, last) in zip(
+        "xyz", extent, box, names, strict=False
+    ):
+        sides += [(axis, low, first, start, low - start), (axis, high, last, end, end - high)]
+    passed = ["lower side"] * (s.bed is not None) + [*sum(across, ())] * (
+        s.body.shape == "cylinder"
+    )
+    return [side for side in sides if side[2] not in passed]
 
 
-def _into_bed(s: Scene) -> Any:
+def _into_bed(s: Any) -> Any:
     """Why the grain and the bed overlap or touch, and the remedy."""
     if s.bed is None or (placement := s.placement) is None:
         return False
@@ -189,7 +183,7 @@ def _into_bed(s: Scene) -> Any:
     return held and ("the grain touches the bed above which centre holds it", remedy)
 
 
-def _not_across(s: Scene) -> Any:
+def _not_across(s: Any) -> Any:
     if s.body is None or s.body.shape != "cylinder":
         return False
     low, high = (s.body.centre[1] + end * s.body.length for end in (-0.5, 0.5))

@@ -123,10 +123,11 @@ def _needs_verdict(s: Any) -> bool:
 
 def _when(condition: Condition, *rules: Rule) -> tuple[Rule, ...]:
     """Rules of scenes with this property."""
-    return tuple(
-        replace(rule, broken=lambda s, broken=rule.broken: condition(s) and broken(s))
-        for rule in rules
-    )
+
+    def within(rule: Rule) -> Rule:
+        return replace(rule, broken=lambda s: condition(s) and rule.broken(s))
+
+    return tuple(map(within, rules))
 
 
 def _unread(key: str, is_read: Condition, why: str, remedy: str = "leave it out") -> Rule:

@@ -219,7 +219,8 @@ def ordered_keys(section: type[BaseModel]) -> list[str]:
 
 def unit_of(model: type[BaseModel], key: str) -> str:
     """Unit of a key such as ``body.density``, "-" for a pure number, "" without one."""
-    models, described = (model,), [""]
+    models: tuple[type[BaseModel], ...] = (model,)
+    described = [""]
     for part in key.split("."):
         fields = [model.model_fields[part] for model in models if part in model.model_fields]
         described = [field.description or "" for field in fields]

@@ -50,7 +50,7 @@ class SolidSection(BodySection):
 
     gdim: ClassVar[int] = 3
     gdims: ClassVar[tuple[int, ...]] = (3,)
-    rules = (
+    rules: ClassVar[tuple[Rule, ...]] = (
         Rule("y", lambda s: s.y is not None and s.x is None, "goes with x, but centre is given", "leave it out"),
         *BodySection.rules,
     )  # fmt: skip

@@ -30,7 +30,7 @@ class TerrainSection(BedSection):
         "Angle by which the bed falls in the direction of the flow [degrees]", 0.0, gt=-90, lt=90
     )
 
-    rules = (
+    rules: ClassVar[tuple[Rule, ...]] = (
         Rule("{s.shape_key}", lambda s: s.shape(0.0, (0.0, 0.0)) is None),  # which its geometry may refuse
     )  # fmt: skip
 
