@@ -17,12 +17,10 @@ from ..survey.orientations import Poses, survey_poses
 from ..survey.procedure import load_request
 from ..survey.procedure import survey as find
 from .drawing import draw_and_tell
-from .options import refuse_old_workers
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
     """Survey a bed, or a grain in many poses; print and draw the result."""
-    refuse_old_workers(options)
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)
         if value is not None and value < least:

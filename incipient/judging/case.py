@@ -98,16 +98,15 @@ class CaseLoad(Section):
     about: Vector | None = key("reference point of flow_couple; default: the centre of mass", None)
 
 
-def _as_many(name: str) -> Rule:
-    return Rule(name, lambda s: getattr(s, name) is not None and len(getattr(s, name)) != len(s.points),
-                lambda s: f"{len(getattr(s, name))} given for {counted(len(s.points), 'point')}",
-                "give one for each point")  # fmt: skip
-
-
 class CaseContacts(Section):
     """Contacts of the grain and the bed."""
 
-    rules = tuple(map(_as_many, ("normals", "areas")))
+    rules = (
+        Rule("{v[0]}", lambda s: [
+                (name, len(items), counted(len(s.points), "point")) for name in ("normals", "areas")
+                if (items := getattr(s, name)) is not None and len(items) != len(s.points)],
+             "{v[1]} given for {v[2]}", "give one for each point"),
+    )  # fmt: skip
 
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
@@ -155,7 +154,7 @@ class Case(Section):
     def _consistent(self) -> Case:
         for check in (_centre_and_shape, _dimension, _outward, _on_surface):
             if problem := next(check(self), None):
-                raise refusal("Case", [problem], between=True)
+                raise refusal(problem, between=True)
         return self
 
     @property

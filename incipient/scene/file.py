@@ -97,11 +97,6 @@ def schema() -> dict[str, Any]:
     """JSON schema of scene files (draft 7, as TOML editors require)."""
     document = Scene.model_json_schema(ref_template="#/definitions/{model}")
     document["definitions"] = document.pop("$defs")
-    for section, key in (
-        ("Fluid", "reynolds"),
-        ("Gravity", "acceleration"),
-    ):  # which may follow from [units]
-        document["definitions"][section]["required"].remove(key)
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         **_for_editors(document),

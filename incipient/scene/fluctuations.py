@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from .messages import either
-from .points import FromFile, file_key, read_points
-from .section import SMALLEST, Pair, Positive, Rule, allowed, is_number, key, rises
+from .points import FromFile, file_key
+from .section import SMALLEST, Pairs, Positive, Rule, allowed, is_number, key, rises
 
-FEWEST, FEWEST_EVENTS = 100, 20  # points of a measured series; gusts that were counted
-GIVEN = ("measured", "events")  # laws of data
+# Laws of data, and the least number of points of a series, and of gusts that were counted.
+FEWEST = {"measured": 100, "events": 20}
+GIVEN = (*FEWEST,)
 NEAR_WALL, MODEL = "near-wall", "model"
 ENDLESS = (
     "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
@@ -34,17 +34,9 @@ Intensity = Annotated[Positive | Literal["near-wall", "model"] | None, _size(NEA
 ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
 
 
-def _of_data(s: Any) -> str | None:
+def _of_data(s: Any) -> list[str]:
     keys = ("intensity", "microscale", *(("integral_time",) if s.law == "events" else ()))
-    return next((key for key in keys if s.law in GIVEN and getattr(s, key) is not None), None)
-
-
-def _fewest(s: Any) -> int:
-    return {"measured": FEWEST, "events": FEWEST_EVENTS}.get(s.law, 0)
-
-
-def _lasted(s: Any) -> float:
-    return math.fsum(duration for _, duration in s.points) if s.law == "events" else 0.0
+    return [key for key in keys if s.law in GIVEN and getattr(s, key) is not None][:1]
 
 
 def _flat(s: Any) -> bool:
@@ -62,28 +54,30 @@ def _too_short(s: Any) -> bool:
 class Gusts(FromFile):
     """Random factor with mean 1 on the velocity at the grain."""
 
+    fewest = 1
     rules = (
-        Rule("points", lambda s: s.law not in GIVEN and (s.points or s.file),
+        Rule("points", lambda s: s.law not in GIVEN and s.points,
              'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
         Rule("intensity", lambda s: s.law not in GIVEN and s.intensity is None,
              "is missing", 'give a number, "near-wall" or "model"'),
-        Rule(lambda s: str(_of_data(s)), _of_data, 'follows from the data with law = "{s.law}"', "leave it out"),
+        Rule("{v}", _of_data, 'follows from the data with law = "{s.law}"', "leave it out"),
         Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
              "follows from the series with a measured law", "leave it out"),
-        Rule("points", lambda s: len(s.points) < _fewest(s),
-             lambda s: f"are {len(s.points)}", lambda s: f"give {_fewest(s)} or more"),
+        Rule("points", lambda s: s.law in GIVEN and len(s.points) < FEWEST[s.law] and (len(s.points), FEWEST[s.law]),
+             "are {v[0]}", "give {v[1]} or more"),
         Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
              "have a strength or duration that is not above zero", "leave it out"),
-        Rule("record", lambda s: s.record is not None and _lasted(s) > s.record,
-             lambda s: f"is {s.record:g}, less than the total duration of the events, {_lasted(s):g}",
-             "enlarge it, or merge events that overlap"),
-        Rule("points", lambda s: s.law == "measured" and not rises(s.points),
-             "their times do not increase", "sort them by time, each once"),
-        Rule("points", _flat, "have no mean above zero, or no fluctuation", "give velocities downstream"),
         Rule("record", lambda s: s.law == "events" and s.record is None,
              "is missing: the duration in which the events were counted", "give it"),
         Rule("record", lambda s: s.law != "events" and s.record is not None,
              'is read only with law = "events"', "leave it out"),
+        Rule("record",
+             lambda s: s.record is not None and (total := math.fsum(d for _, d in s.points)) > s.record and total,
+             "is {s.record:g}, less than the total duration of the events, {v:g}",
+             "enlarge it, or merge events that overlap"),
+        Rule("points", lambda s: s.law == "measured" and not rises(s.points),
+             "their times do not increase", "sort them by time, each once"),
+        Rule("points", _flat, "have no mean above zero, or no fluctuation", "give velocities downstream"),
         Rule("depth", lambda s: s.depth is not None and s.intensity != NEAR_WALL,
              'is read only with intensity = "near-wall"', "leave it out"),
         Rule("integral_time", lambda s: s.law not in GIVEN and s.integral_time is not None and s.microscale is None,
@@ -126,7 +120,7 @@ class Gusts(FromFile):
     file: str | None = file_key(
         "CSV file of time, velocity, or of strength, duration,", "points", "velocity.csv"
     )
-    points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
+    points: Pairs = key(
         'With law = "measured": time and velocity at the grain, in any unit [time, -]; with "events": velocity over '
         "its mean, and duration of the gust [-, time]",
         (),
@@ -135,7 +129,3 @@ class Gusts(FromFile):
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
         return data.get("law") in GIVEN
-
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        return {"points": read_points(path, 1, "Gusts")}

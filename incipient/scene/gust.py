@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
 
-from .points import FromFile, file_key, read_points
-from .section import NotNegative, Pair, Positive, Rule, key, rises
+from .points import FromFile, file_key
+from .section import NotNegative, Pairs, Positive, Rule, key, rises
 
 RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 
@@ -44,17 +42,13 @@ class Gust(FromFile):
         examples=[0.1],
     )
     file: str | None = file_key("CSV file of time, factor,", "points", "gust.csv")
-    points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
+    points: Pairs = key(
         'With shape = "points": time after the start and factor, linear in between [time, -]', ()
     )
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:
         return data.get("shape") == "points"
-
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        return {"points": read_points(path, 2, "Gust")}
 
     @property
     def rising(self) -> float:

@@ -6,11 +6,11 @@ Lengths and velocities are in scene units, the fluid's density is 1, its viscosi
 from __future__ import annotations
 
 import math
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import SceneError
 from ..geometry.closest import rest
@@ -20,23 +20,22 @@ from .flows import Flow, FlowSection
 from .fluctuations import Gusts
 from .grains import FRICTIONLESS, LEVEL
 from .mass import mass, mean_density
-from .messages import discriminator, refusal, tag, variants
+from .messages import Problem, discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
-from .places import misplaced
+from .places import PLACES
 from .rules import contradictions
-from .section import Choice, NotNegative, Positive, Rule, Section, key
+from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
 from .settling import rested
 from .shapes import PlaneBed, PlaneBody
 from .solids import SolidBody
 from .surface import FREE, Surface
 from .terrains import TerrainBed
 from .turbulence import Turbulence
-from .units import Scales, Units, scales_of, with_units
+from .units import OF_UNITS, WITHOUT_UNITS, Scales, Units, derived, scales_of
 
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
 
-UNPLACED = "unplaced"  # of validation: the position of the grain is checked later
 _DEFAULT_GAP = 0.01
 # Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
@@ -46,7 +45,7 @@ _DEFAULT_TOLERANCE = 1e-6
 class Fluid(Section):
     """The fluid, of density 1."""
 
-    reynolds: Positive = key("Reynolds number V L / nu; V is the flow's velocity [-]")
+    reynolds: Positive = key("Reynolds number V L / nu; V is the flow's velocity [-]", None)
     scale: Literal["grain", "flow"] = key(
         "L is the largest diameter of the grain, or the height of the domain"
     )
@@ -56,7 +55,7 @@ class Fluid(Section):
 class Gravity(Section):
     """Gravity, downwards; turned by the slope of an inclined bed."""
 
-    acceleration: NotNegative = key("Gravitational acceleration [length/time^2]")
+    acceleration: NotNegative = key("Gravitational acceleration [length/time^2]", None)
 
 
 class Contact(Section):
@@ -198,27 +197,20 @@ class Scene(Section):
     numerics: Numerics = key("How the equations are solved", Numerics())
     output: Output = key("Additional output", Output())
 
-    @model_validator(mode="before")
-    @classmethod
-    def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or data.get("units") is None:
-            return data
-        # Grains settle once: where the whole scene is validated, not where it is without its units.
-        unplaced = {**(info.context or {}), UNPLACED: True}
-        return with_units(data, partial(cls.model_validate, context=unplaced))
-
     @model_validator(mode="after")
-    def _free_of_contradictions(self, info: ValidationInfo) -> Scene:
-        problems = [*contradictions(self)]
-        if not problems and not (info.context or {}).get(UNPLACED):
-            problems = misplaced(self)
-        if problems:
-            raise refusal("Scene", problems, between=True)
+    def _consistent(self) -> Scene:
+        _require(first_broken(OF_UNITS if self.units else WITHOUT_UNITS, self))
+        if self.units is not None:
+            for (section, name), value in derived(self).items():
+                part = getattr(self, section) or Gravity()
+                self.__dict__[section] = part.model_copy(update={name: value})
+        _require(contradictions(self))
+        _require(first_broken(PLACES, self))
         return self
 
     @property
     def scales(self) -> Scales | None:
-        return None if self.units is None else scales_of(self, self.units)
+        return None if self.units is None else scales_of(self)
 
     @property
     def gdim(self) -> int:
@@ -332,8 +324,7 @@ class Scene(Section):
     def bed_shape(self) -> Any:
         if self.bed is None:
             return None
-        build = self.bed.surface if self.gdim == 2 else self.bed.terrain
-        return build(self.domain.bottom)
+        return self.bed.shape(self.domain.bottom, (0.0,) * self.up)
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
@@ -347,11 +338,9 @@ class Scene(Section):
             return None
         # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
         corner, over = self.domain.origin, [body.x]
-        if self.gdim == 2:
-            bed: Any = self.bed.surface(0.0, corner[0])
-        else:
-            bed = self.bed.terrain(0.0, corner[:2])
+        if self.gdim == 3:
             over.append(self.domain.middle if body.aside is None else body.aside)
+        bed = self.bed.shape(0.0, corner[:-1])
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
             upright = (*[0.0] * (self.gdim - 1), -1.0)
@@ -410,6 +399,11 @@ class Scene(Section):
     def _of_grain_size(self, fraction: float) -> float:
         grain = self.grain
         return 0.0 if grain is None else fraction * grain.size
+
+
+def _require(problems: list[Problem]) -> None:
+    if problems:
+        raise refusal(*problems, between=True)
 
 
 def register(section: type[Section]) -> None:

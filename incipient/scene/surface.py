@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,10 +10,10 @@ from pydantic import Field
 
 from .domain import Domain
 from .expression import Expression
-from .points import FromFile, file_key, read_points
-from .section import NotNegative, Pair, Positive, Rule, Section, formula, key, rises
+from .points import FromFile, file_key
+from .section import NotNegative, Pair, Pairs, Positive, Rule, Section, formula, key, rises
 
-Station = float | Annotated[tuple[float, float], Field(strict=False)]
+Station = float | Pair
 FREE = "free-surface"
 
 
@@ -42,7 +41,7 @@ class Surface(FromFile):
         "Formula in x, in 3-D also y: height above the still level [length]", "0"
     )
     file: str | None = file_key("CSV file of x, elevation", "points", "elevation.csv")
-    points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
+    points: Pairs = key(
         "In 2-D, instead of the formula: x and elevation, linear in between [length]", ()
     )
     stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
@@ -72,9 +71,10 @@ class Surface(FromFile):
     def is_needed(cls, data: dict[str, Any]) -> bool:
         return False
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        return {"points": read_points(path, 2, "Surface")}
+    @property
+    def given(self) -> str:
+        """The key of the elevation."""
+        return "points" if self.points else "elevation"
 
     def height(self, x: np.ndarray) -> np.ndarray:
         if self.points:

@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import SceneError
 from .domain import Domain
 from .expression import Expression, expressions, of_time
 from .flows import ExpressionFlow
-from .messages import Problem, split
 from .surface import Surface
 
 if TYPE_CHECKING:
@@ -27,16 +25,6 @@ FEW = 200  # points at which a grain is compared first
 PLACES = 41  # points in each direction at which bed and flow are compared
 MIRRORED = np.array([1.0, -1.0, 1.0])
 UNCHANGED = np.ones(1)
-
-
-def contradictory(reasons: Iterator[str]) -> Iterator[Problem]:
-    """Problems of a scene declared symmetric."""
-    key = ("domain", "symmetric")
-    try:
-        for why in reasons:
-            yield Problem(key, f"is true, but {why}", "make the scene symmetric, or give false")
-    except SceneError as error:  # of a formula without a value
-        yield Problem(key, *split(str(error)))
 
 
 def differences(scene: Scene) -> Iterator[str]:

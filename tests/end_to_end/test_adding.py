@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -123,10 +123,10 @@ class Sawtooth(BedSection):
         """Teeth."""
         return length / self.tooth
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        x = 0.5 * self.tooth * np.arange(-8, 9) - origin_x
-        return geometry.Polyline(np.column_stack([x, self.height * (np.arange(17) % 2)]), origin_y)
+    def shape(self, base: float, corner: Sequence[float]) -> geometry.Bed:
+        """The bed's shape above its base line, abscissae counted from a corner."""
+        x = 0.5 * self.tooth * np.arange(-8, 9) - corner[0]
+        return geometry.Polyline(np.column_stack([x, self.height * (np.arange(17) % 2)]), base)
 
 
 # -- the flows: one of a profile, with a key and its rule, and one whose profile changes in time -----
