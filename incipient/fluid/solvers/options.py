@@ -45,18 +45,20 @@ def algebraic(prefix: str = "") -> dict[str, Any]:
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
-def preconditioner(matrix: Any, prefix: str, chosen: Mapping[str, Any], **more: Any) -> Any:
+def preconditioner(
+    matrix: Any, prefix: str, chosen: Mapping[str, Any], interpolation: Any = None
+) -> Any:
     """Set up PETSc's preconditioner of a matrix with default options. Collective.
 
-    `more`: `interpolation` from the coarse unknowns for two-level multigrid.
+    `interpolation`: from the coarse unknowns, for two-level multigrid.
     """
     pc = PETSc.PC().create(matrix.comm)
     pc.setOptionsPrefix(prefix)
     pc.setOperators(matrix)
-    if "interpolation" in more:
+    if interpolation is not None:
         pc.setType("mg")
         pc.setMGLevels(2)
-        pc.setMGInterpolation(1, more["interpolation"])
+        pc.setMGInterpolation(1, interpolation)
     with defaults(prefix, chosen):
         pc.setFromOptions()
         pc.setUp()
