@@ -169,8 +169,7 @@ class Fluid(Holder, FlowEquations):
         self._direction.x.array[:] = boundary
         self._vector.setArray(self.assembled(action) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
-        solve = self.solver.solve_transposed if transposed else self.solver.solve
-        solve(self._vector, self._correction, rtol)
+        self.solver.solve(self._vector, self._correction, rtol, transposed=transposed)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
 

@@ -103,7 +103,7 @@ def test_solves_the_matrix_as_it_is_now_to_the_tolerance(transposed: bool, renew
         refill(solver.matrix, A)
     right, x = solver.matrix.createVecLeft(), solver.matrix.createVecRight()
     right.setArray(b)
-    (solver.solve_transposed if transposed else solver.solve)(right, x, rtol=1e-11)
+    solver.solve(right, x, rtol=1e-11, transposed=transposed)
     left = b - (A.T if transposed else A) @ x.array
     assert np.linalg.norm(left) <= 1e-11 * np.linalg.norm(b)
     assert solver.statistics.factorisations == 1
@@ -168,9 +168,7 @@ def test_not_a_number_is_an_error() -> None:
 def test_an_iteration_that_does_not_converge_says_so() -> None:
     """A residual of zero is out of reach of new factors, and GMRES is allowed no iterations."""
     solver = Direct(sparse(random_entries(1)), patience=0)
-    with pytest.raises(
-        UnsolvedError, match="was not solved in 0 iterations with a new factorisation"
-    ):
+    with pytest.raises(UnsolvedError, match="was not solved in 0 iterations"):
         solved(solver, np.ones(ROWS), rtol=0.0)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
+FLUID = "fluid_"  # prefix of the whole system
 # Chebyshev, Jacobi and incomplete LU without fill do not smooth convection.
 RELAXATION = {
     "mg_levels_ksp_type": "richardson",
@@ -43,6 +44,22 @@ def algebraic(prefix: str = "") -> dict[str, Any]:
     """Options of algebraic multigrid: BoomerAMG, or GAMG without hypre."""
     chosen = BOOMERAMG if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
     return {f"{prefix}{name}": value for name, value in chosen.items()}
+
+
+def krylov(matrix: Any, chosen: Mapping[str, Any], context: Any = None) -> Any:
+    """Make PETSc's solver of the whole system with default options. Collective.
+
+    `context`: of a preconditioner in Python.
+    """
+    solver = PETSc.KSP().create(matrix.comm)
+    solver.setOptionsPrefix(FLUID)
+    solver.setOperators(matrix)
+    if context is not None:
+        solver.getPC().setType("python")
+        solver.getPC().setPythonContext(context)
+    with defaults(FLUID, chosen):
+        solver.setFromOptions()
+    return solver
 
 
 def preconditioner(
