@@ -15,7 +15,7 @@ from incipient.accuracy.dual import GoalErrors
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError
 from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
-from incipient.fluid.flow import build_fluid, enriched
+from incipient.fluid.flow import enriched
 from incipient.fluid.solvers import TwoLevel, two_level
 
 CENTRE = (0.6, 0.5, 0.5)
@@ -73,7 +73,7 @@ def test_flow_of_higher_order_is_that_of_the_direct_solver() -> None:
     conditions = [Prescribed("outer", stream), no_slip("body")]
     domain, model = ball_in_box(0.6), FlowModel(inertia=False, order=3, solver="two-level")
     with (
-        build_fluid(domain, model, conditions, REYNOLDS) as fluid,
+        Fluid(domain, model, conditions, REYNOLDS) as fluid,
         Fluid(domain, replace(model, solver="direct"), conditions, REYNOLDS) as direct,
     ):
         assert isinstance(fluid.solver, TwoLevel) and fluid.coarse is not None
