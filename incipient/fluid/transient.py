@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -209,7 +209,9 @@ class Transient:
             report = self._attempt(length)
             error = self._error(length) if report.converged else None
             good = report.converged and not self._too_large(error)
-            allowed = self._allowed(length, good)
+            allowed = 0.5 * length
+            if good:
+                allowed = length if self.interface is None else self.interface.allowed(length)
             if allowed >= length:
                 allowance, self.last_error = self._tolerance(), self._credible(error)
                 self.number += 1
@@ -223,23 +225,15 @@ class Transient:
                 break
             length = allowed
         why = "" if self.interface is None else self.interface.complaint()
+        implicit = self.fluid.model.convection == "implicit"
+        linear = ', numerics.convection = "extrapolated"' if implicit else ""
+        remedy = (
+            f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
+        )
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (why or report.failure or self._remedy())
+            + (why or report.failure or remedy)
         )
-
-    def _remedy(self) -> str:
-        linear = (
-            ', numerics.convection = "extrapolated"'
-            if self.fluid.model.convection == "implicit"
-            else ""
-        )
-        return f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
-
-    def _allowed(self, length: float, good: bool) -> float:
-        if not good:
-            return 0.5 * length
-        return length if self.interface is None else self.interface.allowed(length)
 
     def _remember(self) -> None:
         velocities = np.empty(0) if self.interface is None else self.interface.velocities()
@@ -303,21 +297,23 @@ class Transient:
 
     def _error(self, length: float) -> float | None:
         second = self._is_second
-        needed = 3 if second else 2
-        if len(self._past) < needed:
+        past = self._past[: 3 if second else 2]
+        if len(past) < (3 if second else 2):
             return None
-        past = self._past[:needed]
-        times = [self.fluid.time, *(p.time for p in past)]
-        # a0 times the leading truncation error: v_tt/2 dt, and v_ttt/6 dt (dt + previous dt).
-        a0 = backward_difference(2 if second else 1, length, length / (times[1] - times[2]))[0][0]
-        factor = np.prod([times[0] - t for t in times[1:-1]]) / a0
-        states = [self.fluid.state.x.array, *(p.state for p in past)]
-        error = self._relative(factor * _divided_difference(times, states))
+        now, times = self.fluid.time, [p.time for p in past]
+        # The leading truncation error, v_tt/2 dt or v_ttt/6 dt (dt + previous dt), over a0.
+        a0 = backward_difference(2 if second else 1, length, length / (times[0] - times[1]))[0][0]
+        factor = 1 / (a0 * (now - times[-1]))
+
+        def missed(values: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
+            return factor * (values - extrapolated(times, known, now))
+
+        error = self._relative(missed(self.fluid.state.x.array, [p.state for p in past]))
         if self.interface is None:
             return error
-        velocities = [self.interface.velocities(), *(p.velocities for p in past)]
-        change = float(np.linalg.norm(factor * _divided_difference(times, velocities)))
-        size = max(float(np.linalg.norm(velocities[0])), self.fluid.speed())
+        velocities = self.interface.velocities()
+        change = float(np.linalg.norm(missed(velocities, [p.velocities for p in past])))
+        size = max(float(np.linalg.norm(velocities)), self.fluid.speed())
         return max(error, change / size if size else 0.0)
 
     def _credible(self, error: float | None) -> float | None:
@@ -360,11 +356,3 @@ def _landing(left: float, step: float) -> float:
     if left <= step * (1 + 1e-9):
         return left
     return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step
-
-
-def _divided_difference(times: list[float], states: list[Any]) -> Any:
-    if len(states) == 1:
-        return states[0]
-    newer = _divided_difference(times[:-1], states[:-1])
-    older = _divided_difference(times[1:], states[1:])
-    return (newer - older) / (times[0] - times[-1])

@@ -29,7 +29,7 @@ from incipient.fluid import (
     solve_steady,
 )
 from incipient.fluid.constraints import Constraints
-from incipient.fluid.flow import build_fluid, enriched
+from incipient.fluid.flow import enriched
 from incipient.fluid.projection import Projection
 from incipient.fluid.solvers import Direct, LinearSolver, TwoLevel, direct, two_level
 from incipient.fluid.space import boundary_blocks, taylor_hood
@@ -123,7 +123,7 @@ def test_solves_the_matrix_as_it_is_now_to_the_tolerance(transposed: bool, renew
         refill(solver.matrix, A)
     right, x = solver.matrix.createVecLeft(), solver.matrix.createVecRight()
     right.setArray(b)
-    (solver.solve_transposed if transposed else solver.solve)(right, x, rtol=1e-11)
+    solver.solve(right, x, rtol=1e-11, transposed=transposed)
     left = b - (A.T if transposed else A) @ x.array
     assert np.linalg.norm(left) <= 1e-11 * np.linalg.norm(b)
     assert solver.statistics.factorisations == 1
@@ -188,9 +188,7 @@ def test_not_a_number_is_an_error() -> None:
 def test_an_iteration_that_does_not_converge_says_so() -> None:
     """A residual of zero is out of reach of new factors, and GMRES is allowed no iterations."""
     solver = Direct(sparse(random_entries(1)), patience=0)
-    with pytest.raises(
-        UnsolvedError, match="was not solved in 0 iterations with a new factorisation"
-    ):
+    with pytest.raises(UnsolvedError, match="was not solved in 0 iterations"):
         solved(solver, np.ones(ROWS), rtol=0.0)
 
 
@@ -586,7 +584,7 @@ def test_flow_of_higher_order_is_that_of_the_direct_solver() -> None:
     conditions = [Prescribed("outer", stream), no_slip("body")]
     domain, model = ball_in_box(0.6), FlowModel(inertia=False, order=3, solver="two-level")
     with (
-        build_fluid(domain, model, conditions, REYNOLDS) as fluid,
+        Fluid(domain, model, conditions, REYNOLDS) as fluid,
         Fluid(domain, replace(model, solver="direct"), conditions, REYNOLDS) as direct,
     ):
         assert isinstance(fluid.solver, TwoLevel) and fluid.coarse is not None
