@@ -29,14 +29,13 @@ from incipient.geometry.closest import touching
 from incipient.geometry.space.remeshing import Draft, ExactSurface, Topology, remeshed, summed
 from incipient.geometry.space.surfaces import (
     Surface,
-    Triangles,
     box,
     grid,
-    nearest_on_triangles,
     require_closed,
     sphere,
     vector_areas,
 )
+from incipient.geometry.triangles import Triangles, nearest_on_triangles
 from incipient.meshes.surfaces import on_level
 
 
