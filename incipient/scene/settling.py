@@ -6,7 +6,6 @@ from typing import Any
 
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.grains import Polygon
 from ..geometry.settle import settle
 
 DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees
@@ -28,11 +27,6 @@ def rested(
     """
     hold = DEFAULT_FRICTION if friction is None else friction
     start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))
-    smoothed = grain.smoothed if isinstance(grain, Polygon) else None
-    if smoothed is not None:
-        # A grain with many short sides would roll over them one by one: it first rolls on a smooth outline.
-        coarse = settle(smoothed, bed, start, down, hold, reach / grain.size)
-        start = coarse.placement if coarse.stable else start
     settled = settle(grain, bed, start, down, hold, reach / grain.size)
     if not settled.stable:
         turn = "angle" if above.gdim == 2 else "y or orientation"
