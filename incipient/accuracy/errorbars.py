@@ -49,9 +49,11 @@ def error_bars(
     torque: Torques | None,
     solve: Solve,
     improve: Solve | None = None,
+    scene: Scene | None = None,
 ) -> ErrorBars:
     """Error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
-    return with_safety(error_terms(run, force, torque, solve, improve=improve), run, force, torque)
+    terms = error_terms(run, force, torque, solve, improve=improve, scene=scene)
+    return with_safety(terms, run, force, torque)
 
 
 def error_terms(
@@ -61,6 +63,7 @@ def error_terms(
     solve: Solve,
     speed: float = 1.0,
     improve: Solve | None = None,
+    scene: Scene | None = None,
 ) -> ErrorBars:
     """Error bars without the safety factor. Collective.
 
@@ -70,11 +73,13 @@ def error_terms(
         solve: computes the loads of a coarse scene.
         speed: of the steady flow over the scene's.
         improve: computes loads on coarser cells less their estimated errors; None: discretisation is not corrected.
+        scene: of the coarse runs, on finer cells than the run's; None: the run's.
     """
-    scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
+    scene, known, failed = scene or run.scene, run.accounts.known, dict[str, str]()
     computed, left_out = loads_of_run(run, force, torque), not_there(scene)
-    if scene.is_averaged and scene.time is None and is_coarse(scene):
-        known.loads[coarse(scene).model_dump_json()] = computed
+    computed = replace(computed, moved=scene is not run.scene)  # coarse cells
+    if scene.is_averaged and scene.time is None and is_coarse(run.scene):
+        known.loads[coarse(run.scene).model_dump_json()] = computed
     estimates = _of_run(run, speed, improve) | of_the_model(scene, speed)
     if computed.separated is not None and scene.has_separation and not len(computed.separated):
         left_out["separation"] = "none along the bed"

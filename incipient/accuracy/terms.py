@@ -277,7 +277,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def _noise(coarse: Loads, computed: Loads) -> Floats:
-    if coarse.moved:
+    if coarse.moved or computed.moved:
         return np.zeros(6)
     return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
 
@@ -293,15 +293,12 @@ def _order_in_gap(near: float, far: float) -> float:
     return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
 
 
-def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None = None) -> Term:
+def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The error of sides that represent unbounded flow, from a coarse run with a larger domain.
 
     Loads on a fixed grain are corrected; a still larger domain gives the second estimate.
-
-    decay: power of the distance in the influence of the sides; None: that of the bed
     """
-    if decay is None:
-        decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
+    decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
     share = 1.0 / (1.0 - FARTHER**-decay)
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
     here, far = solve(coarse(scene)), solve(coarse(farther(scene)))

@@ -52,7 +52,7 @@ class Loads:
     separated: Floats | None = None
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
-    moved: bool = False  # whether they were computed on the moved mesh of another run
+    moved: bool = False  # whether their own error does not add to that of their change
     # (6,) changes of force and torque in the last steps of a flow that is not converged
     unsteady: Floats = field(default_factory=lambda: np.zeros(6))
 

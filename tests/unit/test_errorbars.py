@@ -21,7 +21,6 @@ from incipient import compat
 from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
 from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
-from incipient.accuracy.modelling import not_estimated
 from incipient.accuracy.run import finished
 from incipient.accuracy.terms import (
     MOVES,
@@ -29,6 +28,7 @@ from incipient.accuracy.terms import (
     by_dual,
     is_corrected,
     no_gap,
+    not_there,
     of_domain,
     of_gap,
     of_level_ground,
@@ -49,6 +49,7 @@ from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.setup.setup import Setup
+from incipient.simulation.beside import Beside
 from incipient.simulation.build import prepared
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of, solved
@@ -393,10 +394,10 @@ def test_a_boundary_layer_that_no_cell_resolves_is_in_the_bars() -> None:
 
 
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
+    def fail(beside: Beside, scene: Scene) -> Loads:
         raise ConvergenceError("no steady flow found")
 
-    monkeypatch.setattr("incipient.accuracy.finish.loads_of", fail)
+    monkeypatch.setattr(Beside, "__call__", fail)
     scene = example("numerics.mesh_size=2", "output.fields=false")
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
@@ -585,10 +586,8 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     # With an accuracy it is not estimated, so that none of all errors is known to be reached.
     exact = {"accuracy": 0.01, "accuracy_includes": "all"}
     assert on_more_bed(changed(scene, numerics=exact)) is None
-    assert not_estimated(changed(scene, numerics=exact)).startswith(
-        "that of the planar far bed is not estimated"
-    )
-    assert not_estimated(changed(wide, numerics=exact)) == not_estimated(scene) == ""
+    assert not_there(changed(scene, numerics=exact))["planar far bed"].startswith("not estimated")
+    assert "planar far bed" not in not_there(changed(wide, numerics=exact)) | not_there(scene)
 
 
 # -- corrections --------------------------------------------------------------------------------------
@@ -706,7 +705,7 @@ def test_without_sides_farther_away_still_nothing_is_corrected() -> None:
 
 def test_coarse_runs_on_meshes_of_their_own_are_off_by_what_they_differ_by() -> None:
     scene, solve = grain_on_bed(), by_gap(1.0, 2.0)
-    computed = replace(solve(scene), force=np.add(solve(scene).force, [1e-3, 0.0, 0.0]))
+    computed = Loads(np.add(solve(scene).force, [1e-3, 0.0, 0.0]), ZERO)
     plain, noisy = (
         of_gap(scene, computed, lambda one, m=m: replace(solve(one), moved=m))
         for m in (True, False)
