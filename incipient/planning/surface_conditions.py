@@ -21,8 +21,7 @@ from ..fluid.conditions import (
 from ..scene.expression import Expression
 from ..setup.base_flow import BaseFlow
 from ..setup.setup import Setup
-from .cells import LEVEL
-from .discretisation import far_cells
+from .discretisation import LEVEL, far_cell, velocity_order
 
 if TYPE_CHECKING:
     from ..setup.waves import StokesWave
@@ -67,8 +66,7 @@ def free_surface(setup: Setup) -> FreeSurface:
 
 def ends(setup: Setup) -> list[Condition]:
     """The conditions at both ends of a channel with a free surface."""
-    scene, cells = setup.scene, far_cells(setup)
-    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(cells.order)
+    scene, largest = setup.scene, far_cell(setup.scene, velocity_order(setup)[0])
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
     from ..setup.waves import wave_of
 
