@@ -80,8 +80,10 @@ class UnsteadinessEffect(Effect):
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         if not unsteady:
             return model
-        driven = setup.base_flow.driven(setup.scene.grain)
-        return replace(model, unsteady=True, convection=plan.convection, driven=driven)
+        from ..setup.driving_force import driven
+
+        force = driven(setup.base_flow, setup.scene.grain)
+        return replace(model, unsteady=True, convection=plan.convection, driven=force)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Risk of vortex shedding, or the dual-weighted time derivative of quasi-steady flow."""
