@@ -1,12 +1,12 @@
 """Cell sizes of a scene, in 2-D and 3-D, for mesh_size = 1; `wall_cells` has those along walls of a mean flow."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, Point
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve
@@ -15,9 +15,7 @@ from ..meshes import Away, Near, Resolved, Sizes
 from ..setup.geometry import Stance, point
 from ..setup.numbers import speed_past_grain
 from ..setup.setup import Setup
-from . import wall_cells
 from .discretisation import far_cell
-from .wall_cells import corners
 
 # Cell sizes by dimension and order of the velocity, chosen so that the orders err alike
 # (docs/contribute/defaults.md).
@@ -54,6 +52,8 @@ def sizes(
     ]
     layers, layered = None, thinner(setup) < 1.0
     if setup.is_averaged:
+        from . import wall_cells
+
         placement = stance.placement if scene.moves else scene.placement
         near += wall_cells.cells(setup, order, placement)
         layered = gdim == 3 and setup.walls.is_resolved
@@ -178,3 +178,13 @@ def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
             # Not in halves, at whose ends a kink would hide.
             middle = start + UNEVEN * length
             waiting += [(start, middle), (middle, end)]
+
+
+def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:
+    """Corners of more than ten degrees between successive curves."""
+    cosine = np.cos(np.radians(10.0))
+    return tuple(
+        after.start
+        for before, after in zip(curves, following, strict=False)
+        if before.tangent([1.0])[0] @ after.tangent([0.0])[0] < cosine
+    )

@@ -17,7 +17,6 @@ from . import cells
 from .discretisation import FEWEST, far_cell, velocity_order
 from .layout import Layout
 from .plan import Plan
-from .wall_cells import channel_grid
 
 # Of the cells of an empty box: spacing at walls over that in the middle.
 GRID_GRADING = {2: 0.05, 3: 0.2}
@@ -29,6 +28,8 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     shape: Region | SolidRegion | Grid
     sizes = Sizes(1.0)
     if setup.is_averaged and setup.walls.plane:
+        from .wall_cells import channel_grid
+
         shape = channel_grid(setup, order, plan.mesh_size)
     elif scene.is_empty_box:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import point
 from ..setup.setup import Setup
+from .cells import corners
 from .discretisation import velocity_order
 
 if TYPE_CHECKING:
@@ -177,16 +178,6 @@ def layers(setup: Setup, order: int, along: float) -> WallLayers | None:
     most = LAYERS_SHARE * along / min(first.values())
     number = math.ceil(math.log(1.0 + (GROWTH[3] - 1.0) * most) / math.log(GROWTH[3]))
     return WallLayers(first, max(number, 1), GROWTH[3])
-
-
-def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:
-    """Corners of more than ten degrees between successive curves."""
-    cosine = np.cos(np.radians(10.0))
-    return tuple(
-        after.start
-        for before, after in zip(curves, following, strict=False)
-        if before.tangent([1.0])[0] @ after.tangent([0.0])[0] < cosine
-    )
 
 
 def separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
