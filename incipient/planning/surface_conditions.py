@@ -32,28 +32,6 @@ Profile = Callable[[Floats, float], Floats]
 ABSORBED = 5.0
 
 
-def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
-    """Conditions at the ends, below and above; under a rigid `lid` without the surface's own.
-
-    Boundaries without such a condition are missing.
-    """
-    surface, sides, up, conditions = (
-        setup.surface,
-        setup.sides,
-        setup.scene.up,
-        dict[str, list[Condition]](),
-    )
-    if setup.scene.domain.kind != "channel" and surface.ends == "wall":
-        conditions["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
-    if surface.bottom == "slip":
-        conditions["below"] = [Slip(sides.bottom, axis=up)]
-    if lid:
-        return conditions
-    if setup.scene.domain.kind == "channel":
-        conditions["ends"] = ends(setup)
-    return conditions | {"above": [free_surface(setup)]}
-
-
 def free_surface(setup: Setup) -> FreeSurface:
     """The condition on a free surface."""
     surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
