@@ -50,25 +50,16 @@ def sizes(
         *_along_bed(setup, order, stance.placement),
         *_in_profile(setup, order, stance.placement),
     ]
-    layers, layered = None, thinner(setup) < 1.0
-    if setup.is_averaged:
-        from . import wall_cells
-
-        placement = stance.placement if scene.moves else scene.placement
-        near += wall_cells.cells(setup, order, placement)
-        layered = gdim == 3 and setup.walls.is_resolved
-        along = min(one.size for one in near if one.boundary) if layered else math.inf
-        layers = wall_cells.layers(setup, order, along)
-    if layered:
+    if thinner(setup) < 1.0 or (gdim == 3 and setup.is_averaged and setup.walls.is_resolved):
         near += _in_wake(setup)
     if gdim == 3:
-        return Sizes(far, tuple(near), gap_part=GAP_CELL[3][order], layers=layers)
+        return Sizes(far, tuple(near), gap_part=GAP_CELL[3][order])
     if scene.flow.by_formulas:
         near += _at_inflow(setup, order)
     if scene.flow.moves_top:
         ends = tuple((x, scene.domain.ceiling) for x in (scene.domain.left, scene.domain.right))
         near.append(Near(TOP_CELL * far, GROWTH[2], points=ends))
-    return Sizes(far, tuple(near), layers=layers)
+    return Sizes(far, tuple(near))
 
 
 def _along_grain(

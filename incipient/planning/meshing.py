@@ -40,7 +40,12 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
             shape = _solid_region(setup, stance.placement)
         else:
             shape, outline = _region(setup, stance.placement, closing)
-        sizes = cells.sizes(setup, order, stance, outline, closing).scaled(plan.mesh_size)
+        sizes = cells.sizes(setup, order, stance, outline, closing)
+        if setup.is_averaged:
+            from .wall_cells import with_walls
+
+            sizes = with_walls(sizes, setup, order, stance.placement)
+        sizes = sizes.scaled(plan.mesh_size)
     order, most = plan.geometry_order, scene.numerics.max_cells
     return Layout(
         **vars(stance),

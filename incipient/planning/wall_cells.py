@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ import numpy as np
 from ..arrays import Floats, Point
 from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve
-from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
+from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import point
 from ..setup.setup import Setup
@@ -105,6 +106,16 @@ def coarsest(setup: Setup) -> float:
     if walls.asked.inflow != "developed":  # else the flow does not change along them
         columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
     return min(rows, columns) / coarsening(walls, velocity_order(setup)[0])
+
+
+def with_walls(sizes: Sizes, setup: Setup, order: int, placement: Placement | None) -> Sizes:
+    """Cell sizes with those along walls some of which are not planar, around a grain placed for the flow."""
+    scene, walls = setup.scene, setup.walls
+    near = (*sizes.near, *cells(setup, order, placement if scene.moves else scene.placement))
+    along = math.inf
+    if scene.gdim == 3 and walls.is_resolved:
+        along = min(one.size for one in near if one.boundary)
+    return replace(sizes, near=near, layers=layers(setup, order, along))
 
 
 def cells(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
