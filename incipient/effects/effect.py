@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -44,27 +44,18 @@ class SlowestFlow:
     expected: str = ""
 
 
+@dataclass(frozen=True)
 class Effect:
     """What one physical effect adds to a run, by default nothing; `planning.effects` decides on it.
 
-    `quantities`: output quantities of a run with the effect.
+    quantities:   output quantities of a run with the effect
+    terms:        the flow model with the effect's terms, of the unsteady flow or its steady start
+    part_in_time: unknowns that move the mesh of an unsteady flow, from the start or a checkpoint, or None; collective
+    left_out:     estimated changes by the omitted effect; collective
     """
 
     name: EffectName
     quantities: tuple[OutputQuantity, ...] = ()
-
-    def __init__(self, name: EffectName | None = None, *quantities: OutputQuantity):
-        if name is not None:
-            self.name, self.quantities = name, quantities
-
-    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """Add the effect's terms to the flow model, of the `unsteady` flow or its steady start."""
-        return model
-
-    def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> RunPart | None:
-        """Unknowns that move the mesh of an unsteady flow, at the start or from a checkpoint. Collective."""
-        return None
-
-    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Estimated changes by the omitted effect. Collective."""
-        return iter(())
+    terms: Callable[[FlowModel, Setup, Plan, bool], FlowModel] = lambda model, *others: model
+    part_in_time: Callable[[Setup, Stage, Checkpoint | None], RunPart | None] = lambda *others: None
+    left_out: Callable[[Solved, Decision], Iterator[Omission]] = lambda *others: iter(())

@@ -7,32 +7,39 @@ from dataclasses import replace
 from ..planning.effects import EffectName, accuracy_asked
 from ..planning.plan import Plan
 from ..results.left_out import Omission
-from ..results.of_runs import LOADS
+from ..results.of_runs import FLOW, LOADS, VERDICT
 from ..results.quantity import OutputQuantity
+from . import flow, free_surface, grain, moving_grain, turbulence
 from .effect import Effect, Solved
-from .flow import (
-    FlowEffect,
-    InertiaEffect,
-    MovingMeshEffect,
-    UnsteadinessEffect,
-)
-from .free_surface import FreeSurfaceEffect
-from .grain import ContactEffect, GravityEffect
-from .moving_grain import FreeBodyEffect
-from .turbulence import TurbulenceEffect
 
 # In the order of plans, results, and solution of the parts of a run.
 EFFECTS: tuple[Effect, ...] = (
-    InertiaEffect(),
-    UnsteadinessEffect(),
-    Effect(EffectName.TRACTION, *LOADS),
-    GravityEffect(),
-    ContactEffect(),
-    FlowEffect(),
-    MovingMeshEffect(),
-    FreeBodyEffect(),
-    FreeSurfaceEffect(),
-    TurbulenceEffect(),
+    Effect(
+        EffectName.INERTIA,
+        (flow.CELL_REYNOLDS,),
+        flow.add_convection,
+        left_out=flow.without_inertia,
+    ),
+    Effect(
+        EffectName.UNSTEADINESS, terms=flow.add_rate_of_change, left_out=flow.without_unsteadiness
+    ),
+    Effect(EffectName.TRACTION, LOADS),
+    Effect(EffectName.GRAVITY, left_out=grain.without_gravity),
+    Effect(EffectName.CONTACT, VERDICT, left_out=grain.without_contact),
+    Effect(EffectName.FLOW, FLOW, flow.add_base_flow),
+    Effect(EffectName.MOVING_MESH, terms=flow.add_mesh_motion),
+    Effect(
+        EffectName.FREE_BODY,
+        moving_grain.QUANTITIES,
+        part_in_time=moving_grain.moving_grain,
+        left_out=moving_grain.without_motion,
+    ),
+    Effect(
+        EffectName.FREE_SURFACE,
+        part_in_time=free_surface.moving_surface,
+        left_out=free_surface.without_free_surface,
+    ),
+    Effect(EffectName.TURBULENCE, turbulence.QUANTITIES, left_out=turbulence.without_turbulence),
 )
 
 

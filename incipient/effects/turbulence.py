@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..planning.effects import Decision, EffectName
+from ..planning.effects import Decision
 from ..planning.transition import REMEDY, transition
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity, at
 from ..setup.setup import Setup
-from .effect import Effect, SlowestFlow, Solved
+from .effect import SlowestFlow, Solved
 
 
 def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
@@ -34,36 +34,38 @@ TURBULENT = (
 )
 LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
 OSCILLATING = "in laminar {flow} over one grain{plane}; tau_b is the largest of a period"
-# Name in the report of the walls, words, column, key of the error, ends of the error bar.
-AT_WALLS = (
-    ("least", "least y+ of the walls", "y_plus_min", "", None),
-    ("largest", "largest y+ of the walls", "y_plus_max", "", None),
-    (
+
+
+def _at_walls(key: str, words: str, column: str = "", **more: Any) -> OutputQuantity:
+    return OutputQuantity(f"turbulence.{key}", words, "", column, heading="at the walls", **more)
+
+
+QUANTITIES = (
+    _at_walls("least", "least y+ of the walls", "y_plus_min"),
+    _at_walls("largest", "largest y+ of the walls", "y_plus_max"),
+    _at_walls(
         "shear_velocity",
         "shear velocity u* along the walls, mean",
-        "",
-        "error_bars.shear_velocity.1",
-        None,
+        error="error_bars.shear_velocity.1",
     ),
-    (
+    _at_walls(
         "at_outflow",
         "shear velocity u* at the outflow",
         "bed_shear_velocity",
-        "",
-        _of_shear_velocity,
+        ends=_of_shear_velocity,
     ),
-    ("friction", "friction C_f at the outflow", "friction", "", _of_friction),
-    (
+    _at_walls("friction", "friction C_f at the outflow", "friction", ends=_of_friction),
+    _at_walls(
         "separated.0",
         "x at which the flow along the bed separates",
         "separation",
-        "error_bars.separated.0",
-        None,
+        error="error_bars.separated.0",
     ),
-    ("separated.1", "x at which it reattaches", "reattachment", "error_bars.separated.1", None),
+    _at_walls(
+        "separated.1", "x at which it reattaches", "reattachment", error="error_bars.separated.1"
+    ),
+    OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
 )
-
-
 HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
 # As measured (docs/contribute/defaults.md).
 EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
@@ -72,30 +74,17 @@ SLOW = 20.0  # Reynolds number by depth and mean velocity of the slowest flow th
 BY_SWEEP = 'sweep fluid.reynolds below flow.kind = "log-law", without turbulence'
 
 
-class TurbulenceEffect(Effect):
-    """A model of the mean flow."""
-
-    name = EffectName.TURBULENCE
-    quantities = (
-        *(
-            OutputQuantity(f"turbulence.{key}", words, "", column, error, ends, "at the walls")
-            for key, words, column, error, ends in AT_WALLS
-        ),
-        OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
-    )
-
-    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
-        scene = solved.run.scene
-        if scene.flow.kind == "log-law":
-            how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
-            remedy = "loads are those of the mean flow, gusts exceed them"
-            yield Omission(self.name, None, how, True, remedy)
-        elif transitional := transition(Setup(scene)):
-            how = f"{transitional.number} {transitional.value:.4g} is above {transitional.least:g}"
-            yield Omission(
-                self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
-            )
+def without_turbulence(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
+    scene = solved.run.scene
+    if scene.flow.kind == "log-law":
+        how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
+        remedy = "loads are those of the mean flow, gusts exceed them"
+        yield Omission(decision.name, None, how, True, remedy)
+    elif transitional := transition(Setup(scene)):
+        how = f"{transitional.number} {transitional.value:.4g} is above {transitional.least:g}"
+        remedy = f"the flow computed is the laminar one; {REMEDY}"
+        yield Omission(decision.name, None, how, True, remedy)
 
 
 def slowest_flow(setup: Setup) -> SlowestFlow | None:

@@ -8,6 +8,7 @@ preconditioner needs on coarse cells.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,8 +16,14 @@ import numpy as np
 
 from ..scene import Scene
 from ..setup.setup import Setup
-from .cells import FarCells
 from .effects import inertia
+
+# Length, over the depth, of the zone in which a free surface comes in level; a cell at the least.
+LEVEL = 0.25
+# Largest cells by dimension and order of the velocity, over the domain's height; number along the shorter side of an
+# empty box; the fewest there (docs/contribute/defaults.md).
+FAR_CELL = {2: {2: 0.10, 3: 0.15, 4: 0.20}, 3: {2: 0.25, 3: 0.45, 4: 0.5}}
+GRID_CELLS, FEWEST = {2: {2: 48, 3: 32, 4: 24}, 3: {2: 16, 3: 9, 4: 6}}, {2: 4, 3: 2}
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
@@ -135,26 +142,37 @@ def upwinds(setup: Setup) -> bool:
     )
 
 
-def far_cells(setup: Setup) -> FarCells:
-    """The cells far from grain and bed."""
-    scene = setup.scene
-    reynolds = scene.fluid.reynolds if scene.is_empty_box else None
-    return FarCells(scene.domain.extents, velocity_order(setup)[0], reynolds)
+def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
+    """Size of the cells far from grain and bed for mesh_size = 1 [length], on average on the grid of an empty box."""
+    extents, gdim = scene.domain.extents, gdim or scene.gdim
+    if scene.is_empty_box:
+        # Boundary layers thin as Re^-1/2; the grading provides half of that.
+        refined = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
+        return min(extents) / (GRID_CELLS[scene.gdim][order] * refined)
+    size = FAR_CELL[gdim][order] * scene.domain.height
+    return size if gdim == 2 else min(size, 0.5 * min(extents))
+
+
+def coarsest_grid(scene: Scene) -> float:
+    """Largest numerics.mesh_size at which an empty box's cells still grow; inf: other scenes."""
+    if not scene.is_empty_box:
+        return math.inf
+    return min(scene.domain.extents) / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
 
 
 def cell_reynolds(setup: Setup) -> float:
-    """V h/(k nu) of the largest cells, estimated without a mesh."""
-    cells, base_flow = far_cells(setup), setup.base_flow
-    size = setup.scene.numerics.mesh_size * cells.largest
-    return float(base_flow.mean_speed * size / (cells.order * base_flow.viscosity))
+    """V h/(k nu) of the largest cells of a 2-D mesh, estimated without one."""
+    order, base_flow = velocity_order(setup)[0], setup.base_flow
+    size = setup.scene.numerics.mesh_size * far_cell(setup.scene, order, 2)
+    return float(base_flow.mean_speed * size / (order * base_flow.viscosity))
 
 
 def largest_peclet(setup: Setup) -> float:
     """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow."""
-    cells, base_flow = far_cells(setup), setup.base_flow
-    points = setup.scene.domain.grid(PLACES, PLACES, PLACES).T
+    order, base_flow, scene = velocity_order(setup)[0], setup.base_flow, setup.scene
+    points = scene.domain.grid(PLACES, PLACES, PLACES).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
-    size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
+    size = scene.numerics.mesh_size * far_cell(scene, order) / order
     return 0.5 * fastest * size / float(base_flow.viscosity)
 
 

@@ -139,11 +139,11 @@ def _own_speed(setup: Setup) -> float:
 
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    if base_flow.bed is None:
+    domain, bed = base_flow.domain, base_flow.scene.bed_shape
+    if bed is None:
         return None
-    domain = base_flow.domain
     along = domain.grid(*(20 * SAMPLES, 2 * SAMPLES)[: len(domain.spans)])
-    heights = base_flow.bed.height(along if domain.gdim == 3 else along[:, 0])
+    heights = bed.height(along if domain.gdim == 3 else along[:, 0])
     relief = float(heights.max() - heights.min())
     if relief == 0.0:
         return None

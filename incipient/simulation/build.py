@@ -11,12 +11,12 @@ from ..effects import known
 from ..installed import required
 from ..parallel import Comm, collectively
 from ..planning import meshing
-from ..planning.cells import CLOSED
 from ..planning.effects import EffectName
 from ..planning.layout import Layout
 from ..planning.plan import Plan, plan_of
 from ..progress import Silent
 from ..scene import Scene
+from ..setup.geometry import CLOSED
 from ..setup.setup import Setup
 from .recorder import Recorder
 from .state import Accounts, Run

@@ -162,7 +162,7 @@ def walls_of(
                 f"turbulence.{key}: is {getattr(asked, key):g}, {100 * share:.0f}% of the depth or the grain, at most "
                 f"{100 * LARGEST:.0f}%; use a smaller one, or bedforms next to the grain and upstream_roughness"
             )
-    mean = base_flow.reference
+    mean = scene.reference_velocity
     roughness = asked.upstream_roughness or asked.roughness
     channel = of_discharge(mean * depth / viscosity, roughness / depth)
     shear_velocities = np.array([mean / channel.mean])

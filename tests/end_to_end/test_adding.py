@@ -25,12 +25,11 @@ from incipient.arrays import Floats, planar_cross
 from incipient.contact.friction import FrictionCone
 from incipient.effects import known
 from incipient.effects.effect import Effect, Solved
-from incipient.effects.flow import FlowEffect, UnsteadinessEffect
 from incipient.errors import SceneError
 from incipient.fluid import FlowModel
 from incipient.geometry.plane.curves import Curve
 from incipient.planning import doubts, effects
-from incipient.planning.effects import Decision
+from incipient.planning.effects import Decision, EffectName
 from incipient.planning.plan import Plan
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
@@ -456,25 +455,23 @@ def doubt(setup: Setup) -> Iterator[str]:
         yield "the driving force is the same everywhere"
 
 
-class DrivingForce(Effect):
-    """A uniform force along x, where the scene's title asks for it."""
+def add_force(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
+    """A uniform force along x in the equation of momentum, where the scene's title asks for it."""
+    return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
 
-    name = NAME
 
-    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The force in the equation of momentum."""
-        return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
-
-    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """What it would change: known."""
-        yield Omission(self.name, 0.5, "by Archimedes' law", False, "name the scene so")
+def without_force(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """What it would change: known."""
+    yield Omission(decision.name, 0.5, "by Archimedes' law", False, "name the scene so")
 
 
 @pytest.fixture
 def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(effects, "TABLE", (*effects.TABLE, decision))
     monkeypatch.setattr(doubts, "DOUBTS", (*doubts.DOUBTS, doubt))
-    monkeypatch.setattr(known, "EFFECTS", (*known.EFFECTS, DrivingForce()))
+    monkeypatch.setattr(
+        known, "EFFECTS", (*known.EFFECTS, Effect(NAME, terms=add_force, left_out=without_force))
+    )
 
 
 @pytest.mark.usefixtures("added_effect")
@@ -537,9 +534,18 @@ FLUX = OutputQuantity(
 )
 
 
+def measure(monkeypatch: pytest.MonkeyPatch, name: EffectName) -> None:
+    """Add the flux to the quantities of an effect."""
+    changed = [
+        replace(one, quantities=(*one.quantities, FLUX)) if one.name == name else one
+        for one in known.EFFECTS
+    ]
+    monkeypatch.setattr(known, "EFFECTS", tuple(changed))
+
+
 @pytest.fixture
 def added_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FlowEffect, "quantities", (*FlowEffect.quantities, FLUX))
+    measure(monkeypatch, EffectName.FLOW)
 
 
 @pytest.mark.usefixtures("added_quantity")
@@ -564,7 +570,7 @@ def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> N
 
 
 def test_of_an_absent_effect_it_is_null_and_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(UnsteadinessEffect, "quantities", (FLUX,))
+    measure(monkeypatch, EffectName.UNSTEADINESS)
     steady = incipient.run(SCENE_QUANTITY.model_copy(update={"time": None}))
     assert steady.to_dict()["flux"] is None
     assert FLUX.words not in steady.text()

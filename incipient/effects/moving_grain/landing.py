@@ -22,7 +22,7 @@ from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from .bed_contact import REST
+from .on_bed import REST
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
