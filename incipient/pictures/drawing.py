@@ -162,11 +162,7 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     points, normals = case.contacts.points, case.contacts.normals
     colours = [STATES[state][0] for state in case.states]
     for point, normal, force, colour in zip(points, normals, case.forces, colours, strict=True):
-        reach = max(_SHORTEST_CONE * size, _BEYOND * scale * float(np.linalg.norm(force)))
-        if case.friction:
-            draw_cone(axes, sight, point, -normal, np.arctan(case.friction), reach, colour)
-        if force.any():
-            arrow(axes, sight(point), sight(point + scale * force), colour, 2.4, zorder=7.5)
+        draw_contact(axes, sight, point, -normal, scale * force, case.friction, size, colour)
     for group in case.patches:  # contacts that have an area, given by their corners
         looks: Looks = {"color": INK, "lw": 5, "alpha": 0.35, "zorder": 5.5}
         axes.add_artist(Polygon(hull(sight(points[group])), **looks))
@@ -191,22 +187,29 @@ def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
     axes.plot(*sight(centre), "o", color=INK, ms=3.5, zorder=9)
 
 
-def draw_cone(
+def draw_contact(
     axes: Axes,
     sight: Sight,
     point: np.ndarray,
     inwards: np.ndarray,
-    angle: float,
-    reach: float,
+    arm: np.ndarray,
+    friction: float,
+    size: float,
     colour: str,
-) -> Artist:
-    """The friction cone at a contact, about a normal into the grain."""
-    rim = point + reach * (np.cos(angle) * inwards + np.sin(angle) * _circle(inwards))
-    if not sight.planar:
-        axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
-    around = hull(sight(np.vstack([point, rim])))
-    looks: Looks = {"facecolor": to_rgba(colour, 0.17), "edgecolor": to_rgba(colour, 0.8)}
-    return axes.add_artist(Polygon(around, lw=0.8, zorder=5, **looks))
+) -> list[Artist]:
+    """Friction cone about a normal into the grain, without friction none, and the arrow (3,) of the force if any."""
+    drawn: list[Artist] = []
+    if friction:
+        reach = max(_SHORTEST_CONE * size, _BEYOND * float(np.linalg.norm(arm)))
+        rim = point + reach * (inwards + friction * _circle(inwards)) / np.hypot(1.0, friction)
+        if not sight.planar:
+            axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
+        around = hull(sight(np.vstack([point, rim])))
+        looks: Looks = {"facecolor": to_rgba(colour, 0.17), "edgecolor": to_rgba(colour, 0.8)}
+        drawn.append(axes.add_artist(Polygon(around, lw=0.8, zorder=5, **looks)))
+    if arm.any():
+        drawn.append(arrow(axes, sight(point), sight(point + arm), colour, 2.4, zorder=7.5))
+    return drawn
 
 
 def arrow(

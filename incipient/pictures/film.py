@@ -19,7 +19,7 @@ from ..output.series_file import read_step, times
 from . import style
 from .flow import PRESSURE, SPEED, VORTICITY, Shown
 from .history import contact_forces, read_history
-from .outlines import spoke
+from .outlines import seen_from_the_side
 from .record import StoredRun, parsed_json, read_scene
 from .style import INK, Looks, View
 
@@ -131,8 +131,8 @@ class _Film:
         if self.history is not None:
             place = self.history.at(time)
             if not run.in_space and plane.grains:  # how the grain is turned
-                ends = spoke(plane.grains[0], place)
-                axes.plot(*ends.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
+                _, spoke = seen_from_the_side(run.model.grain, place)
+                axes.plot(*spoke.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
             before = self.history.centres[self.history.times < time]
             points = np.vstack([before, (place.centre[0], place.centre[-1])])
             for colour, width in (("white", 2.4), (INK, 1.0)):  # seen on any colour

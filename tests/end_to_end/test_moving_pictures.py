@@ -175,7 +175,6 @@ def test_a_long_history_is_drawn_in_few_pieces(texts):
     figure = drawn(SCENE, history)
     (path,) = [c for c in figure.axes[0].collections if isinstance(c, LineCollection)]
     assert 1000 < len(path.get_segments()) < 5000
-    assert any("turns" in axes.get_title(loc="left") for axes in figure.axes)
 
 
 # -- the history ---------------------------------------------------------------------------------------------
