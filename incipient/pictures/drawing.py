@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
-from matplotlib.patches import FancyArrowPatch, Patch, Polygon
+from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
@@ -33,8 +32,6 @@ _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbe
 _UPRIGHT = 0.95  # cosine: an axis of turning that is upright
 _ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
-
-Marks = list[tuple[Artist, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,24 +150,25 @@ def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
         axes.add_artist(Polygon(hull(sight(piece)), zorder=2, **looks))
 
 
-def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> Marks:
-    """Draw contacts, load and motion; returns the legend's marks.
-
-    `places` (n, 3): along the grain's outline, in 3-D on its surface.
-    """
+def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> None:
+    """Draw contacts, load and motion; `places` (n, 3): along the grain's outline, in 3-D on its surface."""
     scale = _STRONGEST * size / case.largest
     points, normals = case.contacts.points, case.contacts.normals
-    colours = [STATES[state][0] for state in case.states]
-    for point, normal, force, colour in zip(points, normals, case.forces, colours, strict=True):
-        draw_contact(axes, sight, point, -normal, scale * force, case.friction, size, colour)
+    angle = np.degrees(np.arctan(case.friction))
+    for point, normal, force, state in zip(points, normals, case.forces, case.states, strict=True):
+        looks = -normal, scale * force, case.friction, size, STATES[state][0]
+        drawn = draw_contact(axes, sight, point, *looks)
+        if force.any():
+            drawn.pop().set_label(case.occasion)
+        for cone in drawn:
+            cone.set_label(f"friction cone, {angle:.3g}° to either side of the normal")
     for group in case.patches:  # contacts that have an area, given by their corners
-        looks: Looks = {"color": INK, "lw": 5, "alpha": 0.35, "zorder": 5.5}
+        looks = {"color": INK, "lw": 5, "alpha": 0.35, "zorder": 5.5}
         axes.add_artist(Polygon(hull(sight(points[group])), **looks))
-    mark_contacts(axes, sight(points), sight(normals), case.significant, colours, size)
+    mark_contacts(axes, case, sight, size)
     if case.motion is not None:
         _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
     _draw_load(axes, case, sight, size)
-    return _marks_of(case)
 
 
 def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -236,23 +234,20 @@ def label(
     axes.text(place[0], place[1], text, color=colour, **looks)
 
 
-def mark_contacts(
-    axes: Axes,
-    points: np.ndarray,
-    normals: np.ndarray,
-    significant: Sequence[int],
-    colours: Iterable[str],
-    size: float,
-) -> None:
-    """Contact points (n, 2) with normals into the bed; the significant reaction surface is ringed."""
-    for index, (point, normal, colour) in enumerate(zip(points, normals, colours, strict=True)):
-        stands_out = index in significant
+def mark_contacts(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
+    """Contact points with normals into the bed; the significant reaction surface is ringed."""
+    points, normals = sight(case.contacts.points), sight(case.contacts.normals)
+    for index, (point, normal, state) in enumerate(zip(points, normals, case.states, strict=True)):
+        colour, words = STATES[state]
+        significant = index in case.significant
         end = point + _NORMAL * size * normal
-        ends = np.array([point, end]).T
-        axes.plot(*ends, "--", color=REACTION if stands_out else colour, lw=1.1, zorder=6)
-        if stands_out:
-            axes.plot(*point, "o", color="white", ms=11, mec=REACTION, mew=2.2, zorder=8)
-        axes.plot(*point, "o", color=colour, ms=5.5, mec="white", mew=0.7, zorder=9)
+        looks: Looks = {"color": REACTION if significant else colour, "lw": 1.1, "zorder": 6}
+        axes.plot(*np.array([point, end]).T, "--", **looks)
+        if significant:
+            looks = {"color": "white", "ms": 11, "mec": REACTION, "mew": 2.2, "zorder": 8}
+            axes.plot(*point, "o", label="significant reaction surface of the paper", **looks)
+        looks = {"color": colour, "ms": 5.5, "mec": "white", "mew": 0.7, "zorder": 9}
+        axes.plot(*point, "o", label=f"contact {words}", **looks)
         if len(points) > 1:
             label(axes, end + 0.02 * size * normal, normal, f"{index + 1}", INK, 7.5)
 
@@ -269,16 +264,23 @@ def _draw_motion(
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
     axes.add_artist(
-        Polygon(later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5)
+        Polygon(
+            later,
+            fill=False,
+            edgecolor=MOTION,
+            lw=1.1,
+            ls=(0, (4, 2.5)),
+            zorder=4.5,
+            label="outline a little later",
+        )
     )
     if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
         tip = sight(centre + _ACCELERATION * size * unit(motion.acceleration))
-        axes.add_artist(FancyArrowPatch(
-            tuple(sight(centre)), tuple(tip), arrowstyle="simple,tail_width=5,head_width=14,head_length=11",
-            facecolor=MOTION, edgecolor="white", lw=0.9, shrinkA=0, shrinkB=0, zorder=6.8,
-        ))  # fmt: skip
+        drawn = arrow(axes, sight(centre), tip, MOTION, 5.0, zorder=6.8)
+        drawn.set_label("acceleration of the centre")
     if np.linalg.norm(motion.angular) * size > 1e-6 * fastest:
-        _turning(axes, sight, centre, motion.angular, _OUTSIDE * size, MOTION, 2.4)
+        arc = _turning(axes, sight, centre, motion.angular, _OUTSIDE * size, MOTION, 2.4)
+        arc.set_label("sense of rotation")
 
 
 def _turning(
@@ -289,7 +291,7 @@ def _turning(
     radius: float,
     colour: str,
     width: float,
-) -> None:
+) -> Artist:
     axis = unit(axis)
     # Upwards, or toward the eye if the axis is upright.
     eye = sight.directions[1 if abs(axis @ sight.directions[1]) < _UPRIGHT else 2]
@@ -299,7 +301,7 @@ def _turning(
     points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
     looks: Looks = {"color": colour, "lw": width, "fill": False, "zorder": 7}
     looks |= {"arrowstyle": "-|>", "mutation_scale": 6 + 3.5 * width}
-    axes.add_artist(FancyArrowPatch(path=Path(points), **looks))
+    return axes.add_artist(FancyArrowPatch(path=Path(points), **looks))
 
 
 def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
@@ -315,23 +317,3 @@ def _across(direction: np.ndarray) -> np.ndarray:
 def _circle(normal: np.ndarray) -> np.ndarray:
     first, angles = _across(normal), np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
     return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
-
-
-def _marks_of(case: Judged) -> Marks:
-    states = [STATES[state] for state in dict.fromkeys(case.states)]
-    marks: Marks = [
-        (Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states
-    ]
-    if case.friction:
-        angle = np.degrees(np.arctan(case.friction))
-        opening = f"friction cone, {angle:.3g}° to either side of the normal"
-        marks.append((Patch(facecolor="#55555533", edgecolor="#555555", lw=0.8), opening))
-    if case.forces.any():
-        marks.append((Line2D([], [], color="#555555", lw=2.4, marker=">", ms=6), case.occasion))
-    if case.significant:
-        ring = Line2D([], [], color=REACTION, ls="--", lw=1.1, marker="o", ms=9, mfc="white", mew=2)
-        marks.append((ring, "significant reaction surface of the paper's criteria"))
-    if case.motion is not None:
-        mark = Line2D([], [], color=MOTION, lw=4)
-        marks.append((mark, "acceleration of the centre, sense of turning, outline a little later"))
-    return marks

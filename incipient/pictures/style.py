@@ -10,9 +10,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerPatch
+from matplotlib.patches import FancyArrowPatch
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator
 
@@ -128,3 +131,19 @@ def headline(figure: Figure, title: str) -> None:
     lines = textwrap.wrap(title, int(11 * figure.get_figwidth()))
     figure.set_figheight(figure.get_figheight() + 0.2 * (len(lines) - 1))
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=11)
+
+
+def explain(figure: Figure, **looks: Any) -> None:
+    """Add a legend of all labelled artists of a figure, with each label once and arrows as arrows."""
+    marks: dict[str, Artist] = {}
+    for axes in figure.axes:
+        artists, labels = axes.get_legend_handles_labels()
+        marks |= dict(zip(labels, artists, strict=True))
+    arrows = {FancyArrowPatch: HandlerPatch(_arrow_in_legend)}
+    figure.legend(marks.values(), marks, handler_map=arrows, **looks)
+
+
+def _arrow_in_legend(width: float, height: float, **_: Any) -> FancyArrowPatch:
+    return FancyArrowPatch(
+        (0.0, height / 2), (width, height / 2), arrowstyle="-|>", mutation_scale=9
+    )

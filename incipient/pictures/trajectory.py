@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
@@ -80,11 +79,7 @@ def figure(
         _draw_quantity(panels[f"{place}"], name, history, grain.size, scene.reference_velocity)
     for key in "25":
         panels[key].set_xlabel("time [scene units]", fontsize=8)
-    explained: dict[str, Artist] = {}
-    for axes in sheet.axes:
-        marks, labels = axes.get_legend_handles_labels()
-        explained |= dict(zip(labels, marks, strict=True))
-    sheet.legend(explained.values(), explained, loc="outside lower left", ncols=6)
+    style.explain(sheet, loc="outside lower left", ncols=6)
     return sheet
 
 
