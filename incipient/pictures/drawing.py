@@ -104,8 +104,9 @@ def render(
     plotter.enable_depth_peeling(6)  # translucent surfaces in the right order
     size = float(np.ptp(points, axis=0).max())
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    looks: Looks = {"ambient": 0.3, "smooth_shading": True, "split_sharp_edges": True}
-    looks |= {"feature_angle": _SHARP}
+    looks: Looks = {
+        "ambient": 0.3, "smooth_shading": True, "split_sharp_edges": True, "feature_angle": _SHARP,
+    }  # fmt: skip
     if len(triangles):
         surface = pyvista.PolyData.from_regular_faces(points, triangles)
         surface = surface.compute_normals(auto_orient_normals=True, point_normals=False)
@@ -123,8 +124,8 @@ def render(
     plotter.reset_camera_clipping_range()
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
-    looks = {"aspect": "auto", "interpolation": "antialiased", "zorder": 1}
-    axes.imshow(image, extent=(x0, x1, y0, y1), **looks)
+    extent = (x0, x1, y0, y1)
+    axes.imshow(image, extent=extent, aspect="auto", interpolation="antialiased", zorder=1)
 
 
 def draw_directions(axes: Axes, sight: Sight) -> None:
@@ -132,10 +133,12 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
-    looks: Looks = {"arrowprops": {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}}
+    line = {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}
     for name, direction in zip("xyz", 0.07 * (x1 - x0) * sight(np.eye(3)), strict=True):
-        x, y = (corner + direction).tolist()
-        axes.annotate(name, corner.tolist(), (x, y), fontsize=8, ha="center", va="center", **looks)
+        axes.annotate(
+            name, tuple(corner), tuple(corner + direction), fontsize=8, ha="center", va="center",
+            arrowprops=line,
+        )  # fmt: skip
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -146,8 +149,11 @@ def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
         normal = normals[group[0]]
         rims = (points[group][:, None] + _PIECE * size * _circle(normal)).reshape(-1, 3)
         piece = np.vstack([rims, rims + _THICK * size * normal])
-        looks: Looks = {"facecolor": GROUND, "edgecolor": INK, "lw": 0.7, "alpha": 0.85}
-        axes.add_artist(Polygon(hull(sight(piece)), zorder=2, **looks))
+        axes.add_artist(
+            Polygon(
+                hull(sight(piece)), facecolor=GROUND, edgecolor=INK, lw=0.7, alpha=0.85, zorder=2
+            )
+        )
 
 
 def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> None:
@@ -156,15 +162,17 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
     points, normals = case.contacts.points, case.contacts.normals
     angle = np.degrees(np.arctan(case.friction))
     for point, normal, force, state in zip(points, normals, case.forces, case.states, strict=True):
-        looks = -normal, scale * force, case.friction, size, STATES[state][0]
-        drawn = draw_contact(axes, sight, point, *looks)
+        colour = STATES[state][0]
+        drawn = draw_contact(
+            axes, sight, point, -normal, scale * force, case.friction, size, colour
+        )
         if force.any():
             drawn.pop().set_label(case.occasion)
         for cone in drawn:
             cone.set_label(f"friction cone, {angle:.3g}° to either side of the normal")
     for group in case.patches:  # contacts that have an area, given by their corners
-        looks = {"color": INK, "lw": 5, "alpha": 0.35, "zorder": 5.5}
-        axes.add_artist(Polygon(hull(sight(points[group])), **looks))
+        patch = hull(sight(points[group]))
+        axes.add_artist(Polygon(patch, color=INK, lw=5, alpha=0.35, zorder=5.5))
     mark_contacts(axes, case, sight, size)
     if case.motion is not None:
         _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
@@ -203,8 +211,8 @@ def draw_contact(
         if not sight.planar:
             axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
         around = hull(sight(np.vstack([point, rim])))
-        looks: Looks = {"facecolor": to_rgba(colour, 0.17), "edgecolor": to_rgba(colour, 0.8)}
-        drawn.append(axes.add_artist(Polygon(around, lw=0.8, zorder=5, **looks)))
+        cone = Polygon(around, fc=to_rgba(colour, 0.17), ec=to_rgba(colour, 0.8), lw=0.8, zorder=5)
+        drawn.append(axes.add_artist(cone))
     if arm.any():
         drawn.append(arrow(axes, sight(point), sight(point + arm), colour, 2.4, zorder=7.5))
     return drawn
@@ -230,8 +238,9 @@ def label(
     across, up = unit(direction)
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
-    looks: Looks = {"ha": beside, "va": above, "fontsize": points, "zorder": 10, "bbox": PAPER}
-    axes.text(place[0], place[1], text, color=colour, **looks)
+    axes.text(
+        *place, text, color=colour, ha=beside, va=above, fontsize=points, zorder=10, bbox=PAPER
+    )
 
 
 def mark_contacts(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -241,13 +250,17 @@ def mark_contacts(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
         colour, words = STATES[state]
         significant = index in case.significant
         end = point + _NORMAL * size * normal
-        looks: Looks = {"color": REACTION if significant else colour, "lw": 1.1, "zorder": 6}
-        axes.plot(*np.array([point, end]).T, "--", **looks)
+        line = REACTION if significant else colour
+        axes.plot(*np.array([point, end]).T, "--", color=line, lw=1.1, zorder=6)
         if significant:
-            looks = {"color": "white", "ms": 11, "mec": REACTION, "mew": 2.2, "zorder": 8}
-            axes.plot(*point, "o", label="significant reaction surface of the paper", **looks)
-        looks = {"color": colour, "ms": 5.5, "mec": "white", "mew": 0.7, "zorder": 9}
-        axes.plot(*point, "o", label=f"contact {words}", **looks)
+            axes.plot(
+                *point, "o", color="white", ms=11, mec=REACTION, mew=2.2, zorder=8,
+                label="significant reaction surface of the paper",
+            )  # fmt: skip
+        axes.plot(
+            *point, "o", color=colour, ms=5.5, mec="white", mew=0.7, zorder=9,
+            label=f"contact {words}",
+        )  # fmt: skip
         if len(points) > 1:
             label(axes, end + 0.02 * size * normal, normal, f"{index + 1}", INK, 7.5)
 
@@ -299,9 +312,10 @@ def _turning(
     onwards = np.cross(axis, top)
     angles = np.linspace(-_ARC, _ARC, 40)[:, None]
     points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
-    looks: Looks = {"color": colour, "lw": width, "fill": False, "zorder": 7}
-    looks |= {"arrowstyle": "-|>", "mutation_scale": 6 + 3.5 * width}
-    return axes.add_artist(FancyArrowPatch(path=Path(points), **looks))
+    return axes.add_artist(FancyArrowPatch(
+        path=Path(points), color=colour, lw=width, fill=False, arrowstyle="-|>",
+        mutation_scale=6 + 3.5 * width, zorder=7,
+    ))  # fmt: skip
 
 
 def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:

@@ -21,7 +21,7 @@ from .flow import PRESSURE, SPEED, VORTICITY, Shown
 from .history import contact_forces, read_history
 from .outlines import seen_from_the_side
 from .record import StoredRun, parsed_json, read_scene
-from .style import INK, Looks, View
+from .style import INK, View
 
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
@@ -123,8 +123,10 @@ class _Film:
         axes.clear()
         axes.set(aspect="equal", xlabel="x [scene units]", ylabel=f"{plane.upwards} [scene units]")
         axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
-        looks: Looks = {"levels": self.levels, "cmap": self.field.colours, "norm": self.norm}
-        bands = axes.tricontourf(plane.triangulation(), values, extend="both", zorder=1, **looks)
+        bands = axes.tricontourf(
+            plane.triangulation(), values, levels=self.levels, cmap=self.field.colours,
+            norm=self.norm, extend="both", zorder=1,
+        )  # fmt: skip
         plane.draw_solids(axes, [bands])
         if self.field is SPEED:
             self._arrows(*plane.velocities(plane.box, _ARROWS))
@@ -147,6 +149,7 @@ class _Film:
         """Velocities (2, rows, columns), with arrows as long as the root of the speed."""
         reached = velocity / self.levels[-1]
         speeds = np.ma.masked_less(np.linalg.norm(reached, axis=0), _SLOWEST)
-        looks: Looks = {"angles": "xy", "scale_units": "xy", "scale": 1.1 / (x[1] - x[0])}
-        looks |= {"width": 0.0022, "pivot": "mid", "alpha": 0.85, "zorder": 2}
-        self.axes.quiver(x, y, *(reached / np.sqrt(speeds)), color="white", **looks)
+        self.axes.quiver(
+            x, y, *(reached / np.sqrt(speeds)), color="white", angles="xy", scale_units="xy",
+            scale=1.1 / (x[1] - x[0]), width=0.0022, pivot="mid", alpha=0.85, zorder=2,
+        )  # fmt: skip

@@ -126,6 +126,16 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     return figure, all_axes
 
 
+def chart(title: str, size: tuple[float, float] = (6.4, 4.6), **looks: Any) -> tuple[Figure, Axes]:
+    """A titled figure of a size [inches] with axes and a grid; `looks`: of `Axes.set`."""
+    figure = Figure(figsize=size, layout="constrained")
+    headline(figure, title)
+    axes = figure.subplots()
+    axes.grid(color="#e2e2e2", lw=0.5)
+    axes.set(axisbelow=True, **looks)
+    return figure, axes
+
+
 def headline(figure: Figure, title: str) -> None:
     """Write a title above a figure, wrapped to its width."""
     lines = textwrap.wrap(title, int(11 * figure.get_figwidth()))

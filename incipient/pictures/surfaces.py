@@ -15,7 +15,7 @@ from ..scene import Domain
 from .drawing import draw_grain, show_place
 from .plane import pyvista_off_screen
 from .record import StoredRun
-from .style import FLOW, INK, PULL, PUSH, Looks, headline, panels
+from .style import FLOW, INK, PULL, PUSH, headline, panels
 
 _ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
@@ -76,9 +76,10 @@ def _show_arrows(
     )
     presses = np.sum(tractions * normals, axis=1) < 0
     tails = points - presses[:, None] * shown
-    looks: Looks = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "zorder": 5}
-    looks |= {"width": 0.0045, "headwidth": 4, "headlength": 5}
-    arrows = axes.quiver(*tails.T, *shown.T, color=np.where(presses, PUSH, PULL), **looks)
+    arrows = axes.quiver(
+        *tails.T, *shown.T, color=np.where(presses, PUSH, PULL), angles="xy", scale_units="xy",
+        scale=1.0, width=0.0045, headwidth=4, headlength=5, zorder=5,
+    )  # fmt: skip
     words = f"{longest:.3g} scene units"
     axes.quiverkey(arrows, 0.3, 0.94, _LONGEST * size, words, labelpos="E", color=INK, zorder=6)
     marks = [Line2D([], [], color=colour, lw=2) for colour in (PUSH, PULL)]
@@ -117,7 +118,6 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
     grid = pyvista.UnstructuredGrid({pyvista.CellType.QUADRATIC_TRIANGLE: cells}, points)
     grid["size"] = sizes
     surface = grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
-    looks: Looks = {"clim": (norm.vmin, norm.vmax), "show_scalar_bar": False, "cmap": "magma"}
     every = max(1, len(points) // 400)
     longest = 0.35 * float(np.ptp(points, axis=0).max()) / (norm.vmax or 1.0)
     plotter = pyvista.Plotter(
@@ -126,7 +126,10 @@ def _show_views(figure: Figure, run: StoredRun) -> None:
     plotter.background_color = "white"
     for side, along in enumerate((-1.0, 1.0)):
         plotter.subplot(0, side)
-        plotter.add_mesh(surface, scalars="size", smooth_shading=True, **looks)
+        plotter.add_mesh(
+            surface, scalars="size", clim=(norm.vmin, norm.vmax), cmap="magma",
+            smooth_shading=True, show_scalar_bar=False,
+        )  # fmt: skip
         arrows = points[::every], values[::every], longest
         plotter.add_arrows(*arrows, color=FLOW, show_scalar_bar=False)
         plotter.enable_parallel_projection()
@@ -148,8 +151,9 @@ def elevation(run: StoredRun) -> Figure:
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)
     levels = np.linspace(-largest, largest, _LEVELS + 1)
-    looks: Looks = {"levels": levels, "cmap": "RdBu_r"}
-    drawn = axes.tricontourf(points[:, 0], points[:, 1], triangles, above, **looks)
+    drawn = axes.tricontourf(
+        points[:, 0], points[:, 1], triangles, above, levels=levels, cmap="RdBu_r"
+    )
     forms = _show_bed(domain, scene.bed_shape, axes)
     axes.set_title(
         "The free surface from above" + ("; lines: elevation of the bed" if forms else "")

@@ -322,7 +322,7 @@ def test_a_resumed_run_drops_what_came_after_its_checkpoint(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("error", "told"), [(0.001, "all errors"), (None, "known errors, not the flow's")]
+    ("error", "told"), [(0.001, "all errors"), (None, "known errors, without those of the flow")]
 )
 def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
     error: float | None, told: str
@@ -347,4 +347,4 @@ def test_bars_without_the_error_of_the_flow_are_not_said_to_hold_all(
     words = [
         text.get_text() for text in entrainment(stored, Path()).axes[0].get_legend().get_texts()
     ]
-    assert {f"its range by {told}", f"with {told}"} <= set(words)
+    assert {f"band: {told}", f"bars: {told}"} <= set(words)
