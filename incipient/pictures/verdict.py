@@ -44,6 +44,7 @@ _CRITICAL = {
     "shear Reynolds number": "shear_reynolds",
 }
 _MOST_CONTACTS = 4
+_LOADED = ("INSIDE", "EDGE", "STICK", "ROLL", "SLIDE")
 _SLOWEST = 1e-3  # of the fastest flow: a trial that is shown
 _PANEL = 1.5  # height of the trials [inches]
 
@@ -79,17 +80,14 @@ def _numbers(case: Judged, unit: str = "scene units") -> dict[str, dict[str, Any
 
 
 def _contact_rows(case: Judged) -> dict[str, str]:
-    normal, tangential = pressed(case.forces, case.contacts.normals)
-    normal[normal <= 1e-12 * normal.max(initial=0.0)] = 0.0
     rows = {}
-    for index, state in enumerate(case.states[:_MOST_CONTACTS]):
+    shown = zip(case.states, *pressed(case.forces, case.contacts.normals), strict=True)
+    for index, (state, normal, tangential) in enumerate(list(shown)[:_MOST_CONTACTS]):
         name = f"{index + 1}: {state.lower()}"
         name += ", significant" if index in case.significant else ""
-        ratio = f"{tangential[index] / normal[index]:.3f}" if normal[index] > 0 else "–"
-        rows[name] = f"{normal[index]:.4g},  {ratio}"
-    if len(case.states) > _MOST_CONTACTS:
-        rows[f"and {len(case.states) - _MOST_CONTACTS} more"] = ""
-    return rows
+        rows[name] = f"{normal:.4g},  {tangential / normal:.3f}" if state in _LOADED else "0"
+    more = len(case.states) - _MOST_CONTACTS
+    return rows | ({f"and {more} more": ""} if more > 0 else {})
 
 
 def _unjudged(run: StoredRun) -> Judged:
@@ -248,16 +246,13 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     # The flow that represents the Stokes limit is too slow for the axes of the others.
     slowest = _SLOWEST * trials[:, 0].max(initial=1.0)
     trials = trials[(trials[:, 0] > slowest) & (trials[:, 1] > 0.0)]
-    line = np.unique(np.vstack([trials, [critical, 1.0]]), axis=0)
     axes.axhline(1.0, color=INK, lw=0.8)
-    axes.plot(*line.T, color=FLOW, lw=1.0, alpha=0.6)
-    axes.plot(*trials.T, "o", color=FLOW, ms=4)
+    axes.plot(*trials.T, "o-", color=FLOW, lw=1.0, ms=4)
     axes.plot(critical, 1.0, "*", color=MOTION, ms=11, mec="white", mew=0.6, zorder=5)
     axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         number_plainly(axis)
     axes.tick_params(which="both", labelsize=7)
     axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
-    flows = f"{len(every)} flow{'s' if len(every) > 1 else ''}"
-    axes.set_title(f"Safety factor, {flows} solved", fontsize=8.5)
+    axes.set_title(f"Safety factor, flows solved: {len(every)}", fontsize=8.5)
     axes.grid(color="#e2e2e2", lw=0.5)
