@@ -19,9 +19,9 @@ from ..output.series_file import read_step, times
 from . import style
 from .flow import PRESSURE, SPEED, VORTICITY, Shown
 from .history import contact_forces, read_history
-from .outlines import spoke
+from .outlines import seen_from_the_side
 from .record import StoredRun, parsed_json, read_scene
-from .style import INK, Looks, View
+from .style import INK, View
 
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
@@ -123,16 +123,18 @@ class _Film:
         axes.clear()
         axes.set(aspect="equal", xlabel="x [scene units]", ylabel=f"{plane.upwards} [scene units]")
         axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
-        looks: Looks = {"levels": self.levels, "cmap": self.field.colours, "norm": self.norm}
-        bands = axes.tricontourf(plane.triangulation(), values, extend="both", zorder=1, **looks)
+        bands = axes.tricontourf(
+            plane.triangulation(), values, levels=self.levels, cmap=self.field.colours,
+            norm=self.norm, extend="both", zorder=1,
+        )  # fmt: skip
         plane.draw_solids(axes, [bands])
         if self.field is SPEED:
             self._arrows(*plane.velocities(plane.box, _ARROWS))
         if self.history is not None:
             place = self.history.at(time)
             if not run.in_space and plane.grains:  # how the grain is turned
-                ends = spoke(plane.grains[0], place)
-                axes.plot(*ends.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
+                _, spoke = seen_from_the_side(run.model.grain, place)
+                axes.plot(*spoke.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
             before = self.history.centres[self.history.times < time]
             points = np.vstack([before, (place.centre[0], place.centre[-1])])
             for colour, width in (("white", 2.4), (INK, 1.0)):  # seen on any colour
@@ -147,6 +149,7 @@ class _Film:
         """Velocities (2, rows, columns), with arrows as long as the root of the speed."""
         reached = velocity / self.levels[-1]
         speeds = np.ma.masked_less(np.linalg.norm(reached, axis=0), _SLOWEST)
-        looks: Looks = {"angles": "xy", "scale_units": "xy", "scale": 1.1 / (x[1] - x[0])}
-        looks |= {"width": 0.0022, "pivot": "mid", "alpha": 0.85, "zorder": 2}
-        self.axes.quiver(x, y, *(reached / np.sqrt(speeds)), color="white", **looks)
+        self.axes.quiver(
+            x, y, *(reached / np.sqrt(speeds)), color="white", angles="xy", scale_units="xy",
+            scale=1.1 / (x[1] - x[0]), width=0.0022, pivot="mid", alpha=0.85, zorder=2,
+        )  # fmt: skip

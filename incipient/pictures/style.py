@@ -10,9 +10,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerPatch
+from matplotlib.patches import FancyArrowPatch
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator
 
@@ -123,8 +126,34 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     return figure, all_axes
 
 
+def chart(title: str, size: tuple[float, float] = (6.4, 4.6), **looks: Any) -> tuple[Figure, Axes]:
+    """A titled figure of a size [inches] with axes and a grid; `looks`: of `Axes.set`."""
+    figure = Figure(figsize=size, layout="constrained")
+    headline(figure, title)
+    axes = figure.subplots()
+    axes.grid(color="#e2e2e2", lw=0.5)
+    axes.set(axisbelow=True, **looks)
+    return figure, axes
+
+
 def headline(figure: Figure, title: str) -> None:
     """Write a title above a figure, wrapped to its width."""
     lines = textwrap.wrap(title, int(11 * figure.get_figwidth()))
     figure.set_figheight(figure.get_figheight() + 0.2 * (len(lines) - 1))
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=11)
+
+
+def explain(figure: Figure, **looks: Any) -> None:
+    """Add a legend of all labelled artists of a figure, with each label once and arrows as arrows."""
+    marks: dict[str, Artist] = {}
+    for axes in figure.axes:
+        artists, labels = axes.get_legend_handles_labels()
+        marks |= dict(zip(labels, artists, strict=True))
+    arrows = {FancyArrowPatch: HandlerPatch(_arrow_in_legend)}
+    figure.legend(marks.values(), marks, handler_map=arrows, **looks)
+
+
+def _arrow_in_legend(width: float, height: float, **_: Any) -> FancyArrowPatch:
+    return FancyArrowPatch(
+        (0.0, height / 2), (width, height / 2), arrowstyle="-|>", mutation_scale=9
+    )

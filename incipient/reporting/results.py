@@ -13,7 +13,7 @@ from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
 from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
-from ..pictures.verdict import critical_sentence, with_motion
+from ..pictures.verdict import critical_case, critical_sentence
 from ..planning.effects import percent
 from ..results import errorbars
 from ..results.errorbars import ALL
@@ -184,7 +184,7 @@ def _of_threshold(stored: Context, record: Path) -> Context:
         "planar": scene.gdim == 2,
         "budget": partial(_budget, scene.gdim == 2),
         "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
-        "case": judged(with_motion(stored, scene.body, scene.placement), record),
+        "case": critical_case(stored, scene, record),
         "statements": [critical_sentence(stored), *(f"{note}." for note in stored["notes"])],
         "certainty": _certainty_of_threshold(stored),
     }

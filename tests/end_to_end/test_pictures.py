@@ -210,9 +210,9 @@ def test_the_verdict_is_told_in_words_and_numbers(grain_run):
     assert texts[0].startswith("The grain begins to move (pivoting), safety factor ")
     assert texts[1].startswith("By the paper's criteria it begins to move")
     assert {"flow", "weight", "resultant"} <= set(texts)
-    assert texts[texts.index("Resultant") + 1] == "(3.142, −1.5)"  # flow + buoyancy + weight
-    assert texts[texts.index("Coefficient of static friction") + 1] == "0.4"
-    assert "Moment coefficient" not in texts  # null in the result
+    assert "(3.142, −1.5)" in texts  # the resultant of flow, buoyancy and weight
+    assert texts[texts.index("coefficient of static friction") + 1] == "0.4"
+    assert "moment coefficient" not in texts  # null in the result
     assert {"contact lifts off", "contact keeps its place while the grain turns"} <= set(texts)
 
 
@@ -225,14 +225,14 @@ def with_verdict(run, verdict):
 def test_a_grain_that_rests_shows_the_forces_that_hold_it(grain_run):
     texts = texts_of(verdict.of_run(with_verdict(grain_run, verdict_on([0.1, 0.0, 0.0]))))
     assert "contact force on the grain, a set that balances the load" in texts
-    assert "Acceleration" not in texts
+    assert "acceleration" not in texts
 
 
 def test_a_grain_that_is_not_judged_shows_its_load(grain_run):
     texts = texts_of(verdict.of_run(with_verdict(grain_run, None)))
     assert texts[0] == "The forces on the grain; the scene asks for no verdict."
     assert {"flow", "weight", "resultant", "contact with its normal"} <= set(texts)
-    assert "Safety factor on the flow" not in texts
+    assert "safety factor on the flow" not in texts
 
 
 @pytest.mark.parametrize("missing", ["judges", "sentence", "safety_factor"])
@@ -476,7 +476,7 @@ def test_why_there_is_no_threshold_is_said(tmp_path, overrides, flow, said):
 
 @pytest.mark.parametrize(
     "missing",
-    ["factor", "errors", "shields", "reynolds", "mode", "verdict", "load", "contacts", "trials"],
+    ["factor", "errors", "shields", "reynolds", "mode", "verdict", "trials"],
 )
 def test_an_incomplete_threshold_is_named(tmp_path, missing):
     path = found(tmp_path, POCKET) / "threshold.json"
@@ -767,7 +767,6 @@ def test_a_long_history_is_drawn_in_few_pieces(texts):
     figure = drawn(MOVING_SCENE, history)
     (path,) = [c for c in figure.axes[0].collections if isinstance(c, LineCollection)]
     assert 1000 < len(path.get_segments()) < 5000
-    assert any("turns" in axes.get_title(loc="left") for axes in figure.axes)
 
 
 # -- the history ---------------------------------------------------------------------------------------------

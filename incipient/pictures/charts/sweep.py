@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,8 @@ Rows = list[dict[str, Any]]
 
 _MANY = 20  # curves, above which only as many are drawn as there are colours
 _ONE_GRAIN_AND_BEDS = (
-    "Points: one grain in a steady flow without gusts; incipient entrainment gives its number by probability. "
-    "Dashed: a fit to what was seen of beds of many grains in turbulent flow, at no stated probability."
+    "Points: one grain in steady flow without gusts; incipient entrainment gives Shields numbers by probability. "
+    "Dashed: a fit to observed beds of many grains in turbulent flow, without a stated probability."
 )
 _NAMES = {
     "shields": LARGEST_DIAMETER,
@@ -85,9 +85,7 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     for name in filter(None, (quantity, against, by)):
         if not any(name in row for row in cases):
             raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(cases))}")
-    figure, axes = _figure_of(
-        (row["source"] for row in cases), f"{_name_of(quantity)} against {_name_of(against)}"
-    )
+    figure, axes = _figure_of(cases, f"{_name_of(quantity)} against {_name_of(against)}")
     shown = [row for row in cases if quantity in row and against in row]
     if not _numbers(shown, quantity):
         raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
@@ -145,9 +143,7 @@ def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
     critical = [row for row in cases if 0.0 < row.get("shields", 0.0) < math.inf]
     if not critical:
         raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
-    figure, axes = _figure_of(
-        (row["source"] for row in cases), "Critical Shields number", note=_ONE_GRAIN_AND_BEDS
-    )
+    figure, axes = _figure_of(cases, "Critical Shields number", note=_ONE_GRAIN_AND_BEDS)
     families = (
         _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
     )
@@ -162,7 +158,7 @@ def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
 def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     shown = [row for row in cases if across in row and up in row]
     value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
-    figure, axes = _figure_of((row["source"] for row in cases), f"Mode and {_name_of(value)}")
+    figure, axes = _figure_of(cases, f"Mode and {_name_of(value)}")
     x, y = (np.array([float(row[name]) for row in shown]) for name in (across, up))
     _choose_scale(axes.set_xscale, x.tolist())
     _choose_scale(axes.set_yscale, y.tolist())
@@ -171,14 +167,10 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     modes = sorted({str(row.get("mode", "")) for row in shown})
     for mode, marker, colour in zip(modes, cycle(_MARKERS), cycle(_COLOURS), strict=False):
         mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
-        looks: Looks = {
-            "color": colour,
-            "mec": "white",
-            "mew": 0.6,
-            "ms": 7.0,
-            "label": mode or "no verdict",
-        }
-        axes.plot(x[mine], y[mine], marker, clip_on=False, **looks)
+        axes.plot(
+            x[mine], y[mine], marker, clip_on=False, color=colour, mec="white", mew=0.6, ms=7.0,
+            label=mode or "no verdict",
+        )  # fmt: skip
     _legend(axes, None)
     return figure
 
@@ -188,15 +180,12 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
     good = np.isfinite(values) & (values > 0.0)
     if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
         return
-    scales = (x, axes.get_xscale()), (y, axes.get_yscale())
-    scaled = [np.log(part[good]) if scale == "log" else part[good] for part, scale in scales]
-    scaled = [(part - part.min()) / np.ptp(part) for part in scaled]
-    triangles = Triangulation(*scaled).triangles
-    shape = Triangulation(x[good], y[good], triangles)
+    # Triangles of the picture, whatever the scales of its axes.
+    scaled = axes.transData.transform(np.column_stack([x[good], y[good]])).T
+    shape = Triangulation(x[good], y[good], Triangulation(*scaled).triangles)
     logs = np.log10(values[good])
     filled = axes.tricontourf(shape, logs, levels=12, cmap="Greys", alpha=0.5)
-    bar = figure.colorbar(filled, ax=axes, pad=0.02)
-    bar.set_label(f"log10 of the {_name_of(value)}")
+    figure.colorbar(filled, ax=axes, pad=0.02).set_label(f"log10 of the {_name_of(value)}")
     if value == "safety_factor" and logs.min() < 0.0 < logs.max():
         line = axes.tricontour(shape, logs, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
         axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
@@ -209,12 +198,9 @@ def _numbers(cases: Rows, name: str) -> bool:
     )
 
 
-def _figure_of(sources: Iterable[str], title: str, note: str = "") -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(7.2, 5.0), layout="constrained")
-    axes = figure.subplots()
-    axes.set_title(f"{title}  ({', '.join(dict.fromkeys(sources))})")
-    axes.grid(color="#e2e2e2", lw=0.5)
-    axes.set_axisbelow(True)
+def _figure_of(cases: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:
+    sources = ", ".join(dict.fromkeys(row["source"] for row in cases))
+    figure, axes = style.chart(f"{title}  ({sources})", (7.2, 5.0))
     figure.supxlabel(textwrap.fill(note, 105), fontsize=8, x=0.02, ha="left")
     return figure, axes
 
