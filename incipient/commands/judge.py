@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..errors import SceneError
 from ..judging.batch import SUMMARY, judge_table, verdicts_name
-from ..judging.case import judge_case, load_case, load_case_without_flow, save, text
+from ..judging.case import judge_case, load_case, save, text
 from ..judging.forces import judge_forces
 from ..judging.motion import FlowThreshold
 from ..judging.openfoam import read_forces
@@ -64,7 +64,7 @@ def _judge_forces(options: argparse.Namespace) -> None:
         why = f"{options.case} has the contacts; leave one of them out"
         raise SceneError(f"--grain and --bed: {why}")
     else:
-        case = load_case_without_flow(options.case, options.overrides)
+        case = load_case(options.case, options.overrides, needs_flow=False)
     forces = read_forces(options.forces)
     judged = judge_forces(case, forces, options.density, options.since, options.law)
     print(judged.text())
@@ -84,7 +84,7 @@ def _judge_case(options: argparse.Namespace) -> None:
 
 
 def _judge_series(options: argparse.Namespace) -> None:
-    case = load_case_without_flow(options.case, options.overrides)
+    case = load_case(options.case, options.overrides, needs_flow=False)
     series = judge_series(case, read_series(options.series, options.since))
     print(series.text())
     if options.law is not None:

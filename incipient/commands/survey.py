@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import SceneError
 from ..output.ownership import refuse_foreign
-from ..parallel import Comm, on_first
+from ..parallel import Comm
 from ..progress import telling
 from ..results.kinds import POSES, SURVEY
 from ..survey.orientations import Poses, survey_poses
@@ -21,6 +21,9 @@ from .drawing import draw_and_tell
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
     """Survey a bed, or a grain in many poses; print and draw the result."""
+    if comm.size > 1:
+        remedy = "start it without mpirun, with --jobs, or with --scheduler on a cluster"
+        raise SceneError(f"a survey computes each run on one rank; {remedy}")
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)
         if value is not None and value < least:
@@ -44,11 +47,10 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         compute = partial(
             survey_poses, options.bed, options.overrides, poses, directory, comm, sweep
         )
-    on_first(comm, refuse_foreign, directory, kind.files, read)
-    with telling(comm.rank) as voice:
+    refuse_foreign(directory, kind.files, read)
+    with telling(0) as voice:
         result = compute(voice)
-    if comm.rank == 0:
-        print(result.text())
-        print(f"numbers             {directory / kind.tables[0]}", flush=True)
-        draw_and_tell(directory)
+    print(result.text())
+    print(f"numbers             {directory / kind.tables[0]}", flush=True)
+    draw_and_tell(directory)
     return 0

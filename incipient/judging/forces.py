@@ -13,6 +13,7 @@ from .case import Case, CaseErrors, judge_case, text
 from .motion import FEWEST, FlowThreshold, mean_in_time, samples_from
 from .openfoam import ForcesInTime
 from .series import Series, judge_series
+from .table import columns_of
 
 FRACTION = 0.5  # of the time, the last, over which a mean is taken by default
 
@@ -68,11 +69,8 @@ def judge_forces(
     load = case.load.model_copy(update={**_flow(case.gdim, mean), "about": about})
     errors = (case.errors or CaseErrors()).model_copy(update=_flow(case.gdim, error))
     case = case.model_copy(update={"load": load, "errors": errors})
-    names = ["force_x", "force_y", "force_z", "couple_x", "couple_y", "couple_z"]
-    if case.gdim == 2:
-        names[2:] = ["", "", "", "couple"]
-    columns = dict(zip(names, loads.T, strict=True)) | {"time": forces.times}
-    columns.pop("", None)
+    columns = columns_of("force", loads[:, :3], case.gdim)
+    columns |= columns_of("couple", loads[:, 3:], case.gdim) | {"time": forces.times}
     judgement, series = judge_case(case), judge_series(case, columns, start)
     threshold = None
     if law is not None:

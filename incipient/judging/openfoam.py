@@ -72,20 +72,19 @@ class _Run:
 
 
 def _runs(path: Path) -> Iterator[_Run]:
-    for folder in [path, *sorted(path.iterdir())]:
-        if folder != path and not (folder.is_dir() and re.fullmatch(DECIMAL, folder.name)):
+    for file in [*sorted(path.glob("*.dat")), *sorted(path.glob("*/*.dat"))]:
+        name, folder = RUN.fullmatch(file.name), file.parent
+        if name is None or (folder != path and not re.fullmatch(DECIMAL, folder.name)):
+            continue
+        if name["kind"] == "moment":
+            beside = (
+                file.with_name(kind + file.name[len("moment") :]) for kind in ("force", "forces")
+            )
+            if not any(other.is_file() for other in beside):
+                raise _refusal(f"{file} has no file of forces next to it; move it away")
             continue
         start = -np.inf if folder == path else float(folder.name)
-        names = [name for file in sorted(folder.iterdir()) if (name := RUN.fullmatch(file.name))]
-        forces = [name for name in names if name["kind"] != "moment"]
-        known = {_moments_beside(folder / name.string) for name in forces}
-        for name in names:
-            file = folder / name.string
-            if name["kind"] == "moment" and file not in known:
-                raise _refusal(f"{file} has no file of forces next to it; move it away")
-        for name in forces:
-            again = name["start"] is not None
-            yield _Run(float(name["start"] or start), again, folder / name.string)
+        yield _Run(float(name["start"] or start), name["start"] is not None, file)
 
 
 def _moments_beside(path: Path) -> Path:

@@ -15,7 +15,7 @@ from ..errors import SceneError
 from ..files import make_directory, write_json, write_text_atomically
 from .case import Case
 from .motion import MotionInTime, samples_from, steps_of
-from .table import read_table, require_columns
+from .table import names_of, read_table, require_columns, vectors
 
 SAMPLES, SUMMARY = "series.csv", "series.json"
 MOST_EVENTS = 10  # printed, the longest first
@@ -116,31 +116,25 @@ def save_series(series: Series, directory: Path) -> None:
 
 
 def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
-    axes = "xyz"[: case.gdim]
-    force, weight, torque_columns = (
-        [f"{name}_{axis}" for axis in axes] for name in ("force", "weight", "couple")
-    )
-    torque_columns = ["couple"] if case.gdim == 2 else torque_columns
-    needed = ["time", *force, *torque_columns]
-    if varies := any(name in columns for name in weight):
+    gdim, weight = case.gdim, names_of("weight", case.gdim)
+    needed = ["time", *names_of("force", gdim), *names_of("couple", gdim)]
+    if varies := not columns.keys().isdisjoint(weight):
         needed += weight
-    remedy = f"give {', '.join(needed)}"
-    require_columns("series", columns, needed, [*weight, "friction"], remedy)
+    require_columns("series", columns, needed, [*weight, "friction"], f"give {', '.join(needed)}")
     _check(columns)
-
-    def vectors(names: list[str]) -> Floats:
-        table = np.stack([columns[name] for name in names], axis=1)
-        return np.pad(table, ((0, 0), (2, 0) if names == ["couple"] else (0, 3 - len(names))))
-
-    acting = vectors(force)
-    heavy = vectors(weight) if varies else case.to_load().weight
+    acting, contacts, law = vectors(columns, "force", gdim), case.to_contacts(), case.contacts.law
     # tau_c = tau_a + (a - c) ^ F
-    torque = vectors(torque_columns) + np.cross(case.about - case.centre, acting)
-    contacts, inert = case.to_contacts(), case.mass_and_inertia() or ()
-    law = case.contacts.law
-    law = replace(law, coefficient=columns.get("friction", law.coefficient))
-    surface = contacts.points, contacts.normals
-    return Cases(*surface, acting, torque, heavy, case.centre, law, *inert)
+    torque = vectors(columns, "couple", gdim) + np.cross(case.about - case.centre, acting)
+    return Cases(
+        contacts.points,
+        contacts.normals,
+        acting,
+        torque,
+        vectors(columns, "weight", gdim) if varies else case.to_load().weight,
+        case.centre,
+        replace(law, coefficient=columns.get("friction", law.coefficient)),
+        *(case.mass_and_inertia() or ()),
+    )
 
 
 def _check(columns: Mapping[str, Floats]) -> None:

@@ -19,12 +19,12 @@ from .ownership import (
     CONTACTS,
     FILES,
     HISTORY,
+    PICTURES,
     RESULT,
     keep_complete_result,
     make_room,
     place_scene,
     remove,
-    remove_pictures,
 )
 
 if TYPE_CHECKING:
@@ -47,23 +47,21 @@ class ResultDirectory(Recorder):
     ):
         self.path, self.comm, self._resumed = path, comm, resumed
         self._overwrite = overwrite
-        self._series: FieldSeries | None = None
-        self._surface: FieldSeries | None = None
+        self._series: dict[str, FieldSeries] = {}
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene, and open the field series if requested. A second call restarts."""
-        self._output, self._series, self._surface = scene.output, None, None
+        self._output, self._series = scene.output, {}
         on_first(self.comm, self._make_ready, scene)
         self._overwrite = True  # later files belong to this run
-        if not scene.output.fields:
-            return
-        from .xdmf import FieldSeries
+        if scene.output.fields:
+            from .xdmf import FieldSeries
 
-        after = -math.inf if self._resumed is None else self._resumed.time
-        self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm, after)
-        if "body" in domain.names:
-            facets, stem = domain.facets_of("body"), self.path / "surface"
-            self._surface = FieldSeries(stem, domain.mesh, self.comm, after, facets)
+            after = -math.inf if self._resumed is None else self._resumed.time
+            for name, facets in _parts(domain).items():
+                self._series[name] = FieldSeries(
+                    self.path / name, domain.mesh, self.comm, after, facets
+                )
 
     def _make_ready(self, scene: Scene) -> None:
         if self._resumed is None:
@@ -77,7 +75,7 @@ class ResultDirectory(Recorder):
     def wants_fields(self, number: int, last: bool) -> bool:
         """Whether the fields of a step are written: at the end, and at the scene's interval."""
         every = self._output.every
-        return self._series is not None and (last or (every > 0 and number % every == 0))
+        return bool(self._series) and (last or (every > 0 and number % every == 0))
 
     def step(self, row: dict[str, Any]) -> None:
         on_first(self.comm, append_row, self.path / HISTORY, row)
@@ -88,16 +86,13 @@ class ResultDirectory(Recorder):
                 append_row(self.path / CONTACTS, row)
 
     def remeshed(self, domain: Domain) -> None:
-        if self._series is not None:
-            self._series.remeshed(domain.mesh)
-        if self._surface is not None:
-            self._surface.remeshed(domain.mesh, domain.facets_of("body"))
+        for name, facets in _parts(domain).items() if self._series else ():
+            self._series[name].remeshed(domain.mesh, facets)
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        if self._series is not None:
-            self._series.write(time, fields)
-        if self._surface is not None and traction is not None:
-            self._surface.write(time, {"traction": traction})
+        self._series["fields"].write(time, fields)
+        if "surface" in self._series and traction is not None:
+            self._series["surface"].write(time, {"traction": traction})
 
     def keep(self, checkpoint: Checkpoint) -> Path:
         from ..restart import checkpoint as checkpoints
@@ -119,7 +114,14 @@ class ResultDirectory(Recorder):
 
     def _write(self, result: Result) -> None:
         if self._resumed is not None:
-            remove_pictures(self.path)
+            remove([self.path / name for name in PICTURES])
             if result.status != "complete":
                 keep_complete_result(self.path)
         write_json(self.path / RESULT, result.to_dict())
+
+
+def _parts(domain: Domain) -> dict[str, Any]:
+    """Facets of the series of a mesh by name; None: all cells."""
+    return {"fields": None} | (
+        {"surface": domain.facets_of("body")} if "body" in domain.names else {}
+    )

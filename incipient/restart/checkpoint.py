@@ -18,7 +18,7 @@ from ..parallel import Comm, collectively, on_first
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 9
+FORMAT, VERSION = "incipient checkpoint", 10
 ANEW = "start a new run with: incipient run"
 
 
@@ -59,21 +59,11 @@ class StoredMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class StoredFlow:
-    """States of a flow: velocities (n, states, gdim) and pressures (m, states) at their nodes (n, 3), (m, 3)."""
-
-    velocity_points: Floats
-    pressure_points: Floats
-    velocities: Floats
-    pressures: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class StoredValues:
-    """States (n, states, 2) of the logarithms of k and epsilon or omega at nodes (n, 3), the present one first."""
+class StoredField:
+    """States (n, states, components) of a field at its nodes (n, 3), the present one first."""
 
     points: Floats
-    logarithms: Floats
+    values: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,16 +113,20 @@ class StoredSurface:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A run between two steps. `times` (states,): of the flow's states, the present one first."""
+    """A run between two steps.
+
+    times: (states,) of the flow's states; turbulence: logarithms of k and epsilon or omega
+    """
 
     scene: str
     progress: Progress
     mesh: StoredMesh
     times: Floats
-    flow: StoredFlow
+    velocity: StoredField
+    pressure: StoredField
     body: StoredBody | None = None
     surface: StoredSurface | None = None
-    turbulence: StoredValues | None = None
+    turbulence: StoredField | None = None
 
     @property
     def time(self) -> float:

@@ -18,7 +18,7 @@ from ..fluid.transient import Past, Transient
 from ..mesh.cells import cell_facets
 from ..mesh.domain import Domain, named_facets
 from ..parallel import NumberedRows, collectively, joined
-from .checkpoint import ANEW, Checkpoint, StoredFlow, StoredMesh, StoredValues
+from .checkpoint import ANEW, Checkpoint, StoredField, StoredMesh
 
 # Largest distance of a node from its stored position, relative to the mesh's size.
 SAME_PLACE = 1e-10
@@ -46,31 +46,27 @@ def stored_mesh(domain: Domain) -> StoredMesh:
     )
 
 
-def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> StoredFlow:
-    """States (local unknowns,) of a fluid and its node positions, complete on rank 0. Collective."""
+def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> dict[str, StoredField]:
+    """States (local unknowns,) of a fluid: velocity and pressure, complete on rank 0. Collective."""
     space = fluid.space
-    velocities = [state[space.velocity_map].reshape(-1, space.gdim) for state in states]
+    velocities = [state[space.velocity_map] for state in states]
     pressures = [state[space.pressure_map] for state in states]
-    return StoredFlow(
-        _owned(space.velocity, space.velocity_points()),
-        _owned(space.pressure, space.pressure.tabulate_dof_coordinates()),
-        _owned(space.velocity, np.stack(velocities, axis=1)),
-        _owned(space.pressure, np.stack(pressures, axis=1)),
-    )
+    points = space.velocity_points(), space.pressure.tabulate_dof_coordinates()
+    return {
+        "velocity": stored_field(space.velocity, points[0], velocities),
+        "pressure": stored_field(space.pressure, points[1], pressures),
+    }
 
 
-def stored_values(space: Any, states: Sequence[Floats]) -> StoredValues:
-    """States (local unknowns,) of both logarithms of turbulence, complete on rank 0. Collective."""
-    values = np.stack([state.reshape(-1, 2) for state in states], axis=1)
-    return StoredValues(_owned(space, space.tabulate_dof_coordinates()), _owned(space, values))
+def stored_field(space: Any, points: Floats, states: Sequence[Floats]) -> StoredField:
+    """States (local unknowns,) of a field at its nodes (local nodes, 3), complete on rank 0. Collective."""
+    values = np.stack([state.reshape(len(points), -1) for state in states], axis=1)
+    owned = space.dofmap.index_map.size_local
+    return StoredField(*(joined(space.mesh.comm, part[:owned]) for part in (points, values)))
 
 
 def _given(mesh: Any) -> Integers:
     return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
-
-
-def _owned(space: Any, values: np.ndarray) -> np.ndarray:
-    return joined(space.mesh.comm, values[: space.dofmap.index_map.size_local])
 
 
 def _tagged(domain: Domain, owned: int) -> tuple[NDArray[np.int32], Integers]:
@@ -106,42 +102,33 @@ def spread_nodes(mesh: Any, stored: Floats) -> Floats:
     return stored[_given(mesh)]
 
 
-def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
+def spread_flow(fluid: Fluid, velocity: StoredField, pressure: StoredField) -> list[Floats]:
     """Stored states (local unknowns,) on a fluid whose mesh has the stored positions. Collective.
 
     Raises OutputError on all ranks if a node is at no stored position.
     """
     space, comm = fluid.space, fluid.domain.comm
-    pressure_points = space.pressure.tabulate_dof_coordinates()
-    velocities = _fetched(comm, stored.velocity_points, stored.velocities, space.velocity_points())
-    pressures = _fetched(comm, stored.pressure_points, stored.pressures, pressure_points)
+    velocities = spread_field(comm, velocity, space.velocity_points())
+    pressures = spread_field(comm, pressure, space.pressure.tabulate_dof_coordinates())
     states = []
-    for number in range(velocities.shape[1]):
+    for of_velocity, of_pressure in zip(velocities, pressures, strict=True):
         state = np.zeros_like(fluid.state.x.array)
-        state[space.velocity_map] = velocities[:, number].ravel()
-        state[space.pressure_map] = pressures[:, number]
+        state[space.velocity_map], state[space.pressure_map] = of_velocity, of_pressure
         states.append(state)
     return states
 
 
-def spread_values(space: Any, stored: StoredValues) -> list[Floats]:
-    """Stored states (local unknowns,) of both logarithms on their space. Collective.
+def spread_field(comm: MPI.Comm, stored: StoredField, points: Floats) -> list[Floats]:
+    """Stored states (local unknowns,) at this rank's nodes (n, 3). Collective.
 
     Raises OutputError on all ranks if a node is at no stored position.
     """
-    points = space.tabulate_dof_coordinates()
-    values = _fetched(space.mesh.comm, stored.points, stored.logarithms, points)
-    return [values[:, number].ravel() for number in range(values.shape[1])]
-
-
-def _fetched(comm: MPI.Comm, places: Floats, values: Floats, points: Floats) -> Floats:
-    """Values at this rank's points (n, 3), from values (m, ...) stored at positions (m, 3). Collective."""
-    distances, rows = KDTree(places).query(points)
-    tolerance = SAME_PLACE * np.ptp(places, axis=0).max()
+    distances, rows = KDTree(stored.points).query(points)
+    tolerance = SAME_PLACE * np.ptp(stored.points, axis=0).max()
     with collectively(comm):
         if distances.max(initial=0.0) > tolerance or len(np.unique(rows)) < len(points):
             raise OutputError(f"the stored flow and the stored mesh have different nodes; {ANEW}")
-    return values[rows]
+    return [state.ravel() for state in np.moveaxis(stored.values[rows], 1, 0)]
 
 
 def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
@@ -156,7 +143,7 @@ def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
 def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
     """Restore the fluid's state and the past states of the time integration. Collective."""
     fluid = transient.fluid
-    present, *past = spread_flow(fluid, kept.flow)
+    present, *past = spread_flow(fluid, kept.velocity, kept.pressure)
     fluid.state.x.array[:], fluid.time = present, kept.time
     velocities = np.zeros((len(past), 0)) if kept.body is None else kept.body.velocities
     pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]

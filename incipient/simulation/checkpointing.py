@@ -30,7 +30,7 @@ def collected(run: Run) -> Checkpoint:
         progress=_progress(run, transient),
         mesh=stored_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
-        flow=stored_flow(fluid, states),
+        **stored_flow(fluid, states),
         **parts,
     )
 

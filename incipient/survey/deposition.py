@@ -11,17 +11,14 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from ..geometry.statics import balance, nearest_motion
+from ..geometry.statics import nearest_motion
 
 DOWN = np.array([0.0, 0.0, -1.0])
 # In radii of the sphere that rolls.
 STEP, SHORTEST = 0.2, 1e-7
-TOUCHING = 1e-5  # gaps of contacts before they are closed
-CLOSED = 1e-12
 STILL = 1e-6  # speed of a sphere at rest, over the speed of free fall
 MOST_STEPS = 5000
 AS_FORESEEN = 0.5  # of the descent by the contacts' planes: steps with less are halved
-CARRYING = 1e-9  # fraction of the weight above which a contact carries
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +84,7 @@ def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = 
     """
     place, step = _dropped(others, start, radius, floor), STEP * radius
     for _ in range(MOST_STEPS):
-        normals, gaps, _ = _near(others, place, radius, 1.5 * step, floor)
+        normals, gaps = _near(others, place, radius, 1.5 * step, floor)
         motion = nearest_motion(normals, -np.maximum(gaps, 0.0) / step, DOWN)
         ahead = _dropped(others, place + step * motion, radius, floor)
         descent = place[2] - ahead[2]
@@ -96,7 +93,7 @@ def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = 
         is_as_foreseen = descent > -AS_FORESEEN * step * motion[2]
         step = min(2.0 * step, STEP * radius) if is_as_foreseen else 0.5 * step
         if step < SHORTEST * radius or np.linalg.norm(motion) < STILL:
-            return _closed(others, place, radius, floor)
+            return place
     raise SceneError("a sphere did not come to rest; change the seed of the bed")
 
 
@@ -119,29 +116,13 @@ def _dropped(others: Spheres, place: Floats, radius: float, floor: float | None)
 
 def _near(
     others: Spheres, place: Floats, radius: float, within: float, floor: float | None
-) -> tuple[Floats, Floats, np.ndarray]:
+) -> tuple[Floats, Floats]:
+    """Normals (k, 3), and gaps (k,) less than `within`, to the others and the floor."""
     away = others.away(place)
     length = np.linalg.norm(away, axis=1)
     gaps = length - others.radii - radius
-    close = np.flatnonzero(gaps < within)
-    normals = away[close] / length[close, None]
+    close = gaps < within
+    normals, gaps = away[close] / length[close, None], gaps[close]
     if floor is not None and place[2] - radius - floor < within:
-        return (
-            np.vstack([normals, -DOWN]),
-            np.append(gaps[close], place[2] - radius - floor),
-            np.append(close, -1),
-        )
-    return normals, gaps[close], close
-
-
-def _closed(others: Spheres, place: Floats, radius: float, floor: float | None) -> Floats:
-    normals, _, which = _near(others, place, radius, TOUCHING * radius, floor)
-    _, factors = balance(normals, DOWN)
-    carrying = set(which[factors > CARRYING].tolist())
-    for _ in range(20):
-        normals, gaps, which = _near(others, place, radius, 10.0 * TOUCHING * radius, floor)
-        mine = np.isin(which, list(carrying))
-        if np.abs(gaps[mine]).max(initial=0.0) < CLOSED * radius:
-            break
-        place = place - np.linalg.lstsq(normals[mine], gaps[mine], rcond=1e-9)[0]
-    return place
+        normals, gaps = np.vstack([normals, -DOWN]), np.append(gaps, place[2] - radius - floor)
+    return normals, gaps

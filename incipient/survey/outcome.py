@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Floats, known_percentiles, percentile
 from .deposition import Spheres
 from .emulator import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator
-from .full_runs import LoadCoefficients
+from .full_runs import LoadCoefficients, relative_error
 from .laws import kirchner, with_constant_drag
 from .pockets import Pocket, Surface
 from .request import SurveyRequest
@@ -63,20 +63,11 @@ class EmulatorRecord:
         failed: int,
         thresholds: Sequence[Threshold],
         to_halve: int,
-        of_flow: Floats,
     ) -> EmulatorRecord:
-        wrong, bars = emulator.errors, emulator.bars
+        wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
-        ranges = [
-            (*threshold.bar, threshold.shields)
-            for threshold in thresholds
-            if not threshold.is_computed
-        ]
-        relative = [
-            0.5 * (high - low) / shields
-            for low, high, shields in ranges
-            if np.isfinite([shields, high]).all() and shields > 0.0
-        ]
+        bounded = [threshold for threshold in thresholds if threshold.has_bar]
+        relative = [0.5 * float(np.ptp(one.bar)) / one.shields for one in bounded]
         return cls(
             runs=len(runs),
             failed=failed,

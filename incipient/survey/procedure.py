@@ -14,11 +14,12 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..files import csv_text, write_json, write_text_atomically
 from ..input_files import read_text
 from ..output.ownership import locked
-from ..parallel import Comm, collectively, from_first
+from ..parallel import Comm
 from ..progress import Silent
+from ..scene import Scene
 from ..scene.file import parse
 from ..sweep import run as run_sweep
 from ..sweep.cases import identity_of
@@ -31,17 +32,16 @@ from .full_runs import (
     FullRun,
     LoadCoefficients,
     coefficients_of,
-    relative_error,
     reynolds_of,
     scene_of,
 )
 from .outcome import COLUMNS, EmulatorRecord, SurveyOutcome
 from .pockets import Surface, exposed, pockets
 from .request import SurveyRequest
-from .thresholds import LoadErrors, features_of, thresholds
+from .thresholds import features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
-ONE_OF_MANY = {"tries": 1}  # a run that dies or takes too long is not repeated by itself
+Rows = Mapping[str, Mapping[str, Any]]
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
@@ -59,14 +59,14 @@ def survey(
     sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> SurveyOutcome:
-    """Survey a bed; results are written to a directory, whose finished runs are reused. Collective.
+    """Survey a bed; results are written to a directory, whose finished runs are reused. Not collective.
 
     Args:
         base: directory that files of the bed are relative to.
         more: full runs beyond those of the request.
         sweep: arguments of the sweep of full runs, such as jobs, wall, retry, scheduler, limit.
 
-    Raises IncipientError on all ranks; finished runs are in the directory.
+    Raises IncipientError; finished runs are in the directory.
     """
     voice = voice or Silent()
     with locked(directory, comm, make=True):
@@ -78,17 +78,16 @@ def survey(
             grains.append(grain)
             voice.count("grains", count, len(numbers))
         mark = _mark(request, spheres)
-        begun = from_first(comm, lambda: _begun(directory / RECORD, mark))
         bed = spheres, surface, len(numbers), grains
-        outcome = SurveyOutcome(request, *bed, runs=begun, mark=mark)
+        outcome = SurveyOutcome(request, *bed, runs=_begun(directory / RECORD, mark), mark=mark)
         if not outcome.free:
             why = "no exposed grain is free to move; enlarge the bed or lower grains.visible"
             raise SceneError(f"bed: {why}")
-        _write(outcome, directory, comm)
+        _write(outcome, directory)
         if request.runs.number or more:
             Emulator.require()
-            outcome = _Loads(outcome, directory, comm, more, sweep, voice).computed()
-            _write(outcome, directory, comm)
+            outcome = _Loads(outcome, directory, more, sweep, voice).computed()
+            _write(outcome, directory)
         return outcome
 
 
@@ -107,35 +106,43 @@ def _begun(record: Path, mark: str) -> tuple[int, ...]:
         return ()
 
 
-def _write(outcome: SurveyOutcome, directory: Path, comm: Comm) -> None:
-    with collectively(comm):
-        if comm.rank:
-            return
-        make_directory(directory)
-        write_text_atomically(directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
-        names = ("x", "y", "z", "diameter")
-        places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
-        rows = (dict(zip(names, row, strict=True)) for row in places.tolist())
-        write_text_atomically(directory / SPHERES, csv_text(names, rows))
-        write_json(directory / RECORD, outcome.to_dict())
+def _write(outcome: SurveyOutcome, directory: Path) -> None:
+    write_text_atomically(directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
+    names = ("x", "y", "z", "diameter")
+    places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
+    rows = (dict(zip(names, row, strict=True)) for row in places.tolist())
+    write_text_atomically(directory / SPHERES, csv_text(names, rows))
+    write_json(directory / RECORD, outcome.to_dict())
+
+
+def swept(
+    scenes: Sequence[Scene], file: Path, task: str, sweep: Mapping[str, Any], voice: Silent
+) -> Rows:
+    """Compute scenes of one inertia in a sweep; its rows by identity, with those of earlier calls."""
+    same = {"fluid.inertia": [scenes[0].fluid.inertia]}
+    means = {"tries": 1, **sweep}  # a run that dies or takes too long is not repeated by itself
+    run_sweep(list(scenes), file, same, do=task, voice=voice, **means)
+    return _stored(file)
+
+
+def _stored(file: Path) -> Rows:
+    return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
 
 
 @dataclass(frozen=True, eq=False)
 class _Loads:
     outcome: SurveyOutcome
     directory: Path
-    comm: Comm
     more: int
     sweep: Mapping[str, Any]
     voice: Silent
 
     def computed(self) -> SurveyOutcome:
         grains, number = self.outcome.free, self.outcome.request.runs.number
-        order = designed(self._features, min(number, len(grains)))
         # Runs of an earlier call come first: the place of a run decides its Reynolds number.
-        first = [grains[place].number for place in order.tolist()]
+        first = [grains[place].number for place in designed(self._features, number).tolist()]
         chosen = list(dict.fromkeys([*self.outcome.runs, *first]))
-        runs, table = self._full_runs(chosen), self._table()
+        runs, table = self._full_runs(chosen), _stored(self.directory / RUNS)
         begun = sum(status not in (DONE, FAILED) for status in _statuses(runs, table))
         if (more := self.more - begun) > 0:
             further = self._further(chosen, coefficients_of(runs, table), more)
@@ -146,12 +153,9 @@ class _Loads:
             why = f"{len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
             raise SceneError(f"runs.number: {why}")
         outcome = replace(self.outcome, runs=tuple(chosen))
-        _write(outcome, self.directory, self.comm)
+        _write(outcome, self.directory)
         scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
-        inertia = {"fluid.inertia": [outcome.request.flow.galileo is not None]}
-        means = {**ONE_OF_MANY, **self.sweep}
-        run_sweep(scenes, self.directory / RUNS, inertia, do="run", voice=self.voice, **means)
-        table = self._table()
+        table = swept(scenes, self.directory / RUNS, "run", self.sweep, self.voice)
         done, failed = coefficients_of(runs, table), _statuses(runs, table).count(FAILED)
         if len(done) < FEWEST:
             why = f"{len(done)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
@@ -186,10 +190,6 @@ class _Loads:
             runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
         return runs
 
-    def _table(self) -> dict[str, dict[str, Any]]:
-        file = self.directory / RUNS
-        return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
-
     def _emulator(self, runs: Sequence[LoadCoefficients]) -> Emulator:
         free = {grain.number: grain for grain in self.outcome.free}
         median = self.outcome.surface.median
@@ -201,17 +201,16 @@ class _Loads:
     ) -> SurveyOutcome:
         flow, grains, median = outcome.request.flow, outcome.free, outcome.surface.median
         self.voice.begin("thresholds")
-        emulator, of_flow = self._emulator(runs), relative_error(runs)
-        errors = LoadErrors(emulator.correlation, of_flow, outcome.request.runs.seed)
-        critical = thresholds(grains, median, flow, runs, emulator, errors)
+        emulator = self._emulator(runs)
+        critical = thresholds(grains, median, flow, runs, emulator, outcome.request.runs.seed)
         features, computed = self._features.copy(), {run.number for run in runs}
         features[:, -1] = np.log10(runs[0].reynolds)
         unknown = [place for place, grain in enumerate(grains) if grain.number not in computed]
         to_halve = runs_to_halve(emulator, features, unknown)
-        record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve, of_flow)
+        record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve)
         return replace(outcome, thresholds=critical, emulator=record)
 
 
-def _statuses(runs: Sequence[FullRun], table: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _statuses(runs: Sequence[FullRun], table: Rows) -> list[str]:
     identities = [identity_of(run.scene, "run") for run in runs]
     return [table[identity]["status"] for identity in identities if identity in table]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from ..input_files import read_table
 
 # The overrides of one case, as of `--set`.
 Settings = tuple[str, ...]
+# Varied keys of scenes and their values, as text for `--set`.
+Axes = dict[str, tuple[str, ...]]
 
 _RANGE = re.compile(r"(log|lin):([^:,]+):([^:,]+):([^:,]+)")
 _DIGITS = 12  # of values between two ends, so that they are the same numbers whatever computes them
@@ -25,46 +28,43 @@ _MOST = 100_000  # cases
 _REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NUMBER"
 
 
-@dataclass(frozen=True)
-class VariedKey:
-    """A key of scenes and its values, as text for `--set`."""
+def axes_of(over: Mapping[str, Any] | Iterable[str]) -> Axes:
+    """Varied keys from texts such as ``fluid.reynolds=log:0.1:200:17``, or from values by key.
 
-    key: str
-    values: tuple[str, ...]
+    Values are text as after the sign of equality, a list, or one value; sections may be nested. Raises SceneError.
+    """
+    listed = _of_mapping(over) if isinstance(over, Mapping) else map(_parsed, over)
+    axes: Axes = {}
+    for key, values in listed:
+        if key in axes:
+            raise SceneError(f"--over {key}: is given twice; put all its values into one list")
+        axes[key] = values
+    return axes
 
-    @property
-    def settings(self) -> list[Settings]:
-        return [(f"{self.key}={value}",) for value in self.values]
+
+def _of_mapping(
+    over: Mapping[str, Any], section: str = ""
+) -> Iterator[tuple[str, tuple[str, ...]]]:
+    for name, values in over.items():
+        key = f"{section}{name}"
+        if isinstance(values, Mapping):
+            yield from _of_mapping(values, f"{key}.")
+        elif isinstance(values, str):
+            yield _parsed(f"{key}={values}")
+        else:
+            listed = [plain(values)] if np.ndim(values) == 0 else plain(values)
+            if not listed:
+                remedy = "give a list, or text as in log:0.1:200:17"
+                raise SceneError(f"over {key}: has no values; {remedy}")
+            texts = (value if isinstance(value, str) else json.dumps(value) for value in listed)
+            yield key, tuple(texts)
 
 
-def parsed(text: str) -> VariedKey:
-    """The axis of an option such as ``fluid.reynolds=log:0.1:200:17``. Raises SceneError."""
+def _parsed(text: str) -> tuple[str, tuple[str, ...]]:
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
         raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
-    return VariedKey(key, _values(values, text))
-
-
-def of_mapping(over: Mapping[str, Any]) -> list[VariedKey]:
-    """Axes by their keys: text as of `parsed`, a list, or one value; sections may be nested. Raises SceneError."""
-    axes: list[VariedKey] = []
-    for key, values in over.items():
-        if isinstance(values, Mapping):
-            axes += of_mapping({f"{key}.{name}": part for name, part in values.items()})
-        elif isinstance(values, str):
-            axes.append(parsed(f"{key}={values}"))
-        else:
-            listed = plain(values)
-            listed = listed if isinstance(listed, list) else [listed]
-            texts = tuple(
-                value if isinstance(value, str) else json.dumps(value) for value in listed
-            )
-            if not texts:
-                raise SceneError(
-                    f"over {key}: has no values; give a list, or text as in log:0.1:200:17"
-                )
-            axes.append(VariedKey(str(key), texts))
-    return axes
+    return key, _values(values, text)
 
 
 def _values(text: str, option: str) -> tuple[str, ...]:
@@ -127,31 +127,23 @@ def table_of_cases(path: Path) -> list[Settings]:
     ]
 
 
-def combined(
-    axes: Sequence[VariedKey], together: bool, table: Iterable[Settings] = ()
-) -> list[Settings]:
+def combined(axes: Axes, together: bool, table: Iterable[Settings] = ()) -> list[Settings]:
     """Overrides of all cases: every combination of axes and rows; `together`: axes vary side by side.
 
     Raises SceneError if axes that vary together differ in length, a key comes twice, or there are too many cases.
     """
-    keys = [axis.key for axis in axes]
-    if twice := next((key for key in keys if keys.count(key) > 1), None):
-        raise SceneError(f"--over {twice}: is given twice; put all its values into one list")
-    if together and len({len(axis.values) for axis in axes}) > 1:
-        lengths = ", ".join(f"{axis.key} {len(axis.values)}" for axis in axes)
+    columns = [[f"{key}={value}" for value in values] for key, values in axes.items()]
+    if together and len(set(map(len, columns))) > 1:
+        lengths = ", ".join(f"{key} {len(values)}" for key, values in axes.items())
         raise SceneError(
             f"--zip: the numbers of values differ ({lengths}); give as many for each key"
         )
-    number = int(
-        np.prod([len(axis.values) for axis in axes[: 1 if together else None]], dtype=float)
-    )
+    number = math.prod(map(len, columns[:1] if together else columns))
     if number > _MOST:
         raise SceneError(f"the sweep has {number} cases; give at most {_MOST}")
-    columns = [axis.settings for axis in axes]
-    tuples = zip(*columns, strict=True) if together and columns else itertools.product(*columns)
-    varied = [tuple(itertools.chain.from_iterable(settings)) for settings in tuples]
-    listed = list(table) or [()]
+    combine = partial(zip, strict=True) if together and columns else itertools.product
+    varied, listed = list(combine(*columns)), list(table) or [()]
     in_table = {setting.split("=")[0].strip() for row in listed for setting in row}
-    if both := next((key for key in keys if key in in_table), None):
+    if both := next((key for key in axes if key in in_table), None):
         raise SceneError(f"--over {both}: the table of cases has it as well; leave one of them out")
     return [(*row, *settings) for row in listed for settings in varied]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,28 +59,25 @@ def resolved(
     """A source with the settings of one case; `common`: those of all cases. Raises SceneError."""
     overrides = (*common, *settings)
     if task == "judge":
-        return _judged(source, settings, overrides)
-    scene = parse(Scene, source.text, source.base, overrides, source.name)
-    text = json.dumps(tomllib.loads(dumps(scene)))
-    return SweepCase(identity_of(scene, task), task, source.name, settings, text)
+        from ..judging.case import Case
+
+        case = parse(Case, source.text, source.base, overrides, source.name)
+        case.require_flow(source.name)
+        content = case.model_dump(mode="json", exclude_none=True, warnings=False)
+        identity = _identity(task, content, "title", "source")
+    else:
+        scene = parse(Scene, source.text, source.base, overrides, source.name)
+        content, identity = tomllib.loads(dumps(scene)), identity_of(scene, task)
+    return SweepCase(identity, task, source.name, settings, json.dumps(content))
 
 
 def identity_of(scene: Scene, task: str) -> str:
     """The identity of a scene as a case of a sweep."""
-    left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
-    return _identity(task, scene.model_dump(mode="json", exclude=left_out))
+    units = ("units",) if scene.units is None else ()
+    return _identity(task, scene.model_dump(mode="json"), "title", "output", *units)
 
 
-def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:
-    from ..judging.case import Case
-
-    case = parse(Case, source.text, source.base, overrides, source.name)
-    content = case.model_dump(mode="json", exclude_none=True, warnings=False)
-    identifying = {name: part for name, part in content.items() if name not in ("title", "source")}
-    identity = _identity("judge", identifying)
-    return SweepCase(identity, "judge", source.name, settings, json.dumps(content))
-
-
-def _identity(task: str, content: dict[str, Any]) -> str:
-    text = json.dumps([task, content], sort_keys=True)
+def _identity(task: str, content: Mapping[str, Any], *left_out: str) -> str:
+    identifying = {name: part for name, part in content.items() if name not in left_out}
+    text = json.dumps([task, identifying], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]

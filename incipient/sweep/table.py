@@ -52,18 +52,11 @@ def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
     return first | texts | case["columns"] | last
 
 
-def rests_elsewhere(path: Path | str) -> list[str]:
+def pockets(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
     """Name neighbouring cases, along each varied number, in which the grain rests on other points of the bed.
 
-    Raises as `rows`.
+    table: rows of a sweep over `keys`, of which those of [body] move the grain anyway
     """
-    with Store(Path(path)) as store:
-        keys = store.keys()
-    return pockets(rows(path), keys)
-
-
-def pockets(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
-    """The lines of `rests_elsewhere` from the rows of a sweep over `keys`; those of [body] move the grain anyway."""
     kept = [row for row in table if "grain_size" in row]
     return [line for key in keys if not key.startswith("body.") for line in _moves(kept, key, keys)]
 

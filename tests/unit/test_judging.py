@@ -24,7 +24,7 @@ from incipient.cli import main
 from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
 from incipient.judging.batch import Verdicts, judge_table
-from incipient.judging.case import Case, load_case, load_case_without_flow
+from incipient.judging.case import Case, load_case
 from incipient.judging.forces import JudgedForces, judge_forces
 from incipient.judging.in_place import grain_in_place
 from incipient.judging.motion import MotionInTime, mean_in_time
@@ -931,7 +931,7 @@ def factor(judged: JudgedForces) -> float:
 @pytest.fixture
 def block_of_forces() -> Case:
     """The case of the demo."""
-    return load_case_without_flow(BLOCK_OF_FORCES / "case.toml", ["errors.samples=10"])
+    return load_case(BLOCK_OF_FORCES / "case.toml", ["errors.samples=10"], needs_flow=False)
 
 
 def test_the_block_tips_or_slides_as_statics_say(block_of_forces: Case) -> None:

@@ -87,9 +87,7 @@ class TestDeposition:
         found = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
         for number in range(len(found)):
             before = Spheres(found.centres[:number], found.radii[:number], found.period)
-            normals, _, _ = _near(
-                before, found.centres[number], float(found.radii[number]), 1e-9, 0.0
-            )
+            normals, _ = _near(before, found.centres[number], float(found.radii[number]), 1e-9, 0.0)
             left, _ = balance(normals, DOWN)
             assert np.abs(left).max() < 1e-9
             away = np.linalg.norm(found.without(number).away(found.centres[number]), axis=1)
@@ -441,8 +439,10 @@ def test_poses_of_an_earlier_call_in_the_same_place_are_not_counted(
             row |= {"mode": "rolling", "shields_nominal": 0.01 * (number + 1)}
             computed.setdefault(str(row["id"]), row)
 
-    monkeypatch.setattr("incipient.survey.orientations.run_sweep", sweep)
-    monkeypatch.setattr("incipient.survey.orientations.rows", lambda file: list(computed.values()))
+    monkeypatch.setattr("incipient.survey.procedure.run_sweep", sweep)
+    monkeypatch.setattr("incipient.survey.procedure.rows_of", lambda file: [*computed.values()])
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "runs.sqlite").touch()
     four, two = (
         survey_poses(boxes, (), Poses(count), tmp_path / "out", MPI.COMM_WORLD) for count in (4, 2)
     )
