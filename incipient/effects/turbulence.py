@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..planning.effects import Decision
-from ..planning.transition import REMEDY, transition
+from ..planning.effects import REMEDY, Decision, transition
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity, at
 from ..setup.setup import Setup
@@ -81,8 +80,7 @@ def without_turbulence(solved: Solved, decision: Decision) -> Iterator[Omission]
         how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
         remedy = "loads are those of the mean flow, gusts exceed them"
         yield Omission(decision.name, None, how, True, remedy)
-    elif transitional := transition(Setup(scene)):
-        how = f"{transitional.number} {transitional.value:.4g} is above {transitional.least:g}"
+    elif how := transition(Setup(scene)):
         remedy = f"the flow computed is the laminar one; {REMEDY}"
         yield Omission(decision.name, None, how, True, remedy)
 
@@ -112,8 +110,8 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     if setup.scene.flow.oscillates:
         about = OSCILLATING
     yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
-    if transitional := transition(setup, factor):
-        yield transitional.text(" at the threshold")
+    if transitional := transition(setup, factor, " at the threshold"):
+        yield transitional
 
 
 def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:

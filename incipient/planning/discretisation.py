@@ -93,9 +93,6 @@ class Stabilisation:
     cell_reynolds: float
     upwind: bool = False
 
-    def text(self) -> str:
-        return f"convection {'stabilised' if self.present else 'not stabilised'}: {self.reason}"
-
 
 NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
 
@@ -104,42 +101,24 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
     """The stabilisation for a flow `speed` times the scene's; `inert`: whether it has inertia."""
     if not inert:
         return NO_CONVECTION
-    number, option = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
-    reynolds_text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
-    if upwinds(setup):
-        return Stabilisation(
-            True, f"streamline upwinding of steady 3-D flow; {reynolds_text}", number, True
-        )
-    if option == "auto" and _stretches_cells(setup):
-        return Stabilisation(False, f"cells are stretched along walls; {reynolds_text}", number)
+    scene, number = setup.scene, speed * cell_reynolds(setup)
+    option, is_steady = scene.numerics.stabilisation, scene.time is None
+    text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
+    # Not in a box with a grid: it does harm, and the block preconditioner does not converge.
+    wanted = option == "on" or (option == "auto" and not scene.is_empty_box)
+    if scene.gdim == 3 and is_steady and wanted:
+        reason = f"streamline upwinding of steady 3-D flow; {text}"
+        return Stabilisation(True, reason, number, upwind=True)
     if option != "auto":
-        return Stabilisation(
-            option == "on", f'numerics.stabilisation = "{option}"; {reynolds_text}', number
-        )
-    bound = f"{reynolds_text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
+        reason = f'numerics.stabilisation = "{option}"; {text}'
+        return Stabilisation(option == "on", reason, number)
+    # Where cells are so thin along walls, grad-div makes the flow alternate between them.
+    if setup.is_averaged and setup.walls.is_resolved:
+        walls, along = setup.walls, scene.grain is None and setup.walls.asked.profile
+        if walls.plane or along:
+            return Stabilisation(False, f"cells are stretched along walls; {text}", number)
+    bound = f"{text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
-
-
-def _stretches_cells(setup: Setup) -> bool:
-    """Whether cells are so thin along walls that grad-div makes the flow alternate between cells."""
-    if not setup.is_averaged or not setup.walls.is_resolved:
-        return False
-    walls = setup.walls
-    return walls.plane or (bool(walls.asked.profile) and setup.scene.grain is None)
-
-
-def upwinds(setup: Setup) -> bool:
-    """Whether a flow with inertia is upwinded along its streamlines.
-
-    Not in a box with a grid: it does harm, and the block preconditioner does not converge.
-    """
-    scene = setup.scene
-    option = scene.numerics.stabilisation
-    return (
-        scene.gdim == 3
-        and scene.time is None
-        and (option == "on" or (option == "auto" and not scene.is_empty_box))
-    )
 
 
 def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
@@ -183,36 +162,31 @@ class Method:
     name: str  # one of `fluid.solvers.SOLVERS`, or "two-level"
     reason: str  # in words
 
-    def text(self) -> str:
-        return f"linear systems by a {self.name} method: {self.reason}"
 
-
-def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
-    """The linear solver; `slow`: Stokes flow, `unsteady`: with a rate of change."""
+def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method:
+    """The linear solver, for the effects and the stabilisation of a flow."""
     scene = setup.scene
     if scene.gdim == 2:
         why = "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps"
         return Method("direct", why)
-    if slow and scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER:
-        why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
-        return Method("two-level", why)
-    if slow:
+    if not (inert or unsteady):
+        if scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER:
+            why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
+            return Method("two-level", why)
         return Method("block", f"{DEAR}; Stokes flow needs none")
     if unsteady:
         return Method("block", f"{DEAR}; time steps need none")
     if scene.is_empty_box:
         why = "the block preconditioner does not converge in a closed box"
         return Method("direct", f"{why}; an LU factorisation takes much time and memory")
-    if upwinds(setup) and setup.is_averaged:
+    if upwind and setup.is_averaged:
         return Method("block", "factors of the flow, of low rank, then those of its turbulence")
-    if upwinds(setup):
+    if upwind:
         return Method("block", f"{DEAR}; with upwinding none is needed")
     if scene.time is None and largest_peclet(setup) <= RESOLVED:
         return Method("block", f"{DEAR}; the cells resolve the flow's convection")
-    return Method(
-        "direct",
-        "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
-    )
+    why = "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory"
+    return Method("direct", why)
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:

@@ -11,7 +11,7 @@ from ..scene.symmetry import differences
 from .base_flow import KINDS, BaseFlow
 from .geometry import Geometry, SideNames, side_names
 from .numbers import Numbers, numbers_of
-from .surroundings import Surroundings, surroundings_of
+from .surroundings import Surroundings
 
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
@@ -86,7 +86,7 @@ class Setup:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        return surroundings_of(self.geometry, self.sides, self.ceiling)
+        return Surroundings(self)
 
     def faster(self, factor: float) -> Setup:
         """The setup of a flow faster by a factor at the same viscosity, in units of that flow."""

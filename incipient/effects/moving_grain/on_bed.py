@@ -75,10 +75,11 @@ class GrainOnBed(MovingGrain):
     """Moving grain in contact with its bed; `course`: its history."""
 
     part: RigidPartOnBed
+    meets_bed = False
 
     def __init__(self, setup: Setup, *others: Any):
         super().__init__(setup, *others)
-        contact, around = self.scene.contact, self.surroundings
+        contact = self.scene.contact
         assert contact is not None
         self.course, self._near, self._gap = (
             Course(),
@@ -92,8 +93,6 @@ class GrainOnBed(MovingGrain):
             contact.rolling_resistance,
             contact.cohesion,
         )
-        sides = tuple(side for side in around.sides if side.name != around.name_of_bed)
-        self.obstacles = replace(around, sides=sides, near_bed=None)
 
     def _kind(self, *others: Any, **named: Any) -> RigidPartOnBed:
         motion = ContactMotion(self.body, self._gaps, self.law, self.grain.size)

@@ -49,12 +49,12 @@ class MovingGrain(RunPart):
 
     Attributes:
         part: rigid body in the coupling, set by `moving`.
-        obstacles: boundaries that the grain may not touch.
+        meets_bed: whether contact with the bed ends the motion.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
         meshes_ahead: whether remeshing may anticipate the motion.
     """
 
-    meshes_ahead = True
+    meshes_ahead = meets_bed = True
 
     effect = EffectName.FREE_BODY
     part: RigidPart
@@ -73,7 +73,7 @@ class MovingGrain(RunPart):
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        self.surroundings = self.obstacles = setup.surroundings
+        self.surroundings = setup.surroundings
         self._halved = setup.symmetric
         self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
         self.body = rigid_body(scene.body, self._halved)
@@ -210,7 +210,8 @@ class MovingGrain(RunPart):
 
     def _room(self, state: BodyState) -> float:
         gap = self.scene.contact_gap
-        return self.obstacles.clearance(state.placement, 2.0 * gap).distance - gap
+        near = self.surroundings.clearance(state.placement, 2.0 * gap, from_bed=self.meets_bed)
+        return near.distance - gap
 
     def _weight(self) -> Floats:
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
