@@ -4,7 +4,7 @@ import math
 import sys
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from .domain import Top
 from .expression import Expression
@@ -15,14 +15,14 @@ from .section import (
     Rule,
     Section,
     allowed,
+    formula,
     is_number,
     key,
     of_length,
-    require_formula,
 )
 
 Words = Annotated[
-    tuple[str, ...],
+    tuple[Annotated[str, formula("xyzt")], ...],
     Field(strict=False),
     of_length((2, 3), "give two, as in [x, y]; in 3-D three"),
 ]
@@ -274,6 +274,11 @@ class Lid(FlowSection):
 class ExpressionFlow(FlowSection):
     """A velocity given by formulas, on the inflow and on the top."""
 
+    rules = (
+        Rule("components",
+             lambda s: len(s.components) == 2 and [c for c in s.components if "z" in Expression(c).variables],
+             '"{v}" depends on z but the scene is two-dimensional', "use x, y, t only"),
+    )  # fmt: skip
     closed = None
     parallel = False
     unbounded = by_formulas = True
@@ -282,15 +287,6 @@ class ExpressionFlow(FlowSection):
         "Two formulas in x, y and t for the velocity; in 3-D three in x, y, z and t [length/time]"
     )
     velocity: Positive = key("Reference velocity V [length/time]", 1.0)
-
-    @field_validator("components")
-    @classmethod
-    def _are_formulas(cls, components: tuple[str, ...]) -> tuple[str, ...]:
-        for text in components:
-            require_formula(
-                text, "xyt" if len(components) == 2 else "xyzt", " but the scene is two-dimensional"
-            )
-        return components
 
     @property
     def changes(self) -> bool:
