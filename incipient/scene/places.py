@@ -57,16 +57,14 @@ def _forms(s: Any) -> Any:
 
 
 def _short(s: Any) -> list[Any]:
-    reaches, slack, remedy = (), _SAME, "enlarge its cell, change its offset or shrink the domain"
+    reaches: Any = s.bed_shape.extent if s.gdim == 3 else ()
+    slack, remedy = _SAME, "enlarge its cell, change its offset or shrink the domain"
     if s.bed.kind == "polyline":
         reaches, slack = ((s.bed.points[0][0], s.bed.points[-1][0]),), 0.0
         remedy = "add points or shorten the domain"
-    elif s.gdim == 3:
-        reaches = s.bed_shape.extent
-    sides = zip("xy", reaches, s.domain.spans, strict=False)
     return [
         (axis, first, last, low, high, remedy)
-        for axis, (first, last), (low, high) in sides
+        for axis, (first, last), (low, high) in zip("xy", reaches, s.domain.spans, strict=False)
         if low < first - slack * (high - low) or high > last + slack * (high - low)
     ]
 
@@ -115,7 +113,7 @@ def _low_surface(s: Any) -> Any:
 
 
 def _away(s: Any) -> list[Any]:
-    centre = (s.body.x, s.body.aside) if s.body.centre is None else s.body.centre
+    centre = (s.body.x, getattr(s.body, "y", None)) if s.body.centre is None else s.body.centre
     axes = zip("xy", centre, s.domain.spans, strict=False)
     return [
         (axis, value, low, high)

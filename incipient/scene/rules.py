@@ -131,19 +131,14 @@ def _unread(
     return Rule(key, changed, why, remedy)
 
 
-def _of_dimension(section: str, key: str, in_3d: str) -> tuple[Rule, ...]:
-    def other(s: Any) -> Any:
-        part = getattr(s, section)
-        return part is not None and s.gdim not in part.gdims and getattr(part, key)
-
-    return (
-        Rule(f"{section}.{key}", lambda s: s.gdim == 2 and other(s),
-             'domain.width is missing, which the three-dimensional "{v}" needs',
-             f"add domain.width, or use a {section} of the plane"),
-        Rule(f"{section}.{key}", lambda s: s.gdim == 3 and other(s),
-             '"{v}" is two-dimensional, but domain.width makes the scene three-dimensional',
-             f"use a 3-D {section} such as {in_3d}, or leave width out"),
-    )  # fmt: skip
+def _of_dimension(gdim: int) -> Callable[[Any], Any]:
+    """Grain and bed, their key and value, in a scene of this dimension that they are not for."""
+    parts = (("body", "shape"), ("bed", "kind"))
+    return lambda s: [
+        (name, key, getattr(part, key))
+        for name, key in parts
+        if (part := getattr(s, name)) is not None and s.gdim == gdim and gdim not in part.gdims
+    ]
 
 
 _NEEDS = "needs a grain that rests on a bed, its density and friction"
@@ -157,8 +152,12 @@ RULES: tuple[Rule, ...] = (
     Rule("body.inertia", lambda s: s.body is not None and s.body.inertia is not None and s.mass is None,
          "is given without a mass", "give density or mass as well, or leave it out"),
     # Dimension.
-    *_of_dimension("body", "shape", '"sphere"'),
-    *_of_dimension("bed", "kind", '"spheres"'),
+    Rule("{v[0]}.{v[1]}", _of_dimension(2),
+         'domain.width is missing, which the three-dimensional "{v[2]}" needs',
+         "add domain.width, or use a {v[0]} of the plane"),
+    Rule("{v[0]}.{v[1]}", _of_dimension(3),
+         '"{v[2]}" is two-dimensional, but domain.width makes the scene three-dimensional',
+         'use a 3-D {v[0]} such as "spheres", or leave width out'),
     *when(lambda s: s.flow.by_formulas and len(s.flow.components) != s.gdim,
         Rule("flow.components", lambda s: s.gdim == 2, "has 3 items", "give two, as in [x, y]"),
         Rule("flow.components", lambda s: s.gdim == 3, "has 2 items", "give three, as in [x, y, z]"),
