@@ -189,7 +189,7 @@ def _of_changes(setup: Setup) -> float | None:
 def flow(setup: Setup) -> Decision:
     """Present unless the fluid is at rest and stays so."""
     scene = setup.scene
-    words = scene.flow.words
+    words = scene.flow.words or f"{scene.flow.kind} flow"
     if scene.flow.at_rest and scene.has_surface:
         words = "the fluid starts from rest"
     elif scene.gusts:

@@ -110,11 +110,6 @@ class BodySection(Section):
         """Whether contact is simulated; otherwise it ends the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
-    @property
-    def aside(self) -> float | None:
-        """y at which a 3-D grain rests; None: mid-width."""
-        return None
-
     def placed(self, centre: Sequence[float]) -> Placement:
         raise NotImplementedError
 

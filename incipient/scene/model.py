@@ -27,7 +27,7 @@ from .rules import contradictions
 from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
 from .settling import rested
 from .shapes import PlaneBed, PlaneBody
-from .solids import SolidBody
+from .solids import SolidBody, SolidSection
 from .surface import FREE, Surface
 from .terrains import TerrainBed
 from .turbulence import Turbulence
@@ -338,8 +338,8 @@ class Scene(Section):
             return None
         # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
         corner, over = self.domain.origin, [body.x]
-        if self.gdim == 3:
-            over.append(self.domain.middle if body.aside is None else body.aside)
+        if isinstance(body, SolidSection):
+            over.append(self.domain.middle if body.y is None else body.y)
         bed = self.bed.shape(0.0, corner[:-1])
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:

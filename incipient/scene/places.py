@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import spatial
 from ..geometry.closest import clearance
-from .section import Rule
+from .section import Rule, when
 from .symmetry import differences
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
@@ -23,30 +23,26 @@ _PLACES, _ALONG = (
 CELLS_OF_A_FORM = 20  # at the least
 
 
-# -- domain ----------------------------------------------------------------------------------------
-
-
 def _coarse(s: Any) -> list[Any]:
-    finest = FINEST_PLACE if s.body is None or s.contact is None else s.contact.tolerance
-    size = math.inf if s.body is None else s.grain.size
+    finest = s.contact.tolerance if s.grain and s.contact else FINEST_PLACE
+    size = s.grain.size if s.grain else math.inf
     sides = [
-        (name if abs(start) <= extent else "origin", math.ulp(abs(start) + extent), extent)
+        (
+            name if abs(start) <= extent else "origin",
+            math.ulp(abs(start) + extent),
+            finest * min(extent, size),
+        )
         for (name, extent), start in zip(s.domain.sizes.items(), s.domain.origin, strict=True)
     ]
-    needed = [(name, apart, finest * min(extent, size)) for name, apart, extent in sides]
-    return [side for side in needed if 4.0 * side[1] > side[2]]
+    return [side for side in sides if 4.0 * side[1] > side[2]]
 
 
 def _vast(s: Any) -> list[Any]:
-    sizes = {"the grain": math.inf if s.body is None else s.grain.size}
-    if s.gdim == 3 and s.bed is not None:
-        sizes["a bedform"] = s.bed_shape.feature
-    what, size = min(sizes.items(), key=lambda item: item[1])
-    sides = [(name, extent, extent / size, what) for name, extent in s.domain.sizes.items()]
-    return [side for side in sides if side[2] > FARTHEST]
-
-
-# -- bed -------------------------------------------------------------------------------------------
+    what, size = "the grain", s.grain.size if s.grain else math.inf
+    if s.gdim == 3 and s.bed and s.bed_shape.feature < size:
+        what, size = "a bedform", s.bed_shape.feature
+    sides = s.domain.sizes.items()
+    return [(key, side, side / size, what) for key, side in sides if side > FARTHEST * size]
 
 
 def _forms(s: Any) -> Any:
@@ -54,87 +50,70 @@ def _forms(s: Any) -> Any:
     forms, where = s.bed.forms(s.domain.length), "on the domain's length"
     if s.gdim == 3:
         area, where = s.domain.length * s.domain.width, "in the domain"
-        if s.body is not None:
+        if s.grain:
             area, where = min(s.grain.size**2, area), "under the grain"
         forms = area / (2.0 * s.bed_shape.feature) ** 2
     return forms * CELLS_OF_A_FORM > s.numerics.max_cells and (forms, where)
 
 
 def _short(s: Any) -> list[Any]:
-    reaches, slack = s.bed_shape.extent if s.gdim == 3 else (), _SAME
+    reaches: Any = s.bed_shape.extent if s.gdim == 3 else ()
+    slack, remedy = _SAME, "enlarge its cell, change its offset or shrink the domain"
     if s.bed.kind == "polyline":
         reaches, slack = ((s.bed.points[0][0], s.bed.points[-1][0]),), 0.0
-    sides = zip("xy", reaches, s.domain.spans, strict=False)
+        remedy = "add points or shorten the domain"
     return [
-        (axis, first, last, low, high)
-        for axis, (first, last), (low, high) in sides
+        (axis, first, last, low, high, remedy)
+        for axis, (first, last), (low, high) in zip("xy", reaches, s.domain.spans, strict=False)
         if low < first - slack * (high - low) or high > last + slack * (high - low)
     ]
 
 
 def _steps_at_ends(s: Any) -> list[float]:
-    points = s.bed.points if s.bed.kind == "polyline" else ()
-    steps = [after for (before, _), (after, _) in pairwise(points) if before == after]
-    ends = s.domain.spans[0]
+    steps = [after for (before, _), (after, _) in pairwise(s.bed.points) if before == after]
+    (ends,) = s.domain.spans
     return [x for x in steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
 
 
 def _heights(s: Any) -> tuple[float, float]:
     """The bed's lowest and highest height."""
-    domain, bed = s.domain, s.bed_shape
     if s.gdim == 3:
-        heights, spans = bed.height(domain.grid(_PLACES, _PLACES)), domain.spans
+        heights, spans = s.bed_shape.height(s.domain.grid(_PLACES, _PLACES)), s.domain.spans
     else:
-        (spans,) = domain.spans
-        heights = bed.height(np.concatenate([domain.grid(_ALONG)[:, 0], bed.corners(*spans)]))
-    return float(heights.min()), max(float(heights.max()), bed.crest_level(*spans))
+        (spans,) = s.domain.spans
+        x = np.concatenate([s.domain.grid(_ALONG)[:, 0], s.bed_shape.corners(*spans)])
+        heights = s.bed_shape.height(x)
+    return float(heights.min()), max(float(heights.max()), s.bed_shape.crest_level(*spans))
 
 
 def _datum(s: Any) -> Any:
     """Range of the bed's heights above its base, if it excludes the datum: a layer of fluid would be at rest."""
-    level = getattr(s.flow, "datum", "auto")
-    if s.bed is None or isinstance(level, str):
-        return False
     lowest, highest = (height - s.domain.bottom for height in _heights(s))
     slack = _SAME * s.domain.height
-    return not lowest - slack <= level <= highest + slack and (lowest, highest)
-
-
-# -- surface ---------------------------------------------------------------------------------------
-
-
-def _stations(s: Any) -> list[Any]:
-    return [*enumerate(s.surface.places())] if s.has_surface and s.surface else []
+    return not lowest - slack <= s.flow.datum <= highest + slack and (lowest, highest)
 
 
 def _outside(s: Any) -> list[Any]:
     return [
         (number, axis, value, low, high)
-        for number, place in _stations(s)
+        for number, place in enumerate(s.surface.places())
         for axis, value, (low, high) in zip("xy", place, s.domain.spans, strict=False)
         if not low <= value <= high
     ]
 
 
 def _low_surface(s: Any) -> Any:
-    if not s.has_surface or s.surface is None:
-        return False
     across = s.domain.grid(*[_PLACES] * len(s.domain.spans))
     depths = s.domain.ceiling + s.surface.height(spatial(across).T) - s.domain.bottom
-    if s.bed is not None:
+    if s.bed:
         places = across[:, 0] if s.gdim == 2 else across
         depths += s.domain.bottom - s.bed_shape.height(places)
     place = zip("xy", across[int(np.argmin(depths))], strict=False)
     return depths.min() <= 0.0 and ", ".join(f"{axis} = {value:g}" for axis, value in place)
 
 
-# -- grain -----------------------------------------------------------------------------------------
-
-
 def _away(s: Any) -> list[Any]:
-    if s.body is None:
-        return []
-    centre = (s.body.x, s.body.aside) if s.body.centre is None else s.body.centre
+    centre = (s.body.x, getattr(s.body, "y", None)) if s.body.centre is None else s.body.centre
     axes = zip("xy", centre, s.domain.spans, strict=False)
     return [
         (axis, value, low, high)
@@ -161,17 +140,13 @@ def _sides(s: Any) -> list[Any]:
         "xyz", extent, box, names, strict=False
     ):
         sides += [(axis, low, first, start, low - start), (axis, high, last, end, end - high)]
-    passed = ["lower side"] * (s.bed is not None) + [*sum(across, ())] * (
-        s.body.shape == "cylinder"
-    )
+    passed = ["lower side"] * bool(s.bed) + [*sum(across, ())] * (s.body.shape == "cylinder")
     return [side for side in sides if side[2] not in passed]
 
 
 def _into_bed(s: Any) -> Any:
     """Why the grain and the bed overlap or touch, and the remedy."""
-    if s.bed is None or (placement := s.placement) is None:
-        return False
-    depth, tolerance = -clearance(s.grain, placement, s.bed_shape)[0], s.contact_tolerance
+    depth, tolerance = -clearance(s.grain, s.placement, s.bed_shape)[0], s.contact_tolerance
     remedy = "raise the grain, or give x to let it rest on the bed"
     if s.body.x is not None:  # lowered onto a bed finer than the resolution of its support
         remedy = (
@@ -184,15 +159,11 @@ def _into_bed(s: Any) -> Any:
 
 
 def _not_across(s: Any) -> Any:
-    if s.body is None or s.body.shape != "cylinder":
-        return False
     low, high = (s.body.centre[1] + end * s.body.length for end in (-0.5, 0.5))
     near, far = s.domain.across
     return max(abs(low - near), abs(high - far)) > _SAME * (far - near) and (low, high, near, far)
 
 
-_ADD = "add points or shorten the domain"
-_ENLARGE = "enlarge its cell, change its offset or shrink the domain"
 _MOVE = "move the grain, make it smaller or enlarge the domain"
 _PLACE = "body.{s.body.place}"
 
@@ -202,39 +173,49 @@ PLACES = (
          "move the scene towards zero, or make it smaller"),
     Rule("domain.{v[0]}", _vast, "is {v[1]:g}, {v[2]:.2g} times the size of {v[3]}",
          f"give at most {FARTHEST:g} times that size"),
-    Rule("bed", lambda s: s.bed is not None and _forms(s),
-         f"has about {{v[0]:.2g}} forms {{v[1]}}, with at least {CELLS_OF_A_FORM} cells each more than "
-         "numerics.max_cells = {s.numerics.max_cells}",
-         "enlarge them, use a flat bed instead, or allow more with --set numerics.max_cells=NUMBER"),
-    Rule("bed", lambda s: s.bed is not None and _steps_at_ends(s),
-         "has a step at x = {v:g}, an end of the domain", "leave out one of its two points, or move it inward"),
-    Rule("bed", lambda s: s.bed is not None and [(*side, _ADD if s.gdim == 2 else _ENLARGE) for side in _short(s)],
-         "reaches from {v[0]} = {v[1]:g} to {v[2]:g}, the domain from {v[3]:g} to {v[4]:g}", "{v[5]}"),
-    Rule("bed", lambda s: s.bed is not None and (top := _heights(s)[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
-         "rises to {v[0]} = {v[1]:g}, the top is at {s.domain.ceiling:g}", "enlarge domain.height or lower the bed"),
-    Rule("flow.datum", lambda s: s.bed is not None and s.gdim == 3 and getattr(s.flow, "datum", "") == "effective",
-         'is "effective" in 3-D, where it is not computed', 'use "auto" or a height'),
-    Rule("flow.datum", _datum,
-         "is {s.flow.datum:g}, the bed's heights above its base line go from {v[0]:g} to {v[1]:g}",
-         'give one of them, or "auto", "crest" or "mean"'),
-    Rule("surface.stations.{v}", lambda s: s.gdim == 2 and [n for n, place in _stations(s) if len(place) == 2],
-         "has 2 coordinates", "give its x"),
-    Rule("surface.stations.{v}", lambda s: s.gdim == 3 and [n for n, place in _stations(s) if len(place) == 1],
-         "has 1 coordinate", "give [x, y]"),
-    Rule("surface.stations.{v[0]}", _outside, "{v[1]} = {v[2]:g} is outside the domain", "give {v[3]:g} to {v[4]:g}"),
-    Rule("surface.{s.surface.given}", _low_surface,
-         "brings the surface down to the bed at {v}", "give a smaller elevation"),
-    Rule(_PLACE, lambda s: s.body is not None and s.grain.size >= math.hypot(*s.domain.sizes.values()),
-         "the grain measures {s.grain.size:g}, more than the domain", _MOVE),
-    Rule(_PLACE, _away, "{v[0]} = {v[1]:g} is outside the domain, {v[2]:g} to {v[3]:g}", _MOVE),
-    Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] <= 0.0],
-         "the grain reaches {v[0]} = {v[1]:g}, the domain's {v[2]} is at {v[3]:g}", _MOVE),
-    Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] < NEARLY_TOUCHING * s.grain.size],
-         "the grain nearly touches the domain's {v[2]}, from which it is {v[4]:.3g}", _MOVE),
-    Rule(_PLACE, _into_bed, "{v[0]}", "{v[1]}"),
-    Rule("body.length", _not_across,
-         "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
-         "give domain.width, and the middle in centre"),
+    *when(lambda s: s.bed,
+        Rule("bed", _forms,
+             f"has about {{v[0]:.2g}} forms {{v[1]}}, with at least {CELLS_OF_A_FORM} cells each more than "
+             "numerics.max_cells = {s.numerics.max_cells}",
+             "enlarge them, use a flat bed instead, or allow more with --set numerics.max_cells=NUMBER"),
+        Rule("bed", lambda s: s.bed.kind == "polyline" and _steps_at_ends(s),
+             "has a step at x = {v:g}, an end of the domain", "leave out one of its two points, or move it inward"),
+        Rule("bed", _short,
+             "reaches from {v[0]} = {v[1]:g} to {v[2]:g}, the domain from {v[3]:g} to {v[4]:g}", "{v[5]}"),
+        Rule("bed", lambda s: (top := _heights(s)[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
+             "rises to {v[0]} = {v[1]:g}, the top is at {s.domain.ceiling:g}",
+             "enlarge domain.height or lower the bed"),
+        Rule("flow.datum", lambda s: s.gdim == 3 and getattr(s.flow, "datum", "") == "effective",
+             'is "effective" in 3-D, where it is not computed', 'use "auto" or a height'),
+        Rule("flow.datum", lambda s: isinstance(getattr(s.flow, "datum", ""), float) and _datum(s),
+             "is {s.flow.datum:g}, the bed's heights above its base line go from {v[0]:g} to {v[1]:g}",
+             'give one of them, or "auto", "crest" or "mean"'),
+    ),
+    *when(lambda s: s.surface,
+        Rule("surface.stations.{v}",
+             lambda s: s.gdim == 2 and [n for n, place in enumerate(s.surface.places()) if place[1:]],
+             "has 2 coordinates", "give its x"),
+        Rule("surface.stations.{v}",
+             lambda s: s.gdim == 3 and [n for n, place in enumerate(s.surface.places()) if not place[1:]],
+             "has 1 coordinate", "give [x, y]"),
+        Rule("surface.stations.{v[0]}", _outside,
+             "{v[1]} = {v[2]:g} is outside the domain", "give {v[3]:g} to {v[4]:g}"),
+        Rule("surface.{s.surface.given}", _low_surface,
+             "brings the surface down to the bed at {v}", "give a smaller elevation"),
+    ),
+    *when(lambda s: s.body,
+        Rule(_PLACE, lambda s: s.grain.size >= math.hypot(*s.domain.sizes.values()),
+             "the grain measures {s.grain.size:g}, more than the domain", _MOVE),
+        Rule(_PLACE, _away, "{v[0]} = {v[1]:g} is outside the domain, {v[2]:g} to {v[3]:g}", _MOVE),
+        Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] <= 0.0],
+             "the grain reaches {v[0]} = {v[1]:g}, the domain's {v[2]} is at {v[3]:g}", _MOVE),
+        Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] < NEARLY_TOUCHING * s.grain.size],
+             "the grain nearly touches the domain's {v[2]}, from which it is {v[4]:.3g}", _MOVE),
+        Rule(_PLACE, lambda s: s.bed and s.placement and _into_bed(s), "{v[0]}", "{v[1]}"),
+        Rule("body.length", lambda s: s.body.shape == "cylinder" and _not_across(s),
+             "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
+             "give domain.width, and the middle in centre"),
+    ),
     Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and [*differences(s)],
          "is true, but {v}", "make the scene symmetric, or give false"),
 )  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ from .expression import Expression
 from .flows import kinds
 from .messages import Key, Problem, either
 from .numerics import OF_SURFACE, OF_WALLS
-from .section import Rule
+from .section import Rule, when
 from .surface import FREE, Surface
 
 if TYPE_CHECKING:
@@ -30,8 +29,6 @@ _BY_OTHERS = (
     "leave it out for the steady loads on a held grain, or judge forces of a large-eddy simulation: "
     "incipient judge --forces"
 )
-
-Condition = Callable[[Any], Any]  # of a scene; rules check which sections exist
 
 
 def contradictions(scene: Scene) -> list[Problem]:
@@ -121,16 +118,9 @@ def _needs_verdict(s: Any) -> bool:
 # -- the rules ------------------------------------------------------------------------------------
 
 
-def _when(condition: Condition, *rules: Rule) -> tuple[Rule, ...]:
-    """Rules of scenes with this property."""
-
-    def within(rule: Rule) -> Rule:
-        return replace(rule, broken=lambda s: condition(s) and rule.broken(s))
-
-    return tuple(map(within, rules))
-
-
-def _unread(key: str, is_read: Condition, why: str, remedy: str = "leave it out") -> Rule:
+def _unread(
+    key: str, is_read: Callable[[Any], Any], why: str, remedy: str = "leave it out"
+) -> Rule:
     """The rule of a key of a section that only some scenes read."""
     section, name = key.split(".")
 
@@ -141,19 +131,14 @@ def _unread(key: str, is_read: Condition, why: str, remedy: str = "leave it out"
     return Rule(key, changed, why, remedy)
 
 
-def _of_dimension(section: str, key: str, in_3d: str) -> tuple[Rule, ...]:
-    def other(s: Any) -> Any:
-        part = getattr(s, section)
-        return part is not None and s.gdim not in part.gdims and getattr(part, key)
-
-    return (
-        Rule(f"{section}.{key}", lambda s: s.gdim == 2 and other(s),
-             'domain.width is missing, which the three-dimensional "{v}" needs',
-             f"add domain.width, or use a {section} of the plane"),
-        Rule(f"{section}.{key}", lambda s: s.gdim == 3 and other(s),
-             '"{v}" is two-dimensional, but domain.width makes the scene three-dimensional',
-             f"use a 3-D {section} such as {in_3d}, or leave width out"),
-    )  # fmt: skip
+def _of_dimension(gdim: int) -> Callable[[Any], Any]:
+    """Grain and bed, their key and value, in a scene of this dimension that they are not for."""
+    parts = (("body", "shape"), ("bed", "kind"))
+    return lambda s: [
+        (name, key, getattr(part, key))
+        for name, key in parts
+        if (part := getattr(s, name)) is not None and s.gdim == gdim and gdim not in part.gdims
+    ]
 
 
 _NEEDS = "needs a grain that rests on a bed, its density and friction"
@@ -167,9 +152,13 @@ RULES: tuple[Rule, ...] = (
     Rule("body.inertia", lambda s: s.body is not None and s.body.inertia is not None and s.mass is None,
          "is given without a mass", "give density or mass as well, or leave it out"),
     # Dimension.
-    *_of_dimension("body", "shape", '"sphere"'),
-    *_of_dimension("bed", "kind", '"spheres"'),
-    *_when(lambda s: s.flow.by_formulas and len(s.flow.components) != s.gdim,
+    Rule("{v[0]}.{v[1]}", _of_dimension(2),
+         'domain.width is missing, which the three-dimensional "{v[2]}" needs',
+         "add domain.width, or use a {v[0]} of the plane"),
+    Rule("{v[0]}.{v[1]}", _of_dimension(3),
+         '"{v[2]}" is two-dimensional, but domain.width makes the scene three-dimensional',
+         'use a 3-D {v[0]} such as "spheres", or leave width out'),
+    *when(lambda s: s.flow.by_formulas and len(s.flow.components) != s.gdim,
         Rule("flow.components", lambda s: s.gdim == 2, "has 3 items", "give two, as in [x, y]"),
         Rule("flow.components", lambda s: s.gdim == 3, "has 2 items", "give three, as in [x, y, z]"),
     ),
@@ -199,7 +188,7 @@ RULES: tuple[Rule, ...] = (
     Rule("bed.slope", lambda s: s.bed is not None and s.bed.slope_angle and s.gravity is None,
          "a slope turns gravity but there is no gravity", 'add a section [gravity] or use kind = "flat"'),
     # Time.
-    *_when(lambda s: s.time is None,
+    *when(lambda s: s.time is None,
         Rule("flow.components", _unsteady, f"depend on t {_STEADY}", "add a section [time] or leave t out"),
         Rule("numerics.convection", lambda s: s.numerics.convection == "extrapolated",
              f'"extrapolated" needs earlier steps {_STEADY}', 'add a section [time] or use "implicit"'),
@@ -209,7 +198,7 @@ RULES: tuple[Rule, ...] = (
     ),
     *(_unread(key, lambda s: s.time, f"counts time steps {_STEADY}", "add a section [time] or leave it out")
       for key in ("output.every", "output.checkpoint")),
-    *_when(lambda s: s.time is not None and s.time.until_steady is not None,
+    *when(lambda s: s.time is not None and s.time.until_steady is not None,
         Rule("time.until_steady", lambda s: s.moves,
              "is for a flow but the grain moves", 'leave it out or use body.motion = "fixed"'),
         Rule("time.until_steady", lambda s: s.effects.unsteadiness is False,
@@ -232,7 +221,7 @@ RULES: tuple[Rule, ...] = (
       for key, why in (("budget_seconds", "limits what is spent on an accuracy"),
                        ("budget_mib", "limits what is spent on an accuracy"),
                        ("accuracy_includes", "says what an accuracy includes"))),
-    *_when(_accurate,
+    *when(_accurate,
         Rule("numerics.accuracy_of",
              lambda s: s.numerics.accuracy_of == OF_WALLS and (s.body is not None or not s.is_averaged),
              '"{s.numerics.accuracy_of}" is for a turbulent channel without a grain', 'use "auto"'),
@@ -265,7 +254,7 @@ RULES: tuple[Rule, ...] = (
          "is true but fluid.inertia = false", "leave one of them out"),
     Rule("effects.gravity", lambda s: s.effects.gravity is True and s.gravity is None,
          "is true but there is no gravity", "add a section [gravity]"),
-    *_when(lambda s: s.effects.unsteadiness is False and s.time is not None,
+    *when(lambda s: s.effects.unsteadiness is False and s.time is not None,
         Rule("effects.unsteadiness", lambda s: s.moves,
              "is false but a grain moves in time", 'use "auto", or body.motion = "fixed"'),
         Rule("effects.unsteadiness", lambda s: s.time.tolerance is not None,
@@ -318,7 +307,7 @@ RULES: tuple[Rule, ...] = (
          "is true but there is none", f'set domain.top = "{FREE}"'),
     Rule("effects.free_surface", lambda s: s.has_surface and s.effects.free_surface is False,
          f'is false but domain.top = "{FREE}"', 'leave one of them out, as a lid is domain.top = "slip"'),
-    *_when(lambda s: s.has_surface,
+    *when(lambda s: s.has_surface,
         Rule("domain.top", lambda s: s.time is None, "a free surface needs time steps", "add a section [time]"),
         Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and _boxed(s),
              "below a free surface the fluid of a box starts from rest", 'use "rest"'),
@@ -326,7 +315,7 @@ RULES: tuple[Rule, ...] = (
     Rule("domain.top",
          lambda s: s.has_surface and (s.effects.gravity is False or not (s.gravity and s.gravity.acceleration)),
          "a free surface needs gravity", "add a section [gravity]"),
-    *_when(lambda s: s.has_surface,
+    *when(lambda s: s.has_surface,
         Rule("flow.kind", lambda s: not _boxed(s) and not s.flow.below_surface,
              '"{s.flow.kind}" is not possible below a free surface, which has no shear', f"use {either(STREAMS)}"),
         Rule("flow.kind", lambda s: _boxed(s) and not s.flow.at_rest,
@@ -335,7 +324,7 @@ RULES: tuple[Rule, ...] = (
         Rule("flow.kind", lambda s: _stream(s) and _surface(s).outflow == "wall" and not s.flow.at_rest,
              '"{s.flow.kind}" needs an open outflow but surface.outflow is "wall"', 'use "still"'),
     ),
-    *_when(_stream,
+    *when(_stream,
         Rule("surface.ends", lambda s: _surface(s).ends != "wall",
              "is read only in a box but the domain is a channel", "leave it out"),
         Rule("domain.sides", lambda s: s.domain.sides == "stream",
@@ -351,7 +340,7 @@ RULES: tuple[Rule, ...] = (
     *(_unread(f"surface.{key}", lambda s: not (s.has_surface and _boxed(s) and s.flow.at_rest),
               "is read only in a channel but the domain is a box", 'leave it out or use domain.kind = "channel"')
       for key in ("wave", "outflow", "sponge")),
-    *_when(lambda s: s.has_surface,
+    *when(lambda s: s.has_surface,
         Rule("surface.bottom", lambda s: _surface(s).bottom == "slip" and s.bed is not None,
              "is for a domain without [bed]", "leave one of them out"),
         Rule("surface.points", lambda s: s.gdim == 3 and _surface(s).points,
@@ -367,7 +356,7 @@ RULES: tuple[Rule, ...] = (
          lambda s: s.turbulence and s.turbulence.upstream_roughness and s.body is None and not _forms(s),
          "is read only past grains and bedforms: its inflow is not in equilibrium over a smooth planar bed",
          "leave it out"),
-    *_when(lambda s: s.is_averaged,
+    *when(lambda s: s.is_averaged,
         Rule("flow.kind", lambda s: not s.flow.modelled, f'"{{s.flow.kind}}" {_NOT_MODELLED}',
              f"use {either(TURBULENT)}, or judge forces of another program (incipient judge --forces)"),
         Rule("domain.top", lambda s: s.domain.top == "stream",
@@ -376,7 +365,7 @@ RULES: tuple[Rule, ...] = (
              "is not read with turbulence, whose profile starts at the bed's height at the inflow",
              "leave it out"),
     ),
-    *_when(lambda s: s.is_averaged,
+    *when(lambda s: s.is_averaged,
         Rule("domain.sides", lambda s: s.gdim == 3 and s.domain.sides == "wall",
              '"wall" with turbulence is retired: no secondary flow is modelled in corners',
              'use "slip", sides without friction'),
@@ -408,7 +397,7 @@ RULES: tuple[Rule, ...] = (
              '"all" means gap and domain but without a grain both belong to the scene', "leave it out"),
     ),
     # Gusts.
-    *_when(_gust,
+    *when(_gust,
         Rule("flow.gust", lambda s: s.time is None,
              "changes the flow in time", "add a section [time] or leave it out"),
         Rule("flow.gust.duration",
@@ -416,7 +405,7 @@ RULES: tuple[Rule, ...] = (
              f"is {{s.flow.gust.duration:g}}, less than {FEWEST_STEPS} time steps of {{s.time.step:g}}",
              "reduce time.step"),
     ),
-    *_when(_gust,
+    *when(_gust,
         Rule("flow.gust", lambda s: s.has_surface,
              "is not simulated below a free surface", 'use domain.top = "slip"'),
         Rule("flow.gust", lambda s: s.sides == "wall",

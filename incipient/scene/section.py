@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -80,11 +80,18 @@ Choice = Annotated[
 ]
 
 
-def formula(variables: str, why: str = "") -> AfterValidator:
-    """Validator of a formula in these variables; `why` extends the reason of a refusal."""
+def formula(variables: str) -> AfterValidator:
+    """Validator of a formula in these variables."""
 
     def in_variables(text: str) -> str:
-        require_formula(text, variables, why)
+        try:
+            unknown = Expression(text).variables - set(variables)
+        except SceneError as error:
+            raise contradiction(*split(str(error))) from None
+        if unknown:
+            raise contradiction(
+                f'"{text}" depends on {min(unknown)}', f"use {', '.join(variables)} only"
+            )
         return text
 
     return AfterValidator(in_variables)
@@ -130,6 +137,15 @@ class Rule:
 def first_broken(rules: Iterable[Rule], s: Any) -> list[Problem]:
     """Problems of the first broken rule."""
     return next((problems for rule in rules if (problems := rule.problems(s))), [])
+
+
+def when(condition: Callable[[Any], Any], *rules: Rule) -> tuple[Rule, ...]:
+    """Rules of sections or scenes with this property."""
+
+    def within(rule: Rule) -> Rule:
+        return replace(rule, broken=lambda s: condition(s) and rule.broken(s))
+
+    return tuple(map(within, rules))
 
 
 class Section(BaseModel):
@@ -192,18 +208,6 @@ def contradiction(why: str, remedy: str) -> PydanticCustomError:
 def is_number(value: Any) -> bool:
     """Whether a value is a number, not a boolean."""
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def require_formula(text: str, variables: str, why: str = "") -> None:
-    """Refuse text that is no formula in these variables; `why` extends the reason."""
-    try:
-        unknown = Expression(text).variables - set(variables)
-    except SceneError as error:
-        raise contradiction(*split(str(error))) from None
-    if unknown:
-        raise contradiction(
-            f'"{text}" depends on {min(unknown)}{why}', f"use {', '.join(variables)} only"
-        )
 
 
 def rises(rows: Sequence[Sequence[float]]) -> bool:

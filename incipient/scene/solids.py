@@ -85,10 +85,6 @@ class SolidSection(BodySection):
         examples=[("0.1*cos(t)", "0", "0", "0", "0", "0")],
     )
 
-    @property
-    def aside(self) -> float | None:
-        return self.y
-
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
         about_x, about_y, about_z = (
             rotation_by(angle * axis)

@@ -139,7 +139,7 @@ ONE_KEY = [
     ),
     (
         lambda: ExpressionFlow(components=("y*", "0")),
-        'ExpressionFlow: components: "y*" is not a formula (invalid syntax); use numbers, x, y',
+        'ExpressionFlow: components[0]: "y*" is not a formula (invalid syntax); use numbers, x, y',
     ),
     (
         lambda: ExpressionFlow(components=("z", "0")),
