@@ -49,16 +49,15 @@ def algebraic(prefix: str = "") -> dict[str, Any]:
 def krylov(matrix: Any, chosen: Mapping[str, Any], context: Any = None) -> Any:
     """Make PETSc's solver of the whole system with default options. Collective.
 
-    `context`: of a preconditioner in Python.
+    `context`: of the preconditioner where its type is "python".
     """
     solver = PETSc.KSP().create(matrix.comm)
     solver.setOptionsPrefix(FLUID)
     solver.setOperators(matrix)
-    if context is not None:
-        solver.getPC().setType("python")
-        solver.getPC().setPythonContext(context)
     with defaults(FLUID, chosen):
         solver.setFromOptions()
+    if solver.getPC().getType() == "python":
+        solver.getPC().setPythonContext(context)
     return solver
 
 
