@@ -20,9 +20,11 @@ from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
 from ..scene.model import WIDEST_GAP
 from ..setup.setup import Setup
+from ..simulation.beside import moves_mesh
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
+    FARTHER_MOVED,
     Solve,
     changed,
     coarse,
@@ -72,7 +74,7 @@ NOT_COARSER = (
 )
 NOT_RESOLVED = "cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {:.2g} or less"
 NO_LIMIT = (
-    "sides 1.5 times as far away change the force by {:.2g}, sides 2.25 times as far away by another {:.2g}: it does "
+    "sides {:g} times as far away change the force by {:.2g}, sides {:g} times as far away by another {:.2g}: it does "
     "not converge; use a larger domain, or a flow that does not depend on its size"
 )
 NO_MORE_BED = "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
@@ -295,39 +297,42 @@ def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
     Loads on a fixed grain are corrected; a still larger domain gives the second estimate.
     """
     decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
-    share = 1.0 / (1.0 - FARTHER**-decay)
-    how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
-    here, far = solve(coarse(scene)), solve(coarse(farther(scene)))
+    factor = FARTHER_MOVED if scene.gdim == 2 and moves_mesh(scene) else FARTHER
+    share = 1.0 / (1.0 - factor**-decay)
+    how = f"a coarse run with sides {factor:g} times as far, decay with distance to the power {decay:.2g}"
+    here, far = solve(coarse(scene)), solve(coarse(farther(scene, factor)))
     term = Term.of_difference("domain", far, here, share, how)
     if not (is_corrected(scene) and len(here.force)):
         return term
     try:
-        farthest = solve(coarse(farther(scene, FARTHER**2)))
+        farthest = solve(coarse(farther(scene, factor**2)))
     except IncipientError as error:
         return replace(
-            term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}"
+            term, how=f"{how}; not corrected, sides {factor**2:.3g} times as far: {error}"
         )
     values = [np.concatenate([each.force, each.torque]) for each in (here, far, farthest)]
     noise = _noise(here, computed)
-    change, left = _to_unbounded(values, decay, float(np.linalg.norm(noise[:3])))
-    times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"
+    change, left = _to_unbounded(values, factor, decay, float(np.linalg.norm(noise[:3])))
+    times = f"{factor:g} and {factor**2:.3g} times as far"
     how = f"coarse runs with sides {times}, decay with distance to the power {decay:.2g} or slower"
     return replace(term, how=how).corrected(change, left + noise)
 
 
-def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
-    """The change of loads (6,) to unbounded flow, from three distances, and its uncertainty.
+def _to_unbounded(
+    values: list[Floats], factor: float, decay: float, noise: float
+) -> tuple[Floats, Floats]:
+    """The change of loads (6,) to unbounded flow, from three distances at a factor, and its uncertainty.
 
     The power is observed in the forces, within bounds. The uncertainty is the largest deviation of the estimates with
     other powers or fewer distances, plus the relative influence of the sides on their own effect.
     """
     near, far = (float(np.linalg.norm((after - before)[:3])) for before, after in pairwise(values))
     if far > max(near, noise):
-        raise ConvergenceError(NO_LIMIT.format(near, far))
-    seen = math.log(near / far) / math.log(FARTHER) if near and far else decay
+        raise ConvergenceError(NO_LIMIT.format(factor, near, factor**2, far))
+    seen = math.log(near / far) / math.log(factor) if near and far else decay
     slowest = SLOWEST_PART * decay, decay, SLOWEST_DECAY
     by_seen, by_decay, by_slower = (
-        1.0 / (1.0 - FARTHER ** -min(max(seen, least), decay)) for least in slowest
+        1.0 / (1.0 - factor ** -min(max(seen, least), decay)) for least in slowest
     )
     change = values[1] + by_seen * (values[2] - values[1]) - values[0]
     others = (

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from ..geometry.plane.beds import Flat
 from ..parallel import Comm
 from ..results.errorbars import Loads
 from ..scene import Scene
@@ -18,10 +19,18 @@ Scenes = Callable[[Scene], list[Scene]]
 ByItself = Callable[[Scene, Comm, float], Loads]
 
 
+def moves_mesh(scene: Scene) -> bool:
+    """Whether the mesh of a run is moved to other gaps and domains: in 2-D over a flat bed, unless it is a search's."""
+    if scene.time is not None or scene.is_averaged or scene.body is None:
+        return False
+    flat = scene.bed_shape is None or isinstance(scene.bed_shape, Flat)
+    return scene.gdim == 3 or (flat and scene.numerics.accuracy is None)
+
+
 class Beside:
     """Loads in scenes that differ from a solved run in gap or domain; callable. Collective.
 
-    In 3-D the moved mesh serves all scenes or none; otherwise each scene has its own run.
+    The moved mesh serves all scenes or none; otherwise each scene has its own run.
 
     Args:
         run: solved; each call restores its mesh.
@@ -43,10 +52,8 @@ class Beside:
 
     @cached_property
     def _meshes(self) -> dict[str, MovedMesh]:
-        run = self._run
-        steady_in_space = run.scene.gdim == 3 and run.scene.time is None
-        if not steady_in_space or run.setup.is_averaged or run.layout.placement is None:
+        if not moves_mesh(self._run.scene):
             return {}
         from .moved_mesh import moved_meshes
 
-        return moved_meshes(run, self._coarse(run.scene))
+        return moved_meshes(self._run, self._coarse(self._run.scene))

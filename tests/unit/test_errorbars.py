@@ -684,21 +684,19 @@ def test_slower_decay_is_seen_by_the_bar() -> None:
 
 def test_a_load_that_does_not_settle_as_sides_move_away_has_no_bar() -> None:
     scene = grain_on_bed()
-    with pytest.raises(
-        ConvergenceError, match=r"^sides 1\.5 times as far away change the force by"
-    ):
+    with pytest.raises(ConvergenceError, match=r"^sides 2 times as far away change the force by"):
         of_domain(scene, by_distance(-1.0)(scene), by_distance(-1.0))
 
 
 def test_without_sides_farther_away_still_nothing_is_corrected() -> None:
     def solve(scene: Scene) -> Loads:
-        if scene.domain.length > 40.0:
+        if scene.domain.length > 50.0:
             raise ConvergenceError("no steady flow found")
         return by_distance(2.0)(scene)
 
     found = of_domain(grain_on_bed(), solve(grain_on_bed()), solve)
     assert found.correction is None and found.how.endswith(
-        "not corrected, sides 2.25 times as far: no steady flow found"
+        "not corrected, sides 4 times as far: no steady flow found"
     )
     assert found.force[0] == pytest.approx(0.01, rel=1e-9)
 
@@ -714,13 +712,13 @@ def test_coarse_runs_on_meshes_of_their_own_are_off_by_what_they_differ_by() -> 
 
 
 def test_corrections_interact() -> None:
-    """Each changes the other by as much as it changes the load."""
+    """Each changes the other by three times as much as it changes the load."""
     one, other = (Correction(np.array(x), ZERO) for x in ([0.1, 0.0, 0.0], [0.0, 0.02, 0.0]))
     terms = tuple(
         Term(name, ZERO, ZERO, "", correction=c) for name, c in (("gap", one), ("domain", other))
     )
     found = of_interaction(terms, Loads(np.array([1.0, 0.0, 0.0]), ZERO))
-    assert found is not None and found.force == pytest.approx([0.002, 0.002, 0.0])
+    assert found is not None and found.force == pytest.approx([0.006, 0.006, 0.0])
     assert of_interaction(terms[:1], Loads(np.ones(3), ZERO)) is None
 
 

@@ -372,6 +372,22 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     assert 0.99 * own.force[0] < found[4].force[0] < own.force[0]
 
 
+def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:
+    """Loads as on meshes of their own; gaps and sides change them by a hundred times as much."""
+    scene = grain_on_bed()
+    others = coarse_scenes(scene)
+    with prepared(scene, MPI.COMM_SELF) as run:
+        solve_steadily(run, run.fluid)
+        beside = Beside(run, coarse_scenes, never)
+        moved = [beside(other) for other in others]
+    assert len(others) == 5 and all(one.moved for one in moved)
+    for other, found in zip(others, moved, strict=True):
+        own = solved(changed(other, numerics={"order": 3, "mesh_size": 1.0}))
+        assert relative(found.force, own.force) < 2e-4
+    assert relative(moved[2].force, moved[0].force) > 0.05
+    assert relative(moved[4].force, moved[0].force) > 0.009
+
+
 def test_half_a_sphere_is_lifted_with_the_plane_of_symmetry() -> None:
     """Cells above and below it, some of them small, keep their shape: no nodes stay behind on the plane.
 
