@@ -109,7 +109,7 @@ surface: setup ## free surfaces against exact solutions, and the demos: the numb
 	.venv/bin/incipient run demos/scenes/sphere_under_waves.toml --out results/sphere_under_waves
 
 channels: setup ## channels with a free surface: the numbers of docs/explanation/surface.md
-	$(PYTHON) -m pytest tests/convergence/test_channels.py tests/convergence/test_channels_in_space.py tests/end_to_end/test_open_channels.py -m "slow or not slow"
+	$(PYTHON) -m pytest tests/convergence/test_channels.py tests/end_to_end/test_open_channels.py -m "slow or not slow"
 	.venv/bin/python demos/grain_in_channel.py
 
 clean: ## remove caches, build leftovers and the demo's results, not .venv

@@ -36,7 +36,6 @@ PARTS = {
         "convergence/test_time.py",
         "end_to_end/test_moving_grain.py",
         "end_to_end/test_gusts.py",
-        "end_to_end/test_moving_pictures.py",
         "stability/test_moving_mesh.py",
         "unit/test_rigidbody.py",
     ),
@@ -77,7 +76,6 @@ PARTS = {
     ),
     "space": (
         "unit/test_meshes.py",
-        "convergence/test_cylinder_in_space.py",
         "convergence/test_space.py",
         "end_to_end/test_pebble.py",
         "end_to_end/test_runs_in_space.py",
@@ -93,7 +91,6 @@ PARTS = {
     ),
     "surface": (
         "convergence/test_channels.py",
-        "convergence/test_channels_in_space.py",
         "convergence/test_waves.py",
         "end_to_end/test_free_surface.py",
         "end_to_end/test_open_channels.py",

@@ -13,10 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from environment import environment
-from images import assert_is_a_picture
 from mpi4py import MPI
 from numpy.typing import NDArray
-from processes import CAVITY, CYLINDER, GRAIN_ON_BED, has_control_characters, result_of, settings
+from processes import (
+    CAVITY,
+    CYLINDER,
+    GRAIN_ON_BED,
+    assert_is_a_picture,
+    has_control_characters,
+    result_of,
+    settings,
+)
 from scenes import message
 
 import incipient

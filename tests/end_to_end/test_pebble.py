@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from environment import environment, finished, on_ranks
-from images import assert_is_a_picture
+from processes import assert_is_a_picture
 
 import incipient
 from incipient.contact import Load
