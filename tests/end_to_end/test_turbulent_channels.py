@@ -128,8 +128,7 @@ def test_a_rough_channel(reynolds, k):
     walls = rough(reynolds, k)
     assert over_volumes(walls, reynolds, k) == pytest.approx(1.0, abs=0.003)
     assert walls.at_outflow == pytest.approx(by_hand(k, 0.2, 8.5), rel=0.015)
-    (line,) = walls.lines()
-    assert "1 times the roughness off" in line
+    assert walls.distance == pytest.approx(walls.roughness)
 
 
 @pytest.mark.slow
