@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..fluid.transient import TimeStep, Transient
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 class Solving(Protocol):

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..fluid.transient import Transient
 from ..planning.discretisation import with_order
-from ..restart.checkpoint import Checkpoint, Progress
-from ..restart.redistribution import stored_flow, stored_mesh
+from ..restart import Checkpoint, Progress, stored_flow, stored_mesh
 from ..scene.file import dumps
 from .state import Run
 

@@ -15,8 +15,7 @@ from ..errors import SceneError
 from ..progress import Silent
 from ..scene.messages import one_line, problems_of, shown
 from ..scene.section import Section, contradiction, key
-from .axes import Axes, Settings, axes_of, combined, table_of_cases
-from .cases import Source, SweepCase, resolved
+from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, direction
 
 _TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?")
