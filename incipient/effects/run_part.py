@@ -89,7 +89,7 @@ class RunPart:
         return {}
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """Fields of `restart.checkpoint.Checkpoint` by name."""
+        """Fields of `restart.Checkpoint` by name."""
         return {}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
