@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 # Move of the grain's surface over its size: in one pocket neither gravity nor flow moves a settled grain.
 ELSEWHERE = 0.01
 LAST = ("reason", *COST, "versions", "id")
+# Outcomes in words, by task.
+SENTENCES = {
+    "threshold": "{mode} at Shields number {shields:.4g}",
+    "gust": "critical strength {strength:.4g}",
+    "entrainment": "probability of motion {probability:.3g}, steady Shields number {shields:.4g}",
+}
 SHARES = (16, 50, 84)  # percentiles of a class
 HEADS = (
     *("size_low", "size_high", "size_median", "grains", "without_threshold"),
@@ -133,28 +139,17 @@ def in_words(row: Mapping[str, Any]) -> str:
     """Outcome of a case in a few words, by its row."""
     if row["status"] == FAILED:
         return str(row["reason"])
-    if row["task"] == "threshold":
-        bar = row.get(f"shields{HIGH}")
-        error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
-        return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
-    if row["task"] == "entrainment":
-        return f"probability of motion {row['probability']:.3g}, steady Shields number {row['shields']:.4g}"
-    if row["task"] == "gust":
-        return f"critical strength {row['strength']:.4g}"
-    return _run_in_words(row)
-
-
-def _run_in_words(row: Mapping[str, Any]) -> str:
+    if row["task"] in SENTENCES:
+        error = row.get(f"shields{HIGH}", math.nan) - row.get("shields", math.nan)
+        words = SENTENCES[row["task"]].format_map(row)
+        return words if math.isnan(error) else f"{words} +- {error:.1g}"
     if "left_pocket" in row:
         return f"left its pocket at t = {row['left_pocket']:.4g}"
-    words = "no verdict"
+    words = f"C_f {row['friction']:.5g}" if "friction" in row else "no verdict"
     if "mode" in row:
         words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}"
     if "does" in row:
         words = f"{row['does']} at the end, {words}"
-    if "friction" not in row:
-        return words
-    words = words if "mode" in row else f"C_f {row['friction']:.5g}"
     return words + (", NOT CONVERGED" if row.get("load_spread") else "")
 
 
