@@ -29,8 +29,7 @@ from incipient.files import csv_text
 from incipient.scene import Effects, Fluid, LogLaw, OpenChannel, Scene, Turbulence
 from incipient.setup.mean_profile import MeanProfile
 from incipient.setup.setup import Setup
-from incipient.survey.beds import spheres_of
-from incipient.survey.deposition import Spheres
+from incipient.survey.beds import Spheres, spheres_of
 from incipient.survey.emulator import designed
 from incipient.survey.full_runs import COMPONENTS, scene_of
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets

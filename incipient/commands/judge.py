@@ -11,9 +11,8 @@ from pathlib import Path
 from ..errors import SceneError
 from ..judging.batch import SUMMARY, judge_table, verdicts_name
 from ..judging.case import judge_case, load_case, save, text
-from ..judging.forces import judge_forces
+from ..judging.forces import judge_forces, read_forces
 from ..judging.motion import FlowThreshold
-from ..judging.openfoam import read_forces
 from ..judging.series import judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..progress import telling

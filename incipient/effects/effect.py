@@ -16,7 +16,7 @@ from .run_part import RunPart, Solving, Stage
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order
 from ..planning.effects import EffectName
 from ..planning.wall_cells import rise
-from ..restart.redistribution import spread_field, stored_field
+from ..restart import spread_field, stored_field
 from ..results.wall_report import LARGEST_CHANGE, WallReport
 from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
@@ -37,7 +37,7 @@ from .run_part import RunPart, Solving, Stage
 
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 class TurbulentFlow(RunPart):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 @contextmanager
@@ -70,7 +70,7 @@ def prepared(
         if checkpoint is None:
             made = domain.build(comm, layout.mesh)
         else:
-            from ..restart.redistribution import domain_of
+            from ..restart import domain_of
 
             made = domain_of(checkpoint, comm)
     (recorder or Recorder()).begin(scene, plan, made)

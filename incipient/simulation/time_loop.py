@@ -27,7 +27,7 @@ from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
     from ..fluid.transient import TimeStep
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 NOT_STEADY = 'time.start: the steady flow did not converge; use a smaller numerics.mesh_size, or time.start = "rest"'

@@ -25,8 +25,7 @@ from ..sweep import run as run_sweep
 from ..sweep.cases import identity_of
 from ..sweep.store import DONE, FAILED
 from ..sweep.table import rows as rows_of
-from .beds import spheres_of
-from .deposition import Spheres
+from .beds import Spheres, spheres_of
 from .emulator import FEWEST, Emulator, designed, runs_to_halve
 from .full_runs import (
     FullRun,

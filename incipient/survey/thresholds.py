@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Floats, percentile
 from ..contact.batch import Batch, Cases, judge_many
 from ..contact.friction import FrictionCone
-from .deposition import DOWN
+from .beds import DOWN
 from .emulator import Emulator
 from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients, relative_error
 from .pockets import Pocket

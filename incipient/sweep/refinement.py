@@ -19,8 +19,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from .axes import Axes, Settings, rounded
-from .cases import Source, SweepCase
+from .cases import Axes, Settings, Source, SweepCase, rounded
 
 Columns = Mapping[str, Any]
 Resolve = Callable[[Source, Settings], SweepCase]

@@ -7,20 +7,21 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ValidationError, field_validator
+from pydantic import ValidationError
 
 from ..errors import SceneError
 from ..progress import Silent
-from ..scene.messages import one_line, problems_of, shown
-from ..scene.section import Section, contradiction, key
-from .axes import Axes, Settings, axes_of, combined, table_of_cases
-from .cases import Source, SweepCase, resolved
+from ..scene.messages import one_line, problems_of
+from ..scene.section import Section, allowed, key
+from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, direction
 
-_TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?")
-_UNITS = (86400.0, 3600.0, 60.0, 1.0)
+_NUMBER_OR_TRUE = allowed(
+    lambda value: value is None or isinstance(value, int | float),
+    "give a fraction of the range, or true",
+)
 
 
 class SweepSection(Section):
@@ -30,16 +31,11 @@ class SweepSection(Section):
     zip: bool = key("Whether values of several keys vary side by side", False)
     cases: str | None = key("CSV file of cases", None)
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
-    refine: bool | float | None = key("Fraction of the range, or true", None)
+    refine: Annotated[bool | float | None, _NUMBER_OR_TRUE] = key(
+        "Fraction of the range, or true", None
+    )
     most: int | None = key("Largest number of cases of a refinement", None)
     quantity: str | None = key("Column that a refinement resolves", None)
-
-    @field_validator("refine", mode="before")
-    @classmethod
-    def _is_a_fraction(cls, value: Any) -> Any:
-        if value is None or isinstance(value, int | float):
-            return value
-        raise contradiction(f"is {shown(value)}", "give a fraction of the range, or true")
 
 
 class _Swept(Section):
@@ -138,11 +134,12 @@ def _section_of(source: Source) -> SweepSection:
 
 def parsed_seconds(text: str | float, option: str) -> float:
     """Seconds of an option, from a number or text such as 8h, 1h30m, 90s or 1.5d. Raises SceneError."""
-    match = _TIME.fullmatch(str(text).strip())
-    parts = zip(match.groups() if match else (), _UNITS, strict=False)
+    from dask.utils import parse_timedelta
+
+    parts = re.findall(r"[\d.]+[a-z]*|.+", str(text).replace(" ", ""))
     try:
-        total = sum(float(part) * unit for part, unit in parts if part)
-    except ValueError:
+        total = float(sum(map(parse_timedelta, parts)))
+    except (ValueError, KeyError):
         total = 0.0
     if total <= 0.0:
         raise SceneError(f"--{option} {text}: is not a time; write it as 8h, 30m or 1h30m")

@@ -43,7 +43,7 @@ from incipient.errors import ConvergenceError, MeshError, OutputError
 from incipient.files import MARK
 from incipient.installed import COMPILER, LIBRARIES, MODULES, missing, required
 from incipient.output.xdmf import FieldSeries
-from incipient.restart.checkpoint import read
+from incipient.restart import read
 
 # Interrupts, divergence, impossible meshes and full disks: one line, an exit code, no hang, nothing lost.
 

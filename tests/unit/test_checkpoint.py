@@ -35,21 +35,23 @@ from incipient.geometry.space.heightmap import HeightMap
 from incipient.input_files import read_table, read_text, reading
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
-from incipient.output.directory import CHECKPOINT
 from incipient.output.ownership import locked, make_room, place_scene, refuse_foreign
-from incipient.output.runs import reopened
+from incipient.output.runs import CHECKPOINT, reopened
 from incipient.pictures import style
 from incipient.planning.discretisation import order_of
-from incipient.restart.checkpoint import (
+from incipient.restart import (
     Checkpoint,
     Progress,
     StoredBody,
     StoredField,
     StoredMesh,
     read,
+    spread_flow,
+    spread_mesh,
+    stored_flow,
+    stored_mesh,
     write,
 )
-from incipient.restart.redistribution import spread_flow, spread_mesh, stored_flow, stored_mesh
 from incipient.results.kinds import GUSTS
 from incipient.scene import example
 from incipient.scene.file import dumps, loads

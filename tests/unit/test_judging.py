@@ -25,10 +25,9 @@ from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
 from incipient.judging.batch import Verdicts, judge_table
 from incipient.judging.case import Case, load_case
-from incipient.judging.forces import JudgedForces, judge_forces
+from incipient.judging.forces import ForcesInTime, JudgedForces, judge_forces, read_forces
 from incipient.judging.in_place import grain_in_place
 from incipient.judging.motion import MotionInTime, mean_in_time
-from incipient.judging.openfoam import ForcesInTime, read_forces
 from incipient.judging.series import judge_series, read_series
 from incipient.judging.table import read_table
 from incipient.progress import Silent

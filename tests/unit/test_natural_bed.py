@@ -25,7 +25,7 @@ from incipient.flumes.water import density_of_water, viscosity_of_water
 from incipient.setup.mean_profile import MeanProfile
 from incipient.setup.numbers import numbers_of
 from incipient.setup.setup import Setup
-from incipient.survey.deposition import Spheres
+from incipient.survey.beds import Spheres
 
 pytestmark = pytest.mark.quick
 

@@ -15,12 +15,11 @@ from incipient.geometry.contacts import Contacts
 from incipient.geometry.statics import balance
 from incipient.scene import Ellipsoid, Scene
 from incipient.scene.file import dumps, example, loads, parse
-from incipient.survey.beds import spheres_of
-from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
+from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.laws import kirchner, with_constant_drag
 from incipient.survey.orientations import Poses, _settings, random_orientation, survey_poses
+from incipient.survey.outcome import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import survey
 from incipient.survey.request import FlowPast, Surveyed, SurveyRequest

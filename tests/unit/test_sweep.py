@@ -25,14 +25,12 @@ from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
 from incipient.scene import Scene, example, load, loads
 from incipient.scene.section import unit_of
-from incipient.sweep.axes import axes_of, combined, table_of_cases
-from incipient.sweep.cases import Source, SweepCase, resolved
+from incipient.sweep.cases import Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from incipient.sweep.procedure import Means
 from incipient.sweep.refinement import SweepRefinement, direction
 from incipient.sweep.request import parsed_seconds, requested
-from incipient.sweep.size_classes import size_classes
 from incipient.sweep.store import DONE, FAILED, WAITING, Store
-from incipient.sweep.table import as_csv, in_words, pockets, rows
+from incipient.sweep.table import as_csv, in_words, pockets, rows, size_classes
 from incipient.sweep.worker import CaseOutcome, computed
 
 # The values that a sweep varies, the identity of its cases, and their table.
@@ -694,7 +692,7 @@ def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     sizes = (1.0, 1.5, 1.8, 2.0)
     done = [{"status": "done", "body.diameter": size, "shields": 0.1 * size} for size in sizes]
     found = [*done, {"status": "failed", "body.diameter": 1.2}]
-    monkeypatch.setattr("incipient.sweep.size_classes.rows", lambda path: found)
+    monkeypatch.setattr("incipient.sweep.table.rows", lambda path: found)
     first, second = size_classes(tmp_path / "sweep.sqlite", [1.0, 2.0, 3.0])
     assert (first["grains"], first["size_median"]) == (3, 1.5)
     assert first["shields_50"] == pytest.approx(0.15)

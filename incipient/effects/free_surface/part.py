@@ -29,7 +29,7 @@ from ...setup.setup import Setup
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ...restart import Checkpoint
 
 # Distances of a moving grain, in its size: from the surface, counting as contact; from the still level, below which a
 # new mesh has its top at the mean surface above the grain.
@@ -204,8 +204,7 @@ class MovingSurface(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        from ...restart.checkpoint import StoredSurface
-        from ...restart.redistribution import numbered_nodes
+        from ...restart import StoredSurface, numbered_nodes
 
         assert coupling is not None
         part, nodes = self.part, numbered_nodes(coupling.fluid.domain.mesh)
@@ -218,7 +217,7 @@ class MovingSurface(RunPart):
         return {"surface": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        from ...restart.redistribution import spread_nodes
+        from ...restart import spread_nodes
 
         assert kept.surface is not None and coupling is not None
         part, mesh = self.part, coupling.fluid.domain.mesh

@@ -14,7 +14,7 @@ from ..effect import Solved
 from ..run_part import Stage
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ...restart import Checkpoint
     from .part import MovingGrain
 
 
