@@ -17,7 +17,7 @@ from .equations import Equations
 from .options import algebraic, preconditioner
 
 if TYPE_CHECKING:
-    from .triangle import Blocks
+    from .triangle import Triangle
 
 MASS, POISSON = "fluid_pressure_", "fluid_pressure_poisson_"
 CHEBYSHEV = {
@@ -63,7 +63,7 @@ class PressureMass(Inverse):
         integrand = preconditioning.pressure_mass(p, q, viscosity, equations.reference_map)
         self._form = compat.form(integrand * equations.measure())
 
-    def assemble(self, blocks: Blocks | None = None) -> None:
+    def assemble(self, blocks: Triangle | None = None) -> None:
         self.prepare(compat.matrix_of(self._form))
 
     def diagonal(self) -> np.ndarray:
@@ -90,7 +90,7 @@ class CahouetChabard(Owner):
         self._open = equations.open[equations.open < space.dofmap.index_map.size_local]
         self._poisson = self.holding(Inverse(POISSON, algebraic(), equations.closed))
 
-    def assemble(self, blocks: Blocks) -> None:
+    def assemble(self, blocks: Triangle) -> None:
         self._coefficient = float(self._rate.value)
         if self._mass is not None:
             self._mass.assemble()
@@ -121,7 +121,7 @@ class LeastSquaresCommutator(Owner):
         self._order = np.argsort(equations.owned_pressures())
         self._poisson = self.holding(Inverse(POISSON, algebraic(), equations.closed))
 
-    def assemble(self, blocks: Blocks) -> None:
+    def assemble(self, blocks: Triangle) -> None:
         self._blocks, self._scale = blocks, 1.0 / np.abs(blocks.diagonal())
         diagonal, scaled = blocks.gradient.createVecLeft(), blocks.gradient.copy()
         diagonal.setArray(self._scale)
