@@ -26,7 +26,7 @@ from .constraints import Constraints
 from .friction import WallLoad
 from .model import FlowModel
 from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
-from .solvers.two_level import Action, PressureForce
+from .solvers.two_level import PressureForce
 from .space import (
     TaylorHood,
     cell_size,
@@ -114,6 +114,7 @@ class Fluid(Holder):
         owned = self.space.mixed.dofmap.index_map.size_local
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
         self._kept: dict[str, Any] = {}
+        self._measure: Any = None  # of the Jacobian as an action
 
     def _compile(self) -> None:
         w, q = ufl.TestFunctions(self.space.mixed)
@@ -133,11 +134,11 @@ class Fluid(Holder):
 
     def _two_level(self, coarse: Fluid) -> LinearSolver:
         equations = self._equations()
-        measure = equations.measure()
-        residual = partial(self.residual_form, measure=measure)
-        action = self.holding(Action(self.state, residual, equations.owned_held()))
-        force = self.holding(PressureForce(self.space, partial(self._pressure_force, measure)))
-        return TwoLevel(action.times, force, equations, (coarse.solver, coarse._equations()))
+        self._measure, self._held = equations.measure(), equations.owned_held()
+        force = self.holding(
+            PressureForce(self.space, partial(self._pressure_force, self._measure))
+        )
+        return TwoLevel(self._times, force, equations, (coarse.solver, coarse._equations()))
 
     def _equations(self) -> Equations:
         held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
@@ -461,17 +462,13 @@ class Fluid(Holder):
 
     # -- derivatives ----------------------------------------------------------------------------
 
-    @cached_property
-    def _direction(self) -> Any:
-        return dolfinx.fem.Function(self.space.mixed)
-
     def dual(self, boundary: np.ndarray, rtol: float = EXACT) -> np.ndarray:
         """Dual solution z (local unknowns,) of the last assembled Jacobian A with boundary values.
 
         z equals `boundary` on prescribed boundaries, and z . A change = 0 for changes within the
         flow, to a residual of `rtol` relative to the boundary values alone.
         """
-        self._completed(boundary, self._transposed_action, 0.0, rtol, True)
+        self._complete(boundary, 0.0, rtol, True)
         return np.asarray(self._direction.x.array.copy())
 
     def response(
@@ -483,35 +480,58 @@ class Fluid(Holder):
         of the residual from other causes. Returns the changes of the state and, on carried boundaries, of the
         tractions (owned unknowns,), to `rtol`.
         """
-        whole, near = self._actions
-        self._completed(boundary, whole, forcing, rtol)
-        return self._direction.x.array.copy(), self.assembled(near) + forcing
+        self._complete(boundary, forcing, rtol)
+        return self._direction.x.array.copy(), self.assembled(self._action_at_carried) + forcing
 
-    def _completed(
-        self, boundary: np.ndarray, action: Any, forcing: Any, rtol: float, transposed: bool = False
+    def _complete(
+        self, boundary: np.ndarray, forcing: Any, rtol: float, transposed: bool = False
     ) -> None:
         """Complete boundary values so that the direction's action plus the forcing vanishes off the boundary."""
         self._direction.x.array[:] = boundary
-        self._vector.setArray(self.assembled(action) + forcing)
+        self._vector.setArray(self._acted(transposed) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
         self.solver.solve(self._vector, self._correction, rtol, transposed=transposed)
+        self._direction.x.array[:] = boundary
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
 
-    @cached_property
-    def _transposed_action(self) -> Any:
-        tested = self.residual_form(*ufl.split(self._direction))
-        return compat.form(ufl.derivative(tested, self.state, ufl.TestFunction(self.space.mixed)))
+    def _times(self, values: np.ndarray, transposed: bool) -> np.ndarray:
+        """Jacobian of the present state, or its transpose, times (owned unknowns,); identity where held.
+
+        From third order on tetrahedra, one application costs about three of a matrix, which takes twenty to
+        assemble and 1.5 kB per unknown.
+        """
+        self._direction.x.array[: len(values)] = np.where(self._held, 0.0, values)
+        self._direction.x.scatter_forward()
+        return np.where(self._held, values, self._acted(transposed))
+
+    def _acted(self, transposed: bool) -> np.ndarray:
+        return self.assembled(self._transposed_action if transposed else self._action)
 
     @cached_property
-    def _actions(self) -> tuple[Any, Any]:
-        """Derivatives along the direction, in all cells and in those at carried boundaries."""
-        w, q = ufl.TestFunctions(self.space.mixed)
-        near = self.constraints.carried_cells()
-        forms = (self.residual_form(w, q), self.residual_form(w, q, near))
-        return tuple(
-            compat.form(ufl.derivative(form, self.state, self._direction)) for form in forms
-        )
+    def _direction(self) -> Any:
+        return dolfinx.fem.Function(self.space.mixed)
+
+    @cached_property
+    def _action(self) -> Any:
+        return self._along(self.residual_form(*self._tests, measure=self._measure))
+
+    @cached_property
+    def _action_at_carried(self) -> Any:
+        return self._along(self.residual_form(*self._tests, self.constraints.carried_cells()))
+
+    @cached_property
+    def _transposed_action(self) -> Any:
+        tested = self.residual_form(*ufl.split(self._direction), measure=self._measure)
+        return self._along(tested, ufl.TestFunction(self.space.mixed))
+
+    @property
+    def _tests(self) -> Any:
+        return ufl.TestFunctions(self.space.mixed)
+
+    def _along(self, form: Any, change: Any = None) -> Any:
+        direction = self._direction if change is None else change
+        return compat.form(ufl.derivative(form, self.state, direction))
 
 
 @contextmanager

@@ -127,9 +127,8 @@ class Transient:
         self._past: list[Past] = []
         self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
-        self._new_mesh = (
-            -np.inf
-        )  # time of the last remeshing: earlier states come from another mesh
+        # Time of the last remeshing: earlier states come from another mesh.
+        self._new_mesh = -np.inf
         self._length_kept: float | None = None
         self._shortest = 0.0
 
@@ -157,7 +156,7 @@ class Transient:
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
             if self.accuracy is not None:
-                length = self._next_length(taken)
+                length = taken.length * self._growth(taken.error, self.accuracy)
             self.next_length = max(length, self._shortest)
             yield taken
 
@@ -208,7 +207,7 @@ class Transient:
         for rejected in range(MOST_REJECTED):
             report = self._attempt(length)
             error = self._error(length) if report.converged else None
-            good = report.converged and not self._too_large(error)
+            good = report.converged and (error or 0.0) <= 1.5 * (self.accuracy or np.inf)
             allowed = 0.5 * length
             if good:
                 allowed = length if self.interface is None else self.interface.allowed(length)
@@ -259,24 +258,23 @@ class Transient:
 
     def _solved(self, length: float) -> NewtonReport:
         if self.interface is not None:
-            return self.interface.attempt(length, 2 if self._is_second else 1, self._tolerance())
+            return self.interface.attempt(length, self._order, self._tolerance())
         return self.fluid.solve(self._tolerance())
 
     @property
-    def _is_second(self) -> bool:
-        return self.order == 2 and len(self._past) > 1
+    def _order(self) -> int:
+        return min(self.order, len(self._past))
 
     def _discretise(self, length: float) -> None:
         fluid, past = self.fluid, self._past
-        second = self._is_second
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
-        rate, extrapolation = backward_difference(2 if second else 1, length, ratio)
+        rate, extrapolation = backward_difference(self._order, length, ratio)
         fluid.discretise_time(rate, extrapolation)
         for function, before in zip(fluid.history, [*past[:2], past[-1]], strict=False):
             function.x.array[:] = before.state
         fluid.time = past[0].time + length
         fluid.drive(fluid.time, past[0].time, past[min(1, len(past) - 1)].time)
-        if second:
+        if self._order == 2:
             known = [one.state for one in past]
             fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
 
@@ -292,23 +290,23 @@ class Transient:
         if self.interface is not None:
             self.interface.restore()
 
-    def _too_large(self, error: float | None) -> bool:
-        return self.accuracy is not None and error is not None and error > 1.5 * self.accuracy
-
     def _error(self, length: float) -> float | None:
-        second = self._is_second
-        past = self._past[: 3 if second else 2]
-        if len(past) < (3 if second else 2):
+        order = self._order
+        past = self._past[: order + 1]
+        if len(past) <= order:
             return None
         now, times = self.fluid.time, [p.time for p in past]
         # The leading truncation error, v_tt/2 dt or v_ttt/6 dt (dt + previous dt), over a0.
-        a0 = backward_difference(2 if second else 1, length, length / (times[0] - times[1]))[0][0]
+        a0 = backward_difference(order, length, length / (times[0] - times[1]))[0][0]
         factor = 1 / (a0 * (now - times[-1]))
 
         def missed(values: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
             return factor * (values - extrapolated(times, known, now))
 
-        error = self._relative(missed(self.fluid.state.x.array, [p.state for p in past]))
+        values = self.fluid.state.x.array
+        parts = missed(values, [p.state for p in past]), values
+        squares, whole = map(self.fluid.squared_velocities, parts)
+        error = float(np.sqrt(squares / whole)) if whole else 0.0
         if self.interface is None:
             return error
         velocities = self.interface.velocities()
@@ -326,18 +324,11 @@ class Transient:
             else min(error, self.last_error)
         )
 
-    def _relative(self, values: np.ndarray) -> float:
-        error, whole = (
-            self.fluid.squared_velocities(a) for a in (values, self.fluid.state.x.array)
-        )
-        return float(np.sqrt(error / whole)) if whole else 0.0
-
-    def _next_length(self, taken: TimeStep) -> float:
-        if taken.error is None or self.accuracy is None:
-            return taken.length
-        exponent = 1 / (self.order + 1)
-        factor = SAFETY * (self.accuracy / max(taken.error, 1e-300)) ** exponent
-        return taken.length * float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
+    def _growth(self, error: float | None, accuracy: float) -> float:
+        if error is None:
+            return 1.0
+        factor = SAFETY * (accuracy / max(error, 1e-300)) ** (1 / (self.order + 1))
+        return float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
 
 
 class QuasiSteady(Transient):

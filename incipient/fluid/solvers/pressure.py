@@ -17,7 +17,7 @@ from .equations import Equations
 from .options import algebraic, preconditioner
 
 if TYPE_CHECKING:
-    from .triangle import Blocks
+    from .triangle import Triangle
 
 MASS, POISSON = "fluid_pressure_", "fluid_pressure_poisson_"
 CHEBYSHEV = {
@@ -55,16 +55,15 @@ class Inverse(Owner):
 class PressureMass(Inverse):
     """S^-1 = M^-1, mass matrix over viscosity, by four Chebyshev steps, for Stokes flow. Methods are collective."""
 
-    def __init__(self, equations: Equations, viscosity: Any = None):
+    def __init__(self, equations: Equations, viscosity: Any):
         space = equations.space
         low, high = _bounds(space.pressure, space.order - 1)
         super().__init__(MASS, CHEBYSHEV | {"ksp_ksp_chebyshev_eigenvalues": f"{low},{high}"})
         p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
-        nu = equations.viscosity if viscosity is None else viscosity
-        integrand = preconditioning.pressure_mass(p, q, nu, equations.reference_map)
+        integrand = preconditioning.pressure_mass(p, q, viscosity, equations.reference_map)
         self._form = compat.form(integrand * equations.measure())
 
-    def assemble(self, blocks: Blocks | None = None) -> None:
+    def assemble(self, blocks: Triangle | None = None) -> None:
         self.prepare(compat.matrix_of(self._form))
 
     def diagonal(self) -> np.ndarray:
@@ -83,7 +82,7 @@ class CahouetChabard(Owner):
         space, self._rate, self._coefficient = equations.space.pressure, equations.rate, 0.0
         self._mass = None
         if equations.viscosity is not None:
-            self._mass = self.holding(PressureMass(equations))
+            self._mass = self.holding(PressureMass(equations, equations.viscosity))
         p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.pressure_laplacian(p, q, equations.reference_map)
         added = 0 if equations.surface is None else equations.surface.of_pressure(p, q)
@@ -91,7 +90,7 @@ class CahouetChabard(Owner):
         self._open = equations.open[equations.open < space.dofmap.index_map.size_local]
         self._poisson = self.holding(Inverse(POISSON, algebraic(), equations.closed))
 
-    def assemble(self, blocks: Blocks) -> None:
+    def assemble(self, blocks: Triangle) -> None:
         self._coefficient = float(self._rate.value)
         if self._mass is not None:
             self._mass.assemble()
@@ -122,7 +121,7 @@ class LeastSquaresCommutator(Owner):
         self._order = np.argsort(equations.owned_pressures())
         self._poisson = self.holding(Inverse(POISSON, algebraic(), equations.closed))
 
-    def assemble(self, blocks: Blocks) -> None:
+    def assemble(self, blocks: Triangle) -> None:
         self._blocks, self._scale = blocks, 1.0 / np.abs(blocks.diagonal())
         diagonal, scaled = blocks.gradient.createVecLeft(), blocks.gradient.copy()
         diagonal.setArray(self._scale)
@@ -148,7 +147,7 @@ def schur_complement(equations: Equations) -> Schur:
         return CahouetChabard(equations)
     if equations.carrier is not None:
         return LeastSquaresCommutator(equations)
-    return PressureMass(equations)
+    return PressureMass(equations, equations.viscosity)
 
 
 def _bounds(space: Any, order: int) -> tuple[float, float]:

@@ -23,15 +23,28 @@ class Triangle(Owner):
     """Upper block triangle of [[F, G], [B, 0]], or its transpose: a `PCPYTHON` context. Methods are collective.
 
     z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`) and, for each
-    component's block of F, one multigrid V-cycle. Constrained rows are identities.
+    component's block of F, one multigrid V-cycle. Constrained rows are identities. Velocities (n,) and pressures of
+    the blocks ascend as in the mixed system.
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool = False):
         super().__init__()
-        self.blocks = self.holding(Blocks(matrix, equations, transposed))
+        self._matrix, self._transposed = matrix, transposed
         self._schur = self.holding(schur_complement(equations))
+        start, end = matrix.getOwnershipRange()
+        rows = np.sort(component_rows(equations.space)[1])
+        parts = [part[part < end - start] for part in rows]
+        self._velocities = np.sort(np.concatenate(parts))
+        self._places = [np.searchsorted(self._velocities, part) for part in parts]
         self._pressures = equations.owned_pressures()
         self._order = np.argsort(self._pressures)
+        unknowns = (*parts, self._velocities, self._pressures[self._order])
+        self._sets = [
+            self.holding(
+                PETSc.IS().createGeneral((start + some).astype(PETSc.IntType), comm=matrix.comm)
+            )
+            for some in unknowns
+        ]
         self._interpolations: list[Any] = []
         if equations.viscosity is not None:
             self._interpolations = [self.holding(one) for one in _interpolations(equations)]
@@ -39,65 +52,40 @@ class Triangle(Owner):
 
     def assemble(self) -> None:
         self._present.destroy()
-        self.blocks.extract()
-        self._schur.assemble(self.blocks)
+        self._extract()
+        self._schur.assemble(self)
         chosen = OF_COMPONENT | algebraic("mg_coarse_") if self._interpolations else OF_MASS
-        interpolations = self._interpolations or [None] * len(self.blocks.components)
+        interpolations = self._interpolations or [None] * len(self._components)
         self._cycles = [
             self._present.holding(preconditioner(one, VELOCITY, chosen, interpolation))
-            for one, interpolation in zip(self.blocks.components, interpolations, strict=True)
+            for one, interpolation in zip(self._components, interpolations, strict=True)
+        ]
+
+    def _extract(self) -> None:
+        *each, velocities, pressures = self._sets
+        pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
+        blocks = [self._matrix.createSubMatrix(*pair) for pair in pairs]
+        if self._transposed:
+            blocks = [block.transpose() for block in blocks]
+            blocks[-2:] = blocks[:-3:-1]
+        *self._components, self.gradient, self.divergence = map(self._present.holding, blocks)
+        self._vectors = [
+            [self._present.holding(one) for one in block.createVecs()] for block in blocks
         ]
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
-        r, z, blocks = right.array_r, np.empty(right.getLocalSize()), self.blocks
+        r, z = right.array_r, np.empty(right.getLocalSize())
         z[self._pressures] = -self._schur.solve(r[self._pressures])
-        forces = blocks.push(z[self._pressures[self._order]])
-        z[blocks.velocities] = blocks.each(
-            r[blocks.velocities] - forces, [cycle.apply for cycle in self._cycles]
+        forces = self.push(z[self._pressures[self._order]])
+        z[self._velocities] = self._each(
+            r[self._velocities] - forces, [cycle.apply for cycle in self._cycles]
         )
         left.setArray(z)
 
     def destroy(self, _: Any = None) -> None:
         super().destroy()
 
-
-class Blocks(Owner):
-    """Blocks of the Jacobian: F's diagonal blocks, G `gradient` and B `divergence`. Methods are collective.
-
-    Velocities and pressures ascend as in the mixed system; velocities (n,): numbers of the owned ones.
-    """
-
-    def __init__(self, matrix: Any, equations: Equations, transposed: bool):
-        super().__init__()
-        self._matrix, self._transposed = matrix, transposed
-        start, end = matrix.getOwnershipRange()
-        rows = np.sort(component_rows(equations.space)[1])
-        parts = [part[part < end - start] for part in rows]
-        self.velocities = np.sort(np.concatenate(parts))
-        self._places = [np.searchsorted(self.velocities, part) for part in parts]
-        unknowns = (*parts, self.velocities, np.sort(equations.owned_pressures()))
-        self._sets = [
-            self.holding(
-                PETSc.IS().createGeneral((start + some).astype(PETSc.IntType), comm=matrix.comm)
-            )
-            for some in unknowns
-        ]
-        self._present, self.components = self.holding(Owner()), list[Any]()
-
-    def extract(self) -> None:
-        self._present.destroy()
-        *each, velocities, pressures = self._sets
-        pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
-        submatrices = [self._matrix.createSubMatrix(*pair) for pair in pairs]
-        if self._transposed:
-            submatrices = [block.transpose() for block in submatrices]
-            submatrices[-2:] = submatrices[:-3:-1]
-        *self.components, self.gradient, self.divergence = map(self._present.holding, submatrices)
-        self._vectors = [
-            [self._present.holding(one) for one in block.createVecs()] for block in submatrices
-        ]
-
-    def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
+    def _each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
         results = np.empty_like(values)
         for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
             right.setArray(values[at])
@@ -107,11 +95,13 @@ class Blocks(Owner):
 
     def carry(self, values: np.ndarray) -> np.ndarray:
         """Diagonal blocks of F times velocities (n,)."""
-        return self.each(values, [block.mult for block in self.components])
+        return self._each(values, [block.mult for block in self._components])
 
     def diagonal(self) -> np.ndarray:
-        entries = np.empty(len(self.velocities))
-        for at, block, (_, left) in zip(self._places, self.components, self._vectors, strict=False):
+        entries = np.empty(len(self._velocities))
+        for at, block, (_, left) in zip(
+            self._places, self._components, self._vectors, strict=False
+        ):
             block.getDiagonal(left)
             entries[at] = left.array_r
         return entries

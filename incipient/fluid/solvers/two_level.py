@@ -61,10 +61,12 @@ class TwoLevel(LinearSolver):
         self._held = equations.owned_held()
         self._comm = equations.space.mixed.mesh.comm
         self._velocity = self.holding(Relaxation(equations))
-        self._mass = self.holding(PressureMass(equations))
-        self._pressure = self.holding(_smoothing_mass(equations))
-        self._pressures = equations.owned_pressures()
-        self._convected = equations.carrier is not None
+        self._pressures, carrier = equations.owned_pressures(), equations.carrier
+        self._convected, viscosity = carrier is not None, equations.viscosity
+        if self._convected:
+            size = equations.upwind_size
+            viscosity = preconditioning.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
+        self._pressure = self.holding(PressureMass(equations, viscosity))
         self._solver, self._transfer = coarse[0], self.holding(OrderTransfer(coarse[1], equations))
         self._constant = equations.constant_pressures() if equations.closed else None
         self._left, self._right = map(self.holding, self._solver.matrix.createVecs())
@@ -73,11 +75,10 @@ class TwoLevel(LinearSolver):
     def prepare(self) -> None:
         self._velocity.assemble()
         self._pressure.assemble()
-        self._mass.assemble()
         self._pressure_force.renew()
         self.statistics.factorisations += 1
         weights = np.ones(len(self._held))
-        weights[self._pressures] = self._mass.diagonal()
+        weights[self._pressures] = self._pressure.diagonal()
         self._velocity.weigh(weights)
         self._scale, self._aged = 1.0 / weights, False
 
@@ -264,49 +265,6 @@ class OrderTransfer(Owner):
             matrix.multTranspose(other, one)
             coarse_values[coarse[: one.getLocalSize()]] = one.array_r
         return np.where(self._held, 0.0, coarse_values)
-
-
-def _smoothing_mass(equations: Equations) -> PressureMass:
-    carrier = equations.carrier
-    if carrier is None:
-        return PressureMass(equations)
-    viscosity = preconditioning.upwinded_viscosity(
-        equations.viscosity, carrier, equations.upwind_size, UPWINDED
-    )
-    return PressureMass(equations, viscosity)
-
-
-class Action(Owner):
-    """Jacobian of the present state, or its transpose, as an action; identity where `held`. Collective.
-
-    From third order on tetrahedra, one application costs about three of a matrix, which takes twenty
-    to assemble and 1.5 kB per unknown.
-    """
-
-    def __init__(self, state: Any, residual: Callable[[Any, Any], Any], held: np.ndarray):
-        super().__init__()
-        self._state, self._residual, self._held = state, residual, held
-        self._direction = dolfinx.fem.Function(state.function_space)
-        self._forms: dict[bool, Any] = {}
-        self._vector: Any = None
-
-    def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
-        form = self._form(transposed)
-        owned = len(values)
-        self._direction.x.array[:owned] = np.where(self._held, 0.0, values)
-        self._direction.x.scatter_forward()
-        if self._vector is None:
-            self._vector = self.holding(compat.create_vector(form, self._state.function_space))
-        compat.vector_of(form, self._vector)
-        return np.where(self._held, values, self._vector.array_r)
-
-    def _form(self, transposed: bool) -> Any:
-        if transposed not in self._forms:
-            tests = ufl.TestFunction(self._state.function_space)
-            tested, change = (self._direction, tests) if transposed else (tests, self._direction)
-            residual = self._residual(*ufl.split(tested))
-            self._forms[transposed] = compat.form(ufl.derivative(residual, self._state, change))
-        return self._forms[transposed]
 
 
 class PressureForce(Owner):
