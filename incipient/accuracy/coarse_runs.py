@@ -36,14 +36,10 @@ REMEDY = re.compile(r"; |: use ")  # begins the remedy in a message
 Solve = Callable[[Scene], Loads]
 
 
-class Spent(IncipientError):
-    """The budget of estimates is spent."""
-
-
 class KeptRuns:
     """Loads of coarse runs, cached by the JSON of the scene. Calls are collective.
 
-    spent: reason why no further run may begin, or ""; with a reason calls raise Spent
+    spent: reason why no further run may begin, or ""; with a reason calls raise IncipientError
     """
 
     def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):
@@ -53,7 +49,7 @@ class KeptRuns:
         key = scene.model_dump_json()
         if key not in self._known:
             if reason := self._spent():
-                raise Spent(reason)
+                raise IncipientError(reason)
             try:
                 self._known[key] = self._run(scene)
             except (ConvergenceError, MeshError) as error:

@@ -263,11 +263,17 @@ class Search(ABC):
         accuracy, scene = self.numerics.accuracy, attempt.scene
         assert isinstance(accuracy, float | int)
         self.reached = None if bars.failed else relative(self.goal, computed, bars.total)
+        if self.reached is not None and self.reached <= accuracy:
+            self.conclude(estimate.doubt)
+            return None
         model = [term for term in bars.terms if term.name != "discretisation"]
         errors = {term.name: relative(self.goal, computed, term) or 0.0 for term in model}
         if sum(errors.values()) > SHARE * accuracy and not self._unmet:
-            before, self._before = self._before, (scene, errors)
-            if before and (slow := slowly_falling(scene, model, errors, *before)):
+            # The correction for the domain shows its decay, that for the gap its noise.
+            seen = [term.uncorrected if term.name == "domain" else term for term in model]
+            plain = {term.name: relative(self.goal, computed, term) or 0.0 for term in seen}
+            before, self._before = self._before, (scene, plain)
+            if before and (slow := slowly_falling(scene, model, plain, *before)):
                 self._unmet = f"the error of the {slow}, {errors[slow]:.1e}, hardly decreases"
                 doubted = replace(self.known.terms[slow], doubt=self._unmet)
                 self.known.terms[slow] = doubted
@@ -324,7 +330,7 @@ class Search(ABC):
             doubt = doubt or _unknown(self.bars.failed | unseen)
         unmet = f"not known to be reached: {doubt}" if doubt else ""
         if self.reached is not None and self.reached > self.numerics.accuracy:
-            unmet = f"not reached: {self._unmet}"
+            unmet = f"not reached: {self._unmet or 'all errors together are larger'}"
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:

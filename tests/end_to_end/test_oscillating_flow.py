@@ -31,7 +31,7 @@ from incipient.errors import SceneError
 from incipient.results.result import Result
 from incipient.scene import Scene, loads
 from incipient.setup.setup import Setup
-from incipient.simulation.recorder import Recorder
+from incipient.simulation.recorder import History
 from incipient.simulation.simulate import simulate, solved
 from incipient.thresholds.critical import find_threshold
 
@@ -212,17 +212,6 @@ def test_what_contradicts_an_oscillation_is_refused_with_its_key(
 
 
 # -- grains in it -----------------------------------------------------------------------------------
-
-
-class History(Recorder):
-    """The rows of a run."""
-
-    def __init__(self) -> None:
-        self.rows: list[dict[str, Any]] = []
-
-    def step(self, row: dict[str, Any]) -> None:
-        """Keep a row."""
-        self.rows.append(row)
 
 
 STEPS = 40
