@@ -35,7 +35,8 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))
     else:
         closing = setup.geometry.closing if scene.closes_contacts and moved is None else None
-        stance, outline = _stance(setup, moved, closing), ()
+        stance = _stance(setup, moved, closing)
+        outline: tuple[Curve, ...] = ()
         if scene.gdim == 3:
             shape = _solid_region(setup, stance.placement)
         else:
@@ -141,8 +142,8 @@ def is_resolved(setup: Setup) -> bool:
     if scene.time is None or grain is None:
         return True
     reynolds, change = setup.numbers.grain_reynolds, time_of_change(setup.base_flow, scene.time)
-    passing = not setup.base_flow.creeping and reynolds
-    times = scene.time.end, change, grain.size**2 / (viscosity * reynolds) if passing else None
+    passing = grain.size**2 / (viscosity * reynolds) if reynolds else None
+    times = scene.time.end, change, None if setup.base_flow.creeping else passing
     order = velocity_order(setup)[0]
     cell = cells.thinner(setup) * cells.GRAIN_CELL[scene.gdim][order]
     between_nodes = scene.numerics.mesh_size * cell * grain.size / order

@@ -112,13 +112,9 @@ class MovingSurface(RunPart):
         """
         grain, domain = self._scene.grain, self._scene.domain
         assert grain is not None
-        half = 0.5 * grain.size
-        if self._up == 1:
-            half = (
-                float(placement.to_scene(grain.chain.points(OUTLINE))[:, 1].max())
-                - placement.centre[1]
-            )
-        top, unit = placement.centre[self._up] + half, TOUCHING * grain.size
+        upwards = np.eye(domain.gdim)[self._up]
+        top = float(self._setup.surroundings.extreme(placement, upwards)[self._up])
+        unit = TOUCHING * grain.size
         raised = 0.0
         if top > domain.ceiling - NEAR * grain.size:
             raised = unit * round(self._mean_above(placement, grain.size) / unit)

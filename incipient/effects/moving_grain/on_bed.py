@@ -270,6 +270,5 @@ class GrainOnBed(MovingGrain):
         pairs = {name: tuple(on_bed["course"][name]) for name in ("heights", "works")}
         self.course, gdim = Course(**on_bed["course"] | pairs), self.scene.gdim
         sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "rolling": 2}
-        kept_contacts = on_bed["contacts"].items()
-        rows = {name: np.reshape(value, (-1, sizes[name])) for name, value in kept_contacts}
-        self.part.contacts = ActiveContacts(**rows)
+        rows = (np.reshape(on_bed["contacts"][name], (-1, size)) for name, size in sizes.items())
+        self.part.contacts = ActiveContacts(*rows)
