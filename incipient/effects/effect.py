@@ -30,21 +30,6 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class SlowestFlow:
-    """Slowest flow in which an effect can be simulated in a scene.
-
-    factor: of the scene's flow. start: factor with which a search begins if that flow holds the
-    grain; 0: the slowest. expected: expense of a search.
-    """
-
-    factor: float
-    why: str
-    remedy: str
-    start: float = 0.0
-    expected: str = ""
-
-
-@dataclass(frozen=True)
 class Effect:
     """What one physical effect adds to a run, by default nothing; `planning.effects` decides on it.
 
