@@ -153,12 +153,11 @@ def _sought(setup: Setup) -> str:
     if numerics.accuracy is None:
         return ""
     everything = numerics.accuracy_includes == "all"
-    chosen = ("gap, domain, " if everything else "") + (
-        "mesh and order" if scene.time is None else "steps, mesh and order"
-    )
-    chosen = f"{chosen} are"
     if scene.is_averaged:
         chosen = "gap, domain and mesh are" if everything else "the mesh is"
+    else:
+        chosen = "gap, domain, " if everything else ""
+        chosen += "mesh and order are" if scene.time is None else "steps, mesh and order are"
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,23 +23,22 @@ class Numbers:
     """A scene's dimensionless numbers; None where a number does not apply."""
 
     # Speed of the flow past the grain times its largest diameter over the viscosity
-    grain_reynolds: float | None
-    flow_reynolds: float  # reference velocity times height of the domain over the viscosity
+    grain_reynolds: float | None = None
+    flow_reynolds: float = 0.0  # reference velocity times height of the domain over the viscosity
     # Speed at the height of the bed's relief above the datum times that height over the viscosity
-    bed_reynolds: float | None
-    reach: float  # extent of the grain's disturbance up to a wall, in grain sizes
-    strouhal: float | None  # grain size over speed times the time in which the flow changes
-    density_ratio: float | None  # density of a free or weighing grain over the fluid's
+    bed_reynolds: float | None = None
+    reach: float = 0.0  # extent of the grain's disturbance up to a wall, in grain sizes
+    # Grain size over speed times the time in which the flow changes
+    strouhal: float | None = None
+    density_ratio: float | None = None  # density of a free or weighing grain over the fluid's
     # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
-    stokes: float | None
-    froude: (
-        float | None
-    )  # mean velocity over sqrt(g depth), g across the bed, the depth from the datum
+    stokes: float | None = None
+    # Mean velocity over sqrt(g depth), g across the bed, the depth from the datum
+    froude: float | None = None
     # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
     shear_reynolds: float | None = None
-    shields: float | None = (
-        None  # that stress over the submerged weight of the grain, (rho_s - rho_f) g d
-    )
+    # That stress over the submerged weight of the grain, (rho_s - rho_f) g d
+    shields: float | None = None
     of_flow: dict[str, float] = field(default_factory=dict)  # of its kind alone, by name
 
     def text(self) -> str:
@@ -66,39 +65,37 @@ class Numbers:
 def numbers_of(setup: Setup) -> Numbers:
     """The scene's dimensionless numbers."""
     scene, base_flow, grain = setup.scene, setup.base_flow, setup.scene.grain
-    viscosity, height = base_flow.viscosity, base_flow.domain.height
-    reynolds = strouhal = ratio = stokes = froude = of_shear = shields = None
-    velocity, period = base_flow.mean_speed, time_of_change(base_flow, scene.time)
-    if grain is not None:
-        speed = max(speed_past_grain(setup), _own_speed(setup))
-        reynolds, ratio = speed * grain.size / viscosity, scene.density
-        stokes = None if ratio is None else ratio * reynolds / 18.0
-        if scene.bed is not None and scene.flow.stresses_bed and base_flow.gust is None:
-            stress = setup.bed_stress()
-            of_shear = math.sqrt(stress) * grain.size / viscosity
-            weighs = scene.density is not None and scene.density > 1.0 and scene.gravity is not None
-            shields = stress / setup.stress_unit if weighs and setup.stress_unit > 0.0 else None
-        strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
-    gravity = float(abs(scene.gravity_vector[scene.up]))
-    if gravity and not scene.flow.at_rest:
-        froude = velocity / math.sqrt(gravity * base_flow.depth)
-    # The reference velocity of shear is that over the reference length.
-    velocity *= scene.flow.reference_velocity(height) / scene.reference_velocity
-    flow = 0.0 if scene.flow.at_rest else velocity * height / viscosity
-    reach = _wall_distance(setup) + 0.5 if grain is not None else 0.0
-    return Numbers(
-        reynolds,
-        flow,
-        _bed_reynolds(base_flow),
-        reach,
-        strouhal,
-        ratio,
-        stokes,
-        froude,
-        of_shear,
-        shields,
-        {} if grain is None else scene.flow.numbers(grain.size, viscosity),
+    viscosity, height, velocity = scene.viscosity, scene.domain.height, base_flow.mean_speed
+    gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
+    if not scene.flow.at_rest:
+        # The reference velocity of shear is that over the reference length.
+        over = scene.flow.reference_velocity(height) / scene.reference_velocity
+        flow = velocity * over * height / viscosity
+        froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
+    numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(base_flow), froude=froude)
+    if grain is None:
+        return numbers
+    speed, period = (
+        max(speed_past_grain(setup), _own_speed(setup)),
+        time_of_change(base_flow, scene.time),
     )
+    reynolds, ratio = speed * grain.size / viscosity, scene.density
+    numbers = replace(
+        numbers,
+        grain_reynolds=reynolds,
+        reach=_wall_distance(setup) + 0.5,
+        strouhal=grain.size / (speed * period) if period is not None and speed > 0.0 else None,
+        density_ratio=ratio,
+        stokes=None if ratio is None else ratio * reynolds / 18.0,
+        of_flow=scene.flow.numbers(grain.size, viscosity),
+    )
+    if scene.bed is None or not scene.flow.stresses_bed or base_flow.gust is not None:
+        return numbers
+    stress, shields = setup.bed_stress(), None
+    if ratio is not None and ratio > 1.0 and scene.gravity is not None and setup.stress_unit > 0.0:
+        shields = stress / setup.stress_unit
+    shear_reynolds = math.sqrt(stress) * grain.size / viscosity
+    return replace(numbers, shear_reynolds=shear_reynolds, shields=shields)
 
 
 def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
