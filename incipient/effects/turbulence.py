@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..planning.effects import REMEDY, Decision, transition
-from ..results.left_out import Omission
+from ..planning.effects import transition
 from ..results.quantity import OutputQuantity, at
 from ..setup.setup import Setup
-from .effect import Solved
 
 
 def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
@@ -67,18 +65,6 @@ QUANTITIES = (
 )
 HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the slowest flow that a search looks at
-
-
-def without_turbulence(solved: Solved, decision: Decision) -> Iterator[Omission]:
-    """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
-    scene = solved.run.scene
-    if scene.flow.kind == "log-law":
-        how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
-        remedy = "loads are those of the mean flow, gusts exceed them"
-        yield Omission(decision.name, None, how, True, remedy)
-    elif how := transition(Setup(scene)):
-        remedy = f"the flow computed is the laminar one; {REMEDY}"
-        yield Omission(decision.name, None, how, True, remedy)
 
 
 def slowest_flow(setup: Setup) -> tuple[float, float] | None:

@@ -8,28 +8,28 @@ import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from ... import compat
-from ...arrays import Floats, spatial
-from ...coupled.coupling import Coupling
-from ...coupled.energy import EnergyBudget
-from ...coupled.surface import SurfacePart
-from ...errors import ConvergenceError, MeshError
-from ...fluid import Fluid
-from ...fluid.transient import TimeStep, Transient
-from ...geometry.placement import Placement
-from ...mesh.domain import Domain
-from ...mesh.elevation import RisingDisplacement
-from ...mesh.motion import MeshMotion
-from ...mesh.sampling import Locator, sample
-from ...planning.effects import EffectName
-from ...results.loads import ElevationReading, Elevations
-from ...scene import Scene
-from ...scene.surface import stations_of
-from ...setup.setup import Setup
-from ..run_part import RunPart, Stage
+from .. import compat
+from ..arrays import Floats, spatial
+from ..coupled.coupling import Coupling
+from ..coupled.energy import EnergyBudget
+from ..coupled.surface import SurfacePart
+from ..errors import ConvergenceError, MeshError
+from ..fluid import Fluid
+from ..fluid.transient import TimeStep, Transient
+from ..geometry.placement import Placement
+from ..mesh.domain import Domain
+from ..mesh.elevation import RisingDisplacement
+from ..mesh.motion import MeshMotion
+from ..mesh.sampling import Locator, sample
+from ..planning.effects import EffectName
+from ..results.loads import ElevationReading, Elevations
+from ..scene import Scene
+from ..scene.surface import stations_of
+from ..setup.setup import Setup
+from .run_part import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ..restart.checkpoint import Checkpoint
 
 # Distances of a moving grain, in its size: from the surface, counting as contact; from the still level, below which a
 # new mesh has its top at the mean surface above the grain.
@@ -200,8 +200,8 @@ class MovingSurface(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        from ...restart.checkpoint import StoredSurface
-        from ...restart.redistribution import numbered_nodes
+        from ..restart.checkpoint import StoredSurface
+        from ..restart.redistribution import numbered_nodes
 
         assert coupling is not None
         part, nodes = self.part, numbered_nodes(coupling.fluid.domain.mesh)
@@ -214,7 +214,7 @@ class MovingSurface(RunPart):
         return {"surface": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        from ...restart.redistribution import spread_nodes
+        from ..restart.redistribution import spread_nodes
 
         assert kept.surface is not None and coupling is not None
         part, mesh = self.part, coupling.fluid.domain.mesh
