@@ -124,7 +124,7 @@ def thinner(setup: Setup) -> float:
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
     if unlayered or base_flow.creeping or setup.is_averaged:
         return 1.0
-    reynolds = speed_past_grain(setup) * scene.grain.size / base_flow.viscosity
+    reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
     return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
 
 

@@ -152,7 +152,7 @@ def cell_reynolds(setup: Setup) -> float:
     """V h/(k nu) of the largest cells of a 2-D mesh, estimated without one."""
     order, base_flow = velocity_order(setup)[0], setup.base_flow
     size = setup.scene.numerics.mesh_size * far_cell(setup.scene, order, 2)
-    return float(base_flow.mean_speed * size / (order * base_flow.viscosity))
+    return float(base_flow.mean_speed * size / (order * setup.scene.viscosity))
 
 
 def largest_peclet(setup: Setup) -> float:
@@ -161,7 +161,7 @@ def largest_peclet(setup: Setup) -> float:
     points = scene.domain.grid(PLACES, PLACES, PLACES).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
     size = scene.numerics.mesh_size * far_cell(scene, order) / order
-    return 0.5 * fastest * size / float(base_flow.viscosity)
+    return 0.5 * fastest * size / float(setup.scene.viscosity)
 
 
 @dataclass(frozen=True)

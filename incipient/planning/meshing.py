@@ -141,7 +141,7 @@ def is_resolved(setup: Setup) -> bool:
     scene, grain, viscosity = setup.scene, setup.scene.grain, setup.scene.viscosity
     if scene.time is None or grain is None:
         return True
-    reynolds, change = setup.numbers.grain_reynolds, time_of_change(setup.base_flow, scene.time)
+    reynolds, change = setup.numbers.grain_reynolds, time_of_change(setup.base_flow)
     passing = grain.size**2 / (viscosity * reynolds) if reynolds else None
     times = scene.time.end, change, None if setup.base_flow.creeping else passing
     order = velocity_order(setup)[0]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..scene.expression import of_time
-from ..scene.model import Time
 from .base_flow import BaseFlow
 
 if TYPE_CHECKING:
@@ -77,7 +76,7 @@ def numbers_of(setup: Setup) -> Numbers:
         return numbers
     speed, period = (
         max(speed_past_grain(setup), _own_speed(setup)),
-        time_of_change(base_flow, scene.time),
+        time_of_change(base_flow),
     )
     reynolds, ratio = speed * grain.size / viscosity, scene.density
     numbers = replace(
@@ -98,7 +97,8 @@ def numbers_of(setup: Setup) -> Numbers:
     return replace(numbers, shear_reynolds=shear_reynolds, shields=shields)
 
 
-def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
+def _times(base_flow: BaseFlow, samples: int) -> np.ndarray:
+    time = base_flow.scene.time
     return np.zeros(1) if time is None else base_flow.instants(time.end, samples)
 
 
@@ -111,8 +111,7 @@ def speed_past_grain(setup: Setup) -> float:
     )
     points = base_flow.column(placement.centre, heights)
     return max(
-        float(np.abs(base_flow.velocity(points, t)).max())
-        for t in _times(base_flow, setup.scene.time, SAMPLES)
+        float(np.abs(base_flow.velocity(points, t)).max()) for t in _times(base_flow, SAMPLES)
     )
 
 
@@ -124,13 +123,13 @@ def _own_speed(setup: Setup) -> float:
         return 0.0
     if body.course is not None:
         course = of_time(body.course, "body.course")
-        times = _times(setup.base_flow, scene.time, SAMPLES)
+        times = _times(setup.base_flow, SAMPLES)
         velocities = np.abs([course(float(t)) for t in times])
         turning = 3 if scene.gdim == 3 else 1
         weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
         return float((velocities @ weights).max())
     drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
-    settling = min(drive * size**2 / (18.0 * setup.base_flow.viscosity), math.sqrt(drive * size))
+    settling = min(drive * size**2 / (18.0 * setup.scene.viscosity), math.sqrt(drive * size))
     spin = float(np.linalg.norm(body.spin))
     return max(settling, math.hypot(*body.velocity), 0.5 * size * spin)
 
@@ -146,7 +145,7 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
         return None
     levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
     points = base_flow.column(base_flow.domain.entrance, levels)
-    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.viscosity
+    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.scene.viscosity
 
 
 def _wall_distance(setup: Setup) -> float:
@@ -156,7 +155,7 @@ def _wall_distance(setup: Setup) -> float:
     if scene.rests:
         return 0.0
     y, distances = placement.centre[scene.up], [domain.height]
-    bounded = domain.kind == "box" or top == "wall" or base_flow.flow.wall_below
+    bounded = domain.kind == "box" or top == "wall" or base_flow.scene.flow.wall_below
     if scene.bed_shape is not None or bounded:
         distances.append(y - base_flow.datum)
     if top == "wall":
@@ -164,12 +163,12 @@ def _wall_distance(setup: Setup) -> float:
     return max(min(distances) / scene.grain.size - 0.5, 0.0)
 
 
-def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
+def time_of_change(base_flow: BaseFlow) -> float | None:
     """Largest speed of the base flow over its largest rate of change, or None."""
-    domain = base_flow.domain
-    if time is None or not base_flow.flow.changes:
+    domain, scene = base_flow.domain, base_flow.scene
+    if scene.time is None or not scene.flow.changes:
         return None
-    times = _times(base_flow, time, 4 * SAMPLES)
+    times = _times(base_flow, 4 * SAMPLES)
     points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))
     speeds = np.array([base_flow.velocity(points, t) for t in times])
     rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())

@@ -71,7 +71,7 @@ class Setup:
 
         datum = 0.0 if self.scene.gdim == 2 else self.base_flow.datum
         ground = self.geometry.height_at_inflow(datum)
-        return walls_of(self.scene, self.base_flow, self.sides, ground, self.turbulence)
+        return walls_of(self.scene, self.sides, ground, self.turbulence)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:

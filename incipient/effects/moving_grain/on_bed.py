@@ -270,5 +270,7 @@ class GrainOnBed(MovingGrain):
         pairs = {name: tuple(on_bed["course"][name]) for name in ("heights", "works")}
         self.course, gdim = Course(**on_bed["course"] | pairs), self.scene.gdim
         sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "rolling": 2}
-        rows = (np.reshape(on_bed["contacts"][name], (-1, size)) for name, size in sizes.items())
-        self.part.contacts = ActiveContacts(*rows)
+        points, normals, impulses, velocities, rolling = (
+            np.reshape(on_bed["contacts"][name], (-1, size)) for name, size in sizes.items()
+        )
+        self.part.contacts = ActiveContacts(points, normals, impulses, velocities, rolling)
