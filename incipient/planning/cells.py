@@ -13,8 +13,7 @@ from ..geometry.plane.curves import Curve
 from ..geometry.space.grains import Box
 from ..meshes import Away, Near, Resolved, Sizes
 from ..setup.geometry import Stance, point
-from ..setup.numbers import speed_past_grain
-from ..setup.setup import Setup
+from ..setup.setup import Setup, speed_past_grain
 from .discretisation import far_cell
 
 # Cell sizes by dimension and order of the velocity, chosen so that the orders err alike

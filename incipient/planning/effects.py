@@ -16,8 +16,7 @@ from ..scene.grains import FRICTIONLESS, LEVEL
 from ..scene.settling import DEFAULT_FRICTION
 from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow
-from ..setup.numbers import Numbers, time_of_change
-from ..setup.setup import Setup
+from ..setup.setup import Numbers, Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
 USUAL_ACCURACY = 0.01

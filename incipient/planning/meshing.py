@@ -11,8 +11,7 @@ from ..geometry.plane.curves import Curve, Line
 from ..geometry.space.beds import Plane
 from ..meshes import Grid, PlacedSolid, Region, Sizes, SolidRegion, graded_ends
 from ..setup.geometry import CLOSED, Stance
-from ..setup.numbers import time_of_change
-from ..setup.setup import Setup
+from ..setup.setup import Setup, time_of_change
 from . import cells
 from .discretisation import FEWEST, far_cell, velocity_order
 from .layout import Layout

@@ -13,8 +13,7 @@ from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
 from ..scene.units import nominal_diameter
-from ..setup.numbers import Numbers
-from ..setup.setup import Setup
+from ..setup.setup import Numbers, Setup
 from . import doubts, effects
 from .discretisation import (
     NO_CONVECTION,
