@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays import Integers, unordered_keys
 from ..installed import memory_of_libraries
 from ..setup.setup import Setup
-from .discretisation import LOWEST_ORDER
+from .discretisation import LOWEST_ORDER, by_order
 from .layout import Layout
 from .plan import Estimate
 
@@ -21,7 +21,7 @@ MEMORY_GROWTH = 194.0
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
 DENSER = 1600.0  # extra bytes per unknown of third-order matrices, by blocks
 # Factorisations of higher orders over second-order ones, by peaks of a lid-driven cube (docs/contribute/defaults.md).
-FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
+FULLER = by_order(1.0, 1.33, 1.65)
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
 OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
