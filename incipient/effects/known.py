@@ -13,14 +13,14 @@ from ..results.of_runs import FLOW, LOADS, VERDICT
 from ..results.quantity import OutputQuantity
 from ..setup.setup import Setup
 from . import omitted
-from .effect import Effect, Solved
+from .effect import Effect, Solved, Stage
 from .moving_grain import QUANTITIES as OF_PATH
-from .run_part import Solving, Stage
 from .turbulence import QUANTITIES as AT_WALLS
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
     from ..restart.checkpoint import Checkpoint
+    from ..simulation.state import Run
     from .moving_grain.part import MovingGrain
     from .moving_surface import MovingSurface
 
@@ -53,7 +53,7 @@ def add_mesh_motion(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) 
     return replace(model, moving_mesh=unsteady)
 
 
-def _largest_of_cells(run: Solving) -> float:
+def _largest_of_cells(run: Run) -> float:
     from ..fluid.derived import measured_cell_reynolds
 
     return measured_cell_reynolds(run.fluid)

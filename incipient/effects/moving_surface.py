@@ -26,7 +26,7 @@ from ..results.loads import ElevationReading, Elevations
 from ..scene import Scene
 from ..scene.surface import stations_of
 from ..setup.setup import Setup
-from .run_part import RunPart, Stage
+from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from ..planning.effects import REMEDY, Decision, shedding, transition
 from ..results.left_out import Omission
 from ..setup.setup import Setup
 from .effect import Solved
-from .run_part import Solving
+
+if TYPE_CHECKING:
+    from ..simulation.state import Run
 
 
 def without_inertia(solved: Solved, decision: Decision) -> Iterator[Omission]:
@@ -99,7 +102,7 @@ def without_free_surface(solved: Solved, decision: Decision) -> Iterator[Omissio
     yield Omission(decision.name, rise, how, False, remedy)
 
 
-def rise_under_lid(run: Solving) -> float:
+def rise_under_lid(run: Run) -> float:
     """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the mean. Collective."""
     from mpi4py import MPI
 

@@ -52,6 +52,10 @@ class BaseFlow:
     speed: float = 1.0
 
     @cached_property
+    def flow(self) -> Any:  # a section with the keys of its kind
+        return self.scene.flow
+
+    @cached_property
     def domain(self) -> Domain:
         return self.scene.domain
 
@@ -81,7 +85,7 @@ class BaseFlow:
 
     def driving_speed(self, z: Any) -> Any:
         """Speed at factor one at heights from zero to the depth, numbers or UFL."""
-        return self.scene.flow.speed(z, self.depth)
+        return self.flow.speed(z, self.depth)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
         """Speed (n,) at heights above the datum, and y between side walls; zero below the datum."""
@@ -105,9 +109,7 @@ class BaseFlow:
     def entering(self) -> Velocity:
         """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
         bed, domain = self.scene.bed_shape, self.domain
-        ends = (
-            (domain.left, domain.right)[: 1 + self.scene.flow.oscillates] if bed is not None else ()
-        )
+        ends = (domain.left, domain.right)[: 1 + self.flow.oscillates] if bed is not None else ()
 
         def foot(x: Floats) -> Floats:
             heights = [np.full(x.shape[1], self.datum)]
@@ -124,7 +126,7 @@ class BaseFlow:
 
     @property
     def gust(self) -> Gust | None:
-        return getattr(self.scene.flow, "gust", None)
+        return getattr(self.flow, "gust", None)
 
     @property
     def creeping(self) -> bool:
@@ -134,13 +136,13 @@ class BaseFlow:
     @property
     def over_forms(self) -> bool:
         bed = self.scene.bed_shape
-        if self.domain.gdim == 3 or bed is None or not self.scene.flow.shear_rate(1.0):
+        if self.domain.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
             return False
         return bool(bed.period and self.domain.length >= FEWEST_PERIODS * bed.period)
 
     @property
     def effective(self) -> bool:
-        level = getattr(self.scene.flow, "datum", "crest")
+        level = getattr(self.flow, "datum", "crest")
         computed = level == "effective" or (level == "auto" and self.over_forms)
         return computed and self.scene.bed_shape is not None
 
@@ -151,7 +153,7 @@ class BaseFlow:
             return EffectiveHeight(0.0, 0.0, 0.0)
         level = effective_level(bed)
         depth = max(bed.crest - domain.bottom - level, 0.0)
-        shear = self.scene.flow.shear_rate(domain.ceiling - bed.crest)
+        shear = self.flow.shear_rate(domain.ceiling - bed.crest)
         reynolds = (
             0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
         )
@@ -166,7 +168,7 @@ class BaseFlow:
             return domain.bottom
         if self.effective:
             return domain.bottom + self.effective_height.height
-        level = getattr(self.scene.flow, "datum", "crest")
+        level = getattr(self.flow, "datum", "crest")
         within: tuple[Any, ...] = domain.spans if self.domain.gdim == 3 else domain.spans[0]
         if level in ("auto", "crest"):
             return float(bed.crest_level(*within))
@@ -189,10 +191,10 @@ class BaseFlow:
 
     def at_factor_one(self, z: Floats, y: Floats) -> Floats:
         depth, inside = self.depth, np.clip(z, 0.0, self.depth)
-        if self.domain.gdim == 3 and self.scene.sides == "wall" and self.scene.flow.duct:
+        if self.domain.gdim == 3 and self.scene.sides == "wall" and self.flow.duct:
             low, high = self.domain.across
-            across, whole = np.clip(y - low, 0.0, high - low), self.scene.flow.duct * depth
-            speed = self.scene.flow.velocity * duct_speed(across, inside, high - low, whole)
+            across, whole = np.clip(y - low, 0.0, high - low), self.flow.duct * depth
+            speed = self.flow.velocity * duct_speed(across, inside, high - low, whole)
         else:
             speed = self.driving_speed(inside)
         return np.where(z < -self.round_off, 0.0, speed)
@@ -211,7 +213,7 @@ class LogLawFlow(BaseFlow):
 
     @cached_property
     def mean_profile(self) -> MeanProfile:
-        flow = self.scene.flow
+        flow = self.flow
         return MeanProfile(flow.shear_velocity, self.scene.viscosity, flow.roughness, self.depth)
 
     @property
@@ -234,7 +236,7 @@ class LogLawFlow(BaseFlow):
 
     def bed_stress(self) -> float:
         """u*^2, of which viscous stress is only a fraction over a rough bed."""
-        return float((self.speed * self.scene.flow.shear_velocity) ** 2)
+        return float((self.speed * self.flow.shear_velocity) ** 2)
 
 
 class OscillatoryFlow(BaseFlow):
@@ -242,22 +244,20 @@ class OscillatoryFlow(BaseFlow):
 
     @property
     def layer(self) -> float:
-        return self.scene.flow.thickness(self.scene.viscosity)
+        return self.flow.thickness(self.scene.viscosity)
 
     def instants(self, end: float, samples: int) -> np.ndarray:
-        return np.linspace(0.0, min(self.scene.flow.period, end), samples)
+        return np.linspace(0.0, min(self.flow.period, end), samples)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
         """The layer at an instant; the bed stress leads the flow above by an eighth of the period."""
-        phase, eta = self.scene.flow.frequency * t, np.maximum(z, 0.0) / self.layer
-        return self.scene.flow.velocity * (np.cos(phase) - np.exp(-eta) * np.cos(phase - eta))
+        phase, eta = self.flow.frequency * t, np.maximum(z, 0.0) / self.layer
+        return self.flow.velocity * (np.cos(phase) - np.exp(-eta) * np.cos(phase - eta))
 
     def bed_stress(self) -> float:
         """The largest in time, U (w nu)^(1/2)."""
         return (
-            self.speed
-            * self.scene.flow.velocity
-            * math.sqrt(self.scene.flow.frequency * self.scene.viscosity)
+            self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.scene.viscosity)
         )
 
 
@@ -273,7 +273,7 @@ class FormulaFlow(BaseFlow):
 
     @cached_property
     def _formulas(self) -> tuple[Velocity, ...]:
-        return tuple(expressions(self.scene.flow.components, "flow.components"))
+        return tuple(expressions(self.flow.components, "flow.components"))
 
 
 # Flows that are not `FlowSection.speed` times a factor, by flow.kind.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects import known
-from ..effects.run_part import RunPart
+from ..effects.effect import RunPart
 from ..errors import IncipientError, MeshError
 from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
-from ..effects.run_part import RunPart
+from ..effects.effect import RunPart
 from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.layout import Layout

@@ -28,7 +28,7 @@ from ...results.loads import apart, named, named_torque
 from ...setup.body import initial_state, rigid_body
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from ..run_part import RunPart, Stage
+from ..effect import RunPart, Stage
 
 if TYPE_CHECKING:
     from ...restart.checkpoint import Checkpoint
