@@ -67,8 +67,8 @@ class RunPart:
         """Fields of `restart.checkpoint.Checkpoint` by name."""
         return {}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Restore the state from a checkpoint, on the stored mesh."""
+    def restore(self, kept: Checkpoint) -> None:
+        """Restore the state from a checkpoint, on the stored mesh at its present position."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -203,26 +203,19 @@ class MovingSurface(RunPart):
         from ..restart.checkpoint import StoredSurface
         from ..restart.redistribution import numbered_nodes
 
-        assert coupling is not None
-        part, nodes = self.part, numbered_nodes(coupling.fluid.domain.mesh)
-        kept = StoredSurface(
-            made=nodes.joined(coupling.motion.reference),
-            elevations=nodes.joined(np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)),
-            times=np.array(part.times),
-            places=nodes.joined(np.stack(coupling.places, axis=1)),
-        )
-        return {"surface": kept}
+        part, nodes = self.part, numbered_nodes(self.fluid.domain.mesh)
+        elevations = np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)
+        return {"surface": StoredSurface(nodes.joined(elevations), np.array(part.times))}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+    def restore(self, kept: Checkpoint) -> None:
         from ..restart.redistribution import spread_nodes
 
-        assert kept.surface is not None and coupling is not None
-        part, mesh = self.part, coupling.fluid.domain.mesh
+        assert kept.surface is not None
+        part, mesh = self.part, self.fluid.domain.mesh
         elevations = spread_nodes(mesh, kept.surface.elevations).T.copy()
         part.past = [part.mesh.from_nodes(one) for one in elevations]
         part.times = kept.surface.times.tolist()
         part.restore()
-        coupling.places = list(np.moveaxis(spread_nodes(mesh, kept.surface.places), 1, 0).copy())
 
 
 class _Stations:

@@ -206,7 +206,7 @@ class TurbulentFlow(RunPart):
         assert self.in_time is not None
         return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+    def restore(self, kept: Checkpoint) -> None:
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
         self.in_time.past = spread_values(self.fields.space, kept.turbulence)

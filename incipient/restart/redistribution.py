@@ -147,9 +147,8 @@ def _fetched(comm: MPI.Comm, places: Floats, values: Floats, points: Floats) -> 
 def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
     """The mesh at its initial positions. Collective."""
     domain = spread_mesh(comm, kept.mesh)
-    moving = kept.body or kept.surface
-    if moving is not None:
-        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, moving.made)
+    if kept.motion is not None:
+        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, kept.motion.made)
     return domain
 
 

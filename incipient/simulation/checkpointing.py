@@ -9,8 +9,8 @@ import numpy as np
 
 from ..fluid.transient import Transient
 from ..planning.discretisation import with_order
-from ..restart.checkpoint import Checkpoint, Progress
-from ..restart.redistribution import stored_flow, stored_mesh
+from ..restart.checkpoint import Checkpoint, Progress, StoredMotion
+from ..restart.redistribution import numbered_nodes, stored_flow, stored_mesh
 from ..scene.file import dumps
 from .state import Run
 
@@ -24,6 +24,11 @@ def collected(run: Run) -> Checkpoint:
     parts = dict(
         chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts)
     )
+    motion = None
+    if coupling is not None:
+        nodes = numbered_nodes(fluid.domain.mesh)
+        places = nodes.joined(np.stack(coupling.places, axis=1))
+        motion = StoredMotion(nodes.joined(coupling.motion.reference), places)
     return Checkpoint(
         # Later versions may choose another order.
         scene=dumps(with_order(run.scene, run.plan.order)),
@@ -31,6 +36,7 @@ def collected(run: Run) -> Checkpoint:
         mesh=stored_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
         flow=stored_flow(fluid, states),
+        motion=motion,
         **parts,
     )
 

@@ -46,6 +46,7 @@ from incipient.restart.checkpoint import (
     StoredBody,
     StoredFlow,
     StoredMesh,
+    StoredMotion,
     read,
     write,
 )
@@ -190,13 +191,14 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
     mesh = StoredMesh(2, numbers((4, 2)), cells, np.array([[0, 1]]), np.array([7]), {"bed": 7})
     flow = StoredFlow(*(numbers(shape) for shape in ((4, 3), (3, 3), (4, 2, 2), (3, 2))))
     body = StoredBody(
-        *(numbers(shape) for shape in ((4, 3), (4, 3), 3, (2, 6), 2, (4, 2, 3))),
+        *(numbers(shape) for shape in ((4, 3), 3, (2, 6), 2)),
         None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((0, 3)), met,
         [{"time": 0.1, "cells": 5}], np.array([1, 2]),
     )  # fmt: skip
     progress = Progress(2, 0.1 + 0.2, 1e-5, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)
     times = np.array([time, 0.5])
-    return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, flow, body)
+    motion = StoredMotion(numbers((4, 3)), numbers((4, 2, 3)))
+    return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, flow, motion, body)
 
 
 def assert_same(first: Any, second: Any) -> None:
@@ -236,7 +238,7 @@ def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
     with pytest.raises(
-        OutputError, match=r"of version 99, .* reads version 9; .* \(incipient 9\.9\)"
+        OutputError, match=r"of version 99, .* reads version 10; .* \(incipient 9\.9\)"
     ):
         read(path, COMM)
 

@@ -262,8 +262,8 @@ class GrainOnBed(MovingGrain):
         on_bed = {"contacts": rows, "course": asdict(self.course), "done": self.course.done}
         return {"body": replace(body, on_bed=on_bed)}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        super().restore(kept, coupling)
+    def restore(self, kept: Checkpoint) -> None:
+        super().restore(kept)
         assert kept.body is not None
         if (on_bed := kept.body.on_bed) is None:
             return
