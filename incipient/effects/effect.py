@@ -1,47 +1,84 @@
-"""Interface of a physical effect for planning, runs and results."""
+"""What an effect adds to a run: terms, a part of its own, estimates where it is left out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
+from ..coupled.part import Stage as Stage
 from ..planning.effects import Decision, EffectName
 from ..planning.plan import Plan
 from ..results.left_out import Omission
 from ..results.loads import Forces, Torques
 from ..results.quantity import OutputQuantity
 from ..setup.setup import Setup
-from .run_part import RunPart, Solving, Stage
 
 if TYPE_CHECKING:
-    from ..fluid import FlowModel
+    from ..coupled.coupling import Coupling
+    from ..coupled.part import Part
+    from ..fluid import FlowModel, Fluid
+    from ..fluid.transient import TimeStep, Transient
+    from ..mesh.domain import Domain
+    from ..mesh.motion import MeshMotion
     from ..restart import Checkpoint
+    from ..simulation.state import Run
+
+
+class RunPart:
+    """Unknowns of an effect solved with the flow in each step. Every method is collective.
+
+    A part is made for a mesh, enters the fluid on it (`joined`), and moves the mesh by what `moving` returns.
+    On a new mesh another part takes over (`on`, then `joined` with the part before).
+    """
+
+    effect: EffectName
+
+    @property
+    def unknowns(self) -> int:
+        raise NotImplementedError
+
+    # -- solution ---------------------------------------------------------------------------------
+
+    def joined(self, fluid: Fluid, before: Self | None = None) -> None:
+        """Enter the fluid on its original mesh; `before` is the part on the previous mesh."""
+
+    def moving(self, motion: MeshMotion) -> tuple[Part, ...]:
+        """Boundaries moved by the part; the mesh moves to their initial positions."""
+        return ()
+
+    def on(self, domain: Domain) -> Self:
+        """The part on a new mesh, not yet in a fluid."""
+        raise NotImplementedError
+
+    def accept_step(self, step: TimeStep) -> None:
+        """Record an accepted step."""
+
+    # -- output and checkpoints -------------------------------------------------------------------
+
+    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+        return {}
+
+    def reported(self) -> dict[str, Any]:
+        """Fields of `results.result.Result` by name."""
+        return {}
+
+    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+        """Fields of `restart.Checkpoint` by name."""
+        return {}
+
+    def restore(self, kept: Checkpoint) -> None:
+        """Restore the state from a checkpoint, on the stored mesh at its present position."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
     """Computed flow with omitted effects; loads and verdict may be missing."""
 
-    run: Solving
+    run: Run
     force: Forces | None
     torque: Torques | None
     verdict: dict[str, Any] | None
-
-
-@dataclass(frozen=True)
-class SlowestFlow:
-    """Slowest flow in which an effect can be simulated in a scene.
-
-    factor: of the scene's flow. start: factor with which a search begins if that flow holds the
-    grain; 0: the slowest. expected: expense of a search.
-    """
-
-    factor: float
-    why: str
-    remedy: str
-    start: float = 0.0
-    expected: str = ""
 
 
 @dataclass(frozen=True)

@@ -13,18 +13,17 @@ from ..geometry.plane.curves import Curve
 from ..geometry.space.grains import Box
 from ..meshes import Away, Near, Resolved, Sizes
 from ..setup.geometry import Stance, point
-from ..setup.numbers import speed_past_grain
-from ..setup.setup import Setup
-from .discretisation import far_cell
+from ..setup.setup import Setup, speed_past_grain
+from .discretisation import by_order, far_cell
 
 # Cell sizes by dimension and order of the velocity, chosen so that the orders err alike
 # (docs/contribute/defaults.md).
-GRAIN_CELL = {2: {2: 0.05, 3: 0.1, 4: 0.15}, 3: {2: 0.15, 3: 0.22, 4: 0.3}}  # of the grain
-BED_CELL = {2: {2: 0.15, 3: 0.25, 4: 0.35}, 3: {2: 0.35, 3: 0.5, 4: 0.7}}  # of the bed's feature
+GRAIN_CELL = {2: by_order(0.05, 0.1, 0.15), 3: by_order(0.15, 0.22, 0.3)}  # of the grain
+BED_CELL = {2: by_order(0.15, 0.25, 0.35), 3: by_order(0.35, 0.5, 0.7)}  # of the bed's feature
 # Of the gap between grain and bed, in 3-D also of narrow passages.
-GAP_CELL = {2: {2: 0.5, 3: 0.75, 4: 1.0}, 3: {2: 0.8, 3: 1.5, 4: 1.8}}
+GAP_CELL = {2: by_order(0.5, 0.75, 1.0), 3: by_order(0.8, 1.5, 1.8)}
 # Along the bed below a base flow that bends next to it, in thicknesses of that layer.
-PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
+PROFILE_CELL = by_order(0.5, 1.0, 1.5)
 CORNER_CELL, EDGE_CELL = 0.3, 0.5  # of the grain's cells, at corners in 2-D, at sharp edges in 3-D
 GROWTH, GAP_GROWTH = {2: 0.25, 3: 0.3}, {2: 0.18, 3: 0.22}  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
@@ -124,7 +123,7 @@ def thinner(setup: Setup) -> float:
     unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
     if unlayered or base_flow.creeping or setup.is_averaged:
         return 1.0
-    reynolds = speed_past_grain(setup) * scene.grain.size / base_flow.viscosity
+    reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
     return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
 
 

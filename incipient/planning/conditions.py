@@ -97,13 +97,12 @@ def _across(setup: Setup, velocity: Velocity) -> Ranked:
 def _on_grain(setup: Setup, held: bool) -> Ranked:
     scene, body = setup.scene, setup.scene.body
     if scene.moves and held:
-        from ..setup.body import velocity_at_first
+        from ..body.state import rigid_velocity
+        from ..setup.body import initial_state
 
         assert body is not None and scene.placement is not None
-        yield (
-            FREE,
-            Prescribed("body", velocity_at_first(body, scene.placement, setup.symmetric)),
-        )
+        state = initial_state(body, scene.placement, setup.symmetric)
+        yield FREE, Prescribed("body", lambda x, t: rigid_velocity(state, x[: scene.gdim].T).T)
     elif scene.moves:
         yield FREE, Carried("body")
     elif scene.grain is not None:

@@ -18,12 +18,18 @@ from ..scene import Scene
 from ..setup.setup import Setup
 from .effects import inertia
 
+
+def by_order(second: float, third: float, fourth: float) -> dict[int, float]:
+    """Values by the order of the velocity."""
+    return {2: second, 3: third, 4: fourth}
+
+
 # Length, over the depth, of the zone in which a free surface comes in level; a cell at the least.
 LEVEL = 0.25
 # Largest cells by dimension and order of the velocity, over the domain's height; number along the shorter side of an
 # empty box; the fewest there (docs/contribute/defaults.md).
-FAR_CELL = {2: {2: 0.10, 3: 0.15, 4: 0.20}, 3: {2: 0.25, 3: 0.45, 4: 0.5}}
-GRID_CELLS, FEWEST = {2: {2: 48, 3: 32, 4: 24}, 3: {2: 16, 3: 9, 4: 6}}, {2: 4, 3: 2}
+FAR_CELL = {2: by_order(0.10, 0.15, 0.20), 3: by_order(0.25, 0.45, 0.5)}
+GRID_CELLS, FEWEST = {2: by_order(48, 32, 24), 3: by_order(16, 9, 6)}, {2: 4, 3: 2}
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
@@ -143,7 +149,7 @@ def cell_reynolds(setup: Setup) -> float:
     """V h/(k nu) of the largest cells of a 2-D mesh, estimated without one."""
     order, base_flow = velocity_order(setup)[0], setup.base_flow
     size = setup.scene.numerics.mesh_size * far_cell(setup.scene, order, 2)
-    return float(base_flow.mean_speed * size / (order * base_flow.viscosity))
+    return float(base_flow.mean_speed * size / (order * setup.scene.viscosity))
 
 
 def largest_peclet(setup: Setup) -> float:
@@ -152,7 +158,7 @@ def largest_peclet(setup: Setup) -> float:
     points = scene.domain.grid(PLACES, PLACES, PLACES).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
     size = scene.numerics.mesh_size * far_cell(scene, order) / order
-    return 0.5 * fastest * size / float(base_flow.viscosity)
+    return 0.5 * fastest * size / float(setup.scene.viscosity)
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from ..scene.grains import FRICTIONLESS, LEVEL
 from ..scene.settling import DEFAULT_FRICTION
 from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow
-from ..setup.numbers import Numbers, time_of_change
-from ..setup.setup import Setup
+from ..setup.setup import Numbers, Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
 USUAL_ACCURACY = 0.01
@@ -178,11 +177,10 @@ def _of_changes(setup: Setup) -> float | None:
     over Stokes' drag, for radius a and time of change T (Maxey & Riley 1983, Phys. Fluids 26, 883). The history force
     is that in an oscillating flow: one that grows steadily for T has 2/sqrt(pi) times as much.
     """
-    base_flow, grain = setup.base_flow, setup.scene.grain
-    period = time_of_change(base_flow, setup.scene.time)
+    grain, period = setup.scene.grain, time_of_change(setup.base_flow)
     if period is None or grain is None:
         return None
-    diffusion = (0.5 * grain.size) ** 2 / (base_flow.viscosity * period)
+    diffusion = (0.5 * grain.size) ** 2 / (setup.scene.viscosity * period)
     return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
 
 

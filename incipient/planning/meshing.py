@@ -11,8 +11,7 @@ from ..geometry.plane.curves import Curve, Line
 from ..geometry.space.beds import Plane
 from ..meshes import Grid, PlacedSolid, Region, Sizes, SolidRegion, graded_ends
 from ..setup.geometry import CLOSED, Stance
-from ..setup.numbers import time_of_change
-from ..setup.setup import Setup
+from ..setup.setup import Setup, time_of_change
 from . import cells
 from .discretisation import FEWEST, far_cell, velocity_order
 from .layout import Layout
@@ -35,7 +34,8 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))
     else:
         closing = setup.geometry.closing if scene.closes_contacts and moved is None else None
-        stance, outline = _stance(setup, moved, closing), ()
+        stance = _stance(setup, moved, closing)
+        outline: tuple[Curve, ...] = ()
         if scene.gdim == 3:
             shape = _solid_region(setup, stance.placement)
         else:
@@ -140,9 +140,9 @@ def is_resolved(setup: Setup) -> bool:
     scene, grain, viscosity = setup.scene, setup.scene.grain, setup.scene.viscosity
     if scene.time is None or grain is None:
         return True
-    reynolds, change = setup.numbers.grain_reynolds, time_of_change(setup.base_flow, scene.time)
-    passing = not setup.base_flow.creeping and reynolds
-    times = scene.time.end, change, grain.size**2 / (viscosity * reynolds) if passing else None
+    reynolds, change = setup.numbers.grain_reynolds, time_of_change(setup.base_flow)
+    passing = grain.size**2 / (viscosity * reynolds) if reynolds else None
+    times = scene.time.end, change, None if setup.base_flow.creeping else passing
     order = velocity_order(setup)[0]
     cell = cells.thinner(setup) * cells.GRAIN_CELL[scene.gdim][order]
     between_nodes = scene.numerics.mesh_size * cell * grain.size / order

@@ -13,8 +13,7 @@ from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
 from ..scene.units import nominal_diameter
-from ..setup.numbers import Numbers
-from ..setup.setup import Setup
+from ..setup.setup import Numbers, Setup
 from . import doubts, effects
 from .discretisation import (
     NO_CONVECTION,
@@ -153,12 +152,11 @@ def _sought(setup: Setup) -> str:
     if numerics.accuracy is None:
         return ""
     everything = numerics.accuracy_includes == "all"
-    chosen = ("gap, domain, " if everything else "") + (
-        "mesh and order" if scene.time is None else "steps, mesh and order"
-    )
-    chosen = f"{chosen} are"
     if scene.is_averaged:
         chosen = "gap, domain and mesh are" if everything else "the mesh is"
+    else:
+        chosen = "gap, domain, " if everything else ""
+        chosen += "mesh and order are" if scene.time is None else "steps, mesh and order are"
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":

@@ -47,14 +47,14 @@ class Surroundings:
         for name, axis, place, inwards in self._sides:
             if name != bottom or from_bed:
                 towards = -inwards * axes[axis]
-                on_grain = self._extreme(placement, towards)
+                on_grain = self.extreme(placement, towards)
                 foot = on_grain.copy()
                 foot[axis] = place
                 distance = float((foot - on_grain) @ towards)
                 clearances.append(Clearance(distance, point(on_grain), point(foot), name))
         if from_bed and self.setup.scene.bed_shape is not None:
             near = self.setup.geometry.near_bed
-            if self._extreme(placement, -axes[-1])[-1] - near.bed.crest < within:
+            if self.extreme(placement, -axes[-1])[-1] - near.bed.crest < within:
                 gap, on_grain, on_bed = near.clearance(placement)
                 clearances.append(Clearance(gap, point(on_grain), point(on_bed), bottom))
         return min(clearances, key=lambda one: one.distance)
@@ -74,7 +74,8 @@ class Surroundings:
             sides.append((names.bottom, scene.up, domain.bottom, 1))
         return sides
 
-    def _extreme(self, placement: Placement, direction: Floats) -> Floats:
+    def extreme(self, placement: Placement, direction: Floats) -> Floats:
+        """The point (gdim,) of the placed grain that is farthest in a direction."""
         grain, towards = self.setup.scene.grain, direction @ placement.rotation
         if not isinstance(grain, Grain):
             return np.asarray(placement.to_scene([grain.extreme(towards)])[0])

@@ -36,8 +36,7 @@ from incipient.scene import (
     dumps,
     loads,
 )
-from incipient.setup.numbers import numbers_of
-from incipient.setup.setup import Setup
+from incipient.setup.setup import Setup, numbers_of
 from incipient.sweep.worker import quantities
 
 # The datum of the undisturbed flow: one for the whole bed, wherever the domain cuts it.

@@ -34,7 +34,7 @@ from incipient.contact.rocking import Rocking, follow
 from incipient.contact.safety import SafetyStatus, safety_factor
 from incipient.contact.verdict import judge
 from incipient.effects.effect import Solved
-from incipient.effects.moving_grain import without_motion
+from incipient.effects.omitted import without_motion
 from incipient.errors import SceneError
 from incipient.evaluation.contact_verdict import (
     OTHER_CONTACTS,

@@ -2,21 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
-from ...body.state import BodyState
-from ...planning.effects import Decision
-from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
-from ...setup.setup import Setup
-from ..effect import Solved
-from ..run_part import Stage
-
-if TYPE_CHECKING:
-    from ...restart import Checkpoint
-    from .part import MovingGrain
-
 
 PATH = "path of the grain"  # heading of a page
 WORKS = ("flow", "gravity", "friction", "impact")  # what does work on a grain on its bed
@@ -61,31 +50,3 @@ QUANTITIES = (
     ),
     _path("new_meshes", "new meshes", derive=_new_meshes, line="interface", detail=True),
 )
-
-
-def moving_grain(setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
-    """The part of a moving grain, at the start or in the state of a checkpoint, or None. Collective."""
-    if not setup.scene.moves:
-        return None
-    body = None if kept is None else kept.body
-    state = None if body is None else BodyState.unpacked(body.made_for)
-    assert setup.scene.body is not None
-    if setup.scene.body.touches:
-        from .on_bed import GrainOnBed
-
-        return GrainOnBed(setup, stage, state)
-    from .part import MovingGrain
-
-    return MovingGrain(setup, stage, state)
-
-
-def without_motion(solved: Solved, decision: Decision) -> Iterator[Omission]:
-    """What is said of a held grain that would move."""
-    verdict = solved.verdict or {}
-    since, rocking = verdict.get("first_motion"), verdict.get("rocking")
-    if since is None:
-        return
-    does = "moves" if rocking is None or rocking["leaves"] else "rocks"
-    pose = "" if rocking is None else "; this time and the history are judged in the first pose"
-    how = f"the grain {does} from t = {since:.4g} on, but was held{pose}"
-    yield Omission(decision.name, None, how, False)

@@ -262,14 +262,15 @@ class GrainOnBed(MovingGrain):
         on_bed = {"contacts": rows, "course": asdict(self.course), "done": self.course.done}
         return {"body": replace(body, on_bed=on_bed)}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        super().restore(kept, coupling)
+    def restore(self, kept: Checkpoint) -> None:
+        super().restore(kept)
         assert kept.body is not None
         if (on_bed := kept.body.on_bed) is None:
             return
         pairs = {name: tuple(on_bed["course"][name]) for name in ("heights", "works")}
         self.course, gdim = Course(**on_bed["course"] | pairs), self.scene.gdim
         sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "rolling": 2}
-        kept_contacts = on_bed["contacts"].items()
-        rows = {name: np.reshape(value, (-1, sizes[name])) for name, value in kept_contacts}
-        self.part.contacts = ActiveContacts(**rows)
+        points, normals, impulses, velocities, rolling = (
+            np.reshape(on_bed["contacts"][name], (-1, size)) for name, size in sizes.items()
+        )
+        self.part.contacts = ActiveContacts(points, normals, impulses, velocities, rolling)

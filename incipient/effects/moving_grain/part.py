@@ -28,7 +28,7 @@ from ...results.loads import apart, named, named_torque
 from ...setup.body import initial_state, rigid_body
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from ..run_part import RunPart, Stage
+from ..effect import RunPart, Stage
 
 if TYPE_CHECKING:
     from ...restart import Checkpoint
@@ -237,14 +237,11 @@ class MovingGrain(RunPart):
 
         assert coupling is not None
         part, mean = self.part, self.part.mean_load
-        nodes = numbered_nodes(coupling.fluid.domain.mesh)
         kept = StoredBody(
-            made=nodes.joined(coupling.motion.reference),
-            weights=nodes.joined(part.mesh.weights),
+            weights=numbered_nodes(self._fluid.domain.mesh).joined(part.mesh.weights),
             made_for=BodyState.at(part.mesh.placement).packed(),
             states=np.array([one.packed() for one in part.past]),
             times=np.array([one.time for one in part.past]),
-            places=nodes.joined(np.stack(coupling.places, axis=1)),
             mean_load=mean.previous,
             mean_load_order=mean.order,
             mean_load_step=mean.last_step,
@@ -258,13 +255,12 @@ class MovingGrain(RunPart):
         )
         return {"body": kept}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+    def restore(self, kept: Checkpoint) -> None:
         from ...restart import spread_nodes
 
-        assert kept.body is not None and coupling is not None
-        part, body, mesh = self.part, kept.body, coupling.fluid.domain.mesh
-        part.mesh.weights[:] = spread_nodes(mesh, body.weights)
-        coupling.places = list(np.moveaxis(spread_nodes(mesh, body.places), 1, 0).copy())
+        assert kept.body is not None
+        part, body = self.part, kept.body
+        part.mesh.weights[:] = spread_nodes(self._fluid.domain.mesh, body.weights)
         part.past = [
             BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
         ]
