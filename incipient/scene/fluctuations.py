@@ -54,7 +54,7 @@ def _too_short(s: Any) -> bool:
 class Gusts(FromFile):
     """Random factor with mean 1 on the velocity at the grain."""
 
-    fewest = 1
+    fewest, may_be_absent = 1, True
     rules = (
         Rule("points", lambda s: s.law not in GIVEN and s.points,
              'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
@@ -64,7 +64,7 @@ class Gusts(FromFile):
         Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
              "follows from the series with a measured law", "leave it out"),
         Rule("points", lambda s: s.law in GIVEN and len(s.points) < FEWEST[s.law] and (len(s.points), FEWEST[s.law]),
-             "are {v[0]}", "give {v[1]} or more"),
+             "are {v[0]}", "give {v[1]} or more, or a file"),
         Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
              "have a strength or duration that is not above zero", "leave it out"),
         Rule("record", lambda s: s.law == "events" and s.record is None,
@@ -125,7 +125,3 @@ class Gusts(FromFile):
         "its mean, and duration of the gust [-, time]",
         (),
     )
-
-    @classmethod
-    def is_needed(cls, data: dict[str, Any]) -> bool:
-        return data.get("law") in GIVEN

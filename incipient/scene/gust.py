@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -16,9 +16,10 @@ RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 class Gust(FromFile):
     """Factor on the flow over time: 1 before and after the gust, `strength` at its maximum."""
 
+    may_be_absent = True
     rules = (
         Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
-             "their times do not increase", "give two or more, sorted by time"),
+             "are fewer than two, or their times do not increase", "give two or more, sorted by time, or a file"),
         Rule("points", lambda s: s.shape != "points" and s.points,
              'are not read with shape = "{s.shape}"', 'set shape = "points"'),
         Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",
@@ -45,10 +46,6 @@ class Gust(FromFile):
     points: Pairs = key(
         'With shape = "points": time after the start and factor, linear in between [time, -]', ()
     )
-
-    @classmethod
-    def is_needed(cls, data: dict[str, Any]) -> bool:
-        return data.get("shape") == "points"
 
     @property
     def rising(self) -> float:

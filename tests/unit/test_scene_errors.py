@@ -107,7 +107,7 @@ ONE_KEY = [
     ),
     (
         lambda: Gust(shape="points"),
-        "Gust: file: neither file nor points is given; give one of them",
+        "Gust: points: are fewer than two, or their times do not increase; give two or more",
     ),
     (
         lambda: Gust(shape="cosine", points=[(0, 1), (1, 2)]),
