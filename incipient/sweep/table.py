@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import MissingError
 from ..files import csv_text, part_of, replaced, require_ending
-from ..parquet import pyarrow
+from ..installed import pyarrow
 from ..results.quantity import AXES, HIGH, at
 from .store import COST, FAILED, Store
 

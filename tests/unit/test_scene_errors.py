@@ -36,7 +36,7 @@ from incipient.scene import (
     retired,
 )
 from incipient.scene.file import example, loads
-from incipient.scene.gust import Gust
+from incipient.scene.gusts import Gust
 
 ONE_KEY = [
     (lambda: Domain(length=-1, height=1), "Domain: length: is -1; give a number greater than 0"),
