@@ -88,6 +88,7 @@ def _run(chosen: argparse.Namespace, comm: Comm) -> int:
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _as_interrupt)
+    COMMANDS[name].check(chosen)
     with _system_errors_reported(), required():
         function = getattr(import_module(f".commands.{COMMANDS[name].module}", __package__), name)
         if not COMMANDS[name].on_first:

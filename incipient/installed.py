@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -51,6 +51,17 @@ def memory_of_libraries() -> float:
             continue
         return MEMORY.get(".".join(version.split(".")[:2]), MEMORY[NEWEST])
     return MEMORY[NEWEST]
+
+
+def pyarrow(extra: str = "parquet") -> Any:
+    """The library pyarrow with its module `parquet`. Raises MissingError with the extra to install."""
+    try:
+        import_module("pyarrow.parquet")
+        return import_module("pyarrow")
+    except ImportError as error:
+        raise MissingError(
+            f"pyarrow cannot be used ({error}): pip install 'incipient[{extra}]'"
+        ) from None
 
 
 def free_bytes() -> float:

@@ -12,7 +12,7 @@ from ..errors import SceneError
 
 BESIDE = object()  # directory option without a value: that of the case
 OF_SWEEPS = ("quantity", "against", "by")  # options of `show` for sweeps only
-_WAYS = "ways"  # keyword of options of which one may be given
+_OWN = ("ways", "needs")  # keywords: options of which one may be given; those that one needs
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,18 @@ class Command:
         ways = None
         for names, keywords in self.options:
             adder: Any = parser
-            if keywords.get(_WAYS):
+            if keywords.get("ways"):
                 adder = ways = ways or parser.add_mutually_exclusive_group()
-            adder.add_argument(*names, **{k: v for k, v in keywords.items() if k != _WAYS})
+            adder.add_argument(*names, **{k: v for k, v in keywords.items() if k not in _OWN})
+
+    def check(self, chosen: argparse.Namespace) -> None:
+        """Raise SceneError for an option without one that it needs."""
+        for (name, *_), keywords in self.options:
+            needs = keywords.get("needs", ())
+            given = needs and getattr(chosen, name.lstrip("-")) is not None
+            if given and not any(getattr(chosen, other) for other in needs):
+                others = " or ".join(f"--{other}" for other in needs)
+                raise SceneError(f"{name}: needs {others}; add it, or leave {name} out")
 
 
 def require_left_by(directory: Path, names: Sequence[str]) -> None:
@@ -189,8 +198,8 @@ COMMANDS = {
                 help="of a sweep: the abscissa (default: the first varied key)"),
         _option("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value"),
         _option("--animate", action="store_true", help="write an animation of the flow instead"),
-        _option("--out", type=_named, metavar="FILE", help="file of the animation, .gif or .mp4"),
-        _option("--field", choices=("velocity", "pressure", "vorticity"),
+        _option("--out", type=_named, metavar="FILE", needs=("animate",), help="file of the animation, .gif or .mp4"),
+        _option("--field", choices=("velocity", "pressure", "vorticity"), needs=("animate",),
                 help="what to animate (default: velocity)"),
     ), on_first=True),
     "report": Command("write the results as one HTML page", "showing", (
@@ -257,25 +266,26 @@ COMMANDS = {
         _option("--forces", ways=True, type=_named, metavar="PATH",
                 help="judge forces of an OpenFOAM run: folder of its function object forces, or force.dat or "
                      "forces.dat"),
-        _option("--density", type=float, metavar="RATIO",
+        _option("--density", type=float, metavar="RATIO", needs=("forces",),
                 help="with --forces: density of the fluid over the rhoInf that they were computed with"),
-        _option("--grain", type=_named, metavar="FILE",
+        _option("--grain", type=_named, metavar="FILE", needs=("forces",),
                 help="with --forces, instead of a case: STL, PLY or OBJ file of the grain, in the coordinates "
                      "of that run"),
-        _option("--bed", type=_named, metavar="FILE",
+        _option("--bed", type=_named, metavar="FILE", needs=("forces",),
                 help="STL, PLY or OBJ file of the bed; flat: a plane below the grain"),
         _option("--series", ways=True, type=_named, metavar="FILE",
                 help="judge a series of loads: .csv or .parquet with time, force_x, force_y, couple "
                      "(docs/howto/forces.md)"),
-        _option("--since", type=float, metavar="TIME",
+        _option("--since", type=float, metavar="TIME", needs=("forces", "series"),
                 help="with --forces or --series: start of the samples (default: all; for the mean, the last "
                      "half)"),
-        _option("--law", choices=("U", "U2"),
+        _option("--law", choices=("U", "U2"), needs=("forces", "series"),
                 help="with --forces or --series: loads scale with velocity, U, or its square, U2; adds the "
                      "critical velocity"),
         _option("--batch", ways=True, type=_named, metavar="FILE",
                 help="judge a table of cases, one a row: .csv or .parquet (docs/howto/forces.md)"),
-        _option("--jobs", type=int, metavar="N", help="with --batch: threads (default: one for each core)"),
+        _option("--jobs", type=int, metavar="N", needs=("batch",),
+                help="with --batch: threads (default: one for each core)"),
         _set("contacts.friction=0.4"),
         _option("--out", nargs="?", type=_named, const=BESIDE, metavar="DIRECTORY",
                 help="write judgement.json and its picture there; without a DIRECTORY next to the case or "

@@ -24,7 +24,7 @@ from ..contact.batch import CHUNK, Batch, Cases, judge_many
 from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
 from ..files import csv_text, make_directory, part_of, replaced, write_json, write_text_atomically
-from ..parquet import pyarrow
+from ..installed import pyarrow
 from ..progress import Silent
 from .case import ROUNDING
 from .table import Table, names_of, read_table, require_columns, vectors

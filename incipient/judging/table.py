@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Floats, number, spatial
 from ..errors import SceneError, shortened
 from ..input_files import LARGEST_TABLE, reading
-from ..parquet import pyarrow
+from ..installed import pyarrow
 
 NAME = "name"  # the only column of text
 KINDS = (

@@ -12,8 +12,7 @@ from enum import StrEnum
 from typing import Any
 
 from ..scene import Numerics
-from ..scene.grains import FRICTIONLESS, LEVEL
-from ..scene.settling import DEFAULT_FRICTION
+from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
 from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow
 from ..setup.setup import Numbers, Setup, time_of_change

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from .domain import Top
 from .expression import Expression
-from .gust import Gust
+from .gusts import Gust
 from .section import (
     NotNegative,
     Positive,

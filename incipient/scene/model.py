@@ -17,15 +17,14 @@ from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
 from .flows import Flow, FlowSection
-from .fluctuations import Gusts
-from .grains import FRICTIONLESS, LEVEL
+from .grains import FRICTIONLESS, LEVEL, rested
+from .gusts import Gusts
 from .mass import mass, mean_density
 from .messages import Problem, discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
 from .places import PLACES
 from .rules import contradictions
 from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
-from .settling import rested
 from .shapes import PlaneBed, PlaneBody
 from .solids import SolidBody, SolidSection
 from .surface import FREE, Surface

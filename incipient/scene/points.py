@@ -11,7 +11,7 @@ from ..arrays import decimal
 from ..errors import SceneError
 from ..input_files import read_text
 from .messages import counted, problem, refusal, split
-from .section import Section
+from .section import Rule, Section
 
 MOST_POINTS = 100_000
 _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four"}
@@ -56,18 +56,21 @@ class FromFile(Section):
 
     Attributes:
         in_file: the key whose value the file has.
+        may_be_absent: whether neither may be given.
         instead: the remedy if both are given, or neither.
         columns, fewest: of a CSV file; otherwise override `read`.
     """
 
+    rules: ClassVar[tuple[Rule, ...]] = (
+        Rule("file", lambda s: not s.may_be_absent and s.in_file not in s.model_fields_set,
+             "neither file nor {s.in_file} is given", "{s.instead}"),
+    )  # fmt: skip
+
     in_file: ClassVar[str] = "points"
+    may_be_absent: ClassVar[bool] = False
     instead: ClassVar[str] = "give one of them"
     columns: ClassVar[str] = "x, y"
     fewest: ClassVar[int] = 2
-
-    @classmethod
-    def is_needed(cls, data: dict[str, Any]) -> bool:
-        return True
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
@@ -80,14 +83,9 @@ class FromFile(Section):
         if not isinstance(data, dict):
             return data
         # A scene that was dumped names no file.
-        in_scene, named = cls.in_file in data, data.get("file") is not None
-        if in_scene == named and (named or cls.is_needed(data)):
-            which = (
-                f"both file and {cls.in_file} are"
-                if named
-                else f"neither file nor {cls.in_file} is"
-            )
-            raise refusal(problem("file", f"{which} given", cls.instead))
+        if cls.in_file in data and data.get("file") is not None:
+            why = f"both file and {cls.in_file} are given"
+            raise refusal(problem("file", why, cls.instead))
         if not isinstance(data.get("file"), str):
             return data
         others = {key: value for key, value in data.items() if key != "file"}

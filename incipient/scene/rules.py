@@ -11,7 +11,7 @@ from .flows import kinds
 from .messages import Key, Problem, either
 from .numerics import OF_SURFACE, OF_WALLS
 from .section import Rule, when
-from .surface import FREE, Surface
+from .surface import FREE
 
 if TYPE_CHECKING:
     from .model import Scene
@@ -45,10 +45,6 @@ def contradictions(scene: Scene) -> list[Problem]:
 
 def _unsteady(s: Scene) -> bool:
     return s.flow.by_formulas and s.flow.changes
-
-
-def _surface(s: Scene) -> Surface:
-    return s.surface or Surface()
 
 
 def _without_scale(s: Scene) -> bool:
@@ -209,9 +205,9 @@ RULES: tuple[Rule, ...] = (
              "is for a steady flow but flow.components depend on t", "leave it out or leave t out"),
         Rule("time.until_steady", _gust,
              "is for a steady flow but flow.gust changes it", "leave it out or leave that out"),
-        Rule("time.until_steady", lambda s: _surface(s).wave,
+        Rule("time.until_steady", lambda s: s.surface and s.surface.wave,
              "is for a steady flow but surface.wave is unsteady", "leave it out or leave that out"),
-        Rule("time.until_steady", lambda s: "t" in Expression(_surface(s).pressure).variables,
+        Rule("time.until_steady", lambda s: s.surface and "t" in Expression(s.surface.pressure).variables,
              "is for a steady flow but surface.pressure depends on t", "leave it out or leave t out"),
     ),
     *(_unread(f"numerics.{key}", is_read, "is read only for a grain that moves", "leave it out or set body.motion")
@@ -321,31 +317,31 @@ RULES: tuple[Rule, ...] = (
         Rule("flow.kind", lambda s: _boxed(s) and not s.flow.at_rest,
              "a free surface is simulated in a box whose fluid starts from rest",
              'use "still", or domain.kind = "channel"'),
-        Rule("flow.kind", lambda s: _stream(s) and _surface(s).outflow == "wall" and not s.flow.at_rest,
+        Rule("flow.kind", lambda s: _stream(s) and s.surface and s.surface.outflow == "wall" and not s.flow.at_rest,
              '"{s.flow.kind}" needs an open outflow but surface.outflow is "wall"', 'use "still"'),
     ),
-    *when(_stream,
-        Rule("surface.ends", lambda s: _surface(s).ends != "wall",
+    Rule("domain.sides", lambda s: _stream(s) and s.domain.sides == "stream",
+         'is "stream", which is not possible with a free surface',
+         'use "slip", or "wall" where the fluid sticks and the surface stays'),
+    *when(lambda s: _stream(s) and s.surface,
+        Rule("surface.ends", lambda s: s.surface.ends != "wall",
              "is read only in a box but the domain is a channel", "leave it out"),
-        Rule("domain.sides", lambda s: s.domain.sides == "stream",
-             'is "stream", which is not possible with a free surface',
-             'use "slip", or "wall" where the fluid sticks and the surface stays'),
-        Rule("surface.sponge", lambda s: _surface(s).sponge > (half := 0.5 * s.domain.length) and half,
+        Rule("surface.sponge", lambda s: s.surface.sponge > (half := 0.5 * s.domain.length) and half,
              "is {s.surface.sponge:g}, more than half of the channel", "give at most {v:g}"),
-        Rule("surface.wave", lambda s: _surface(s).wave and s.domain.sides == "wall",
+        Rule("surface.wave", lambda s: s.surface.wave and s.domain.sides == "wall",
              "is two-dimensional but the channel has no-slip sides", 'use domain.sides = "slip"'),
-        Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and _surface(s).outflow == "wall",
+        Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and s.surface.outflow == "wall",
              "is a through-flow but the channel is closed", 'use "rest"'),
     ),
     *(_unread(f"surface.{key}", lambda s: not (s.has_surface and _boxed(s) and s.flow.at_rest),
               "is read only in a channel but the domain is a box", 'leave it out or use domain.kind = "channel"')
       for key in ("wave", "outflow", "sponge")),
-    *when(lambda s: s.has_surface,
-        Rule("surface.bottom", lambda s: _surface(s).bottom == "slip" and s.bed is not None,
+    *when(lambda s: s.has_surface and s.surface,
+        Rule("surface.bottom", lambda s: s.surface.bottom == "slip" and s.bed is not None,
              "is for a domain without [bed]", "leave one of them out"),
-        Rule("surface.points", lambda s: s.gdim == 3 and _surface(s).points,
+        Rule("surface.points", lambda s: s.gdim == 3 and s.surface.points,
              "are those of a 2-D scene", "give the elevation as a formula"),
-        Rule("surface.elevation", lambda s: s.gdim == 2 and "y" in Expression(_surface(s).elevation).variables,
+        Rule("surface.elevation", lambda s: s.gdim == 2 and "y" in Expression(s.surface.elevation).variables,
              "depends on y but the scene is two-dimensional", "use x only"),
     ),
     # Turbulence.

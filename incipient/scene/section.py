@@ -154,7 +154,7 @@ class Section(BaseModel):
     Raises SceneError: names the key, the reason and the remedy.
 
     Attributes:
-        rules: of the section's keys; the first broken one is reported.
+        rules: of the section's keys, before those of its bases; the first broken one is reported.
     """
 
     rules: ClassVar[tuple[Rule, ...]] = ()
@@ -186,7 +186,8 @@ class Section(BaseModel):
 
     @model_validator(mode="after")
     def _obeys_its_rules(self) -> Self:
-        if broken := first_broken(self.rules, self):
+        rules = (rule for kind in type(self).__mro__ for rule in vars(kind).get("rules", ()))
+        if broken := first_broken(rules, self):
             raise refusal(*broken)
         return self
 

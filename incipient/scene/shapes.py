@@ -90,7 +90,6 @@ class Rectangle(GrainSection):
     rules = (
         Rule("corner_radius", lambda s: s.corner_radius > (half := 0.5 * min(s.width, s.height)) and half,
              "is {s.corner_radius:g}, more than half the shorter side, {v:g}", "make it smaller"),
-        *GrainSection.rules,
     )  # fmt: skip
 
 

@@ -52,7 +52,6 @@ class SolidSection(BodySection):
     gdims: ClassVar[tuple[int, ...]] = (3,)
     rules: ClassVar[tuple[Rule, ...]] = (
         Rule("y", lambda s: s.y is not None and s.x is None, "goes with x, but centre is given", "leave it out"),
-        *BodySection.rules,
     )  # fmt: skip
 
     y: float | None = key(
@@ -111,7 +110,6 @@ class Cylinder(SolidSection):
         Rule("x", lambda s: s.centre is None, "a cylinder is fixed and does not rest on a bed", "give centre instead"),
         Rule("motion", lambda s: s.moves, "a cylinder across the flow is fixed", 'give "fixed"'),
         Rule("orientation", lambda s: any(s.orientation), "a cylinder lies across the flow", "leave it out"),
-        *SolidSection.rules,
     )  # fmt: skip
     shape: Literal["cylinder"] = key("Shape of the grain", "cylinder")
     diameter: Positive = key("Diameter [length]")
@@ -128,7 +126,6 @@ class Capsule(SolidSection):
     rules = (
         Rule("length", lambda s: s.length <= s.diameter, "is {s.length:g}, no more than the diameter",
              'give more than {s.diameter:g}, or shape = "sphere"'),
-        *SolidSection.rules,
     )  # fmt: skip
 
     def new_grain(self) -> geometry.Solid:

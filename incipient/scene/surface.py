@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -30,6 +30,7 @@ class Wave(Section):
 class Surface(FromFile):
     """The free surface, at the top of the domain if at rest."""
 
+    may_be_absent = True
     rules = (
         Rule("points", lambda s: s.points and s.elevation != "0",
              "are given with a formula for the elevation", "leave one of them out"),
@@ -66,10 +67,6 @@ class Surface(FromFile):
     pressure: Annotated[str, formula("txy")] = key(
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
-
-    @classmethod
-    def is_needed(cls, data: dict[str, Any]) -> bool:
-        return False
 
     @property
     def given(self) -> str:

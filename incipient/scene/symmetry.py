@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .model import Scene
 
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
+FEW = 200  # points at which a grain is compared first
 SPACING = 0.1  # of points on a grain's surface, in its size
 PLACES = 41  # points in each direction, and instants, at which beds and formulas are compared
 MIRRORED = np.array([1.0, -1.0, 1.0])
@@ -53,10 +54,13 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
         yield f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
         return
     points = grain.surface(SPACING * grain.size).points
-    mirrored = placement.to_scene(points) * MIRRORED + [0.0, 2.0 * middle, 0.0]
-    off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(points)).max())
-    if off > ALIKE * grain.size:
-        yield f"the grain is {off:.2g} off its mirror image"
+    # A few points suffice to exclude most scanned grains.
+    for some in (points[:: 1 + len(points) // FEW], points):
+        mirrored = placement.to_scene(some) * MIRRORED + [0.0, 2.0 * middle, 0.0]
+        off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(some)).max())
+        if off > ALIKE * grain.size:
+            yield f"the grain is {off:.2g} off its mirror image"
+            return
 
 
 def _of_motion(body: Any, times: list[float]) -> Iterator[str]:

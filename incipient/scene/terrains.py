@@ -43,7 +43,6 @@ class SphereBed(TerrainSection):
         APART,
         Rule("seed", lambda s: s.seed and s.arrangement != "random",
              "is read only for a random arrangement", "leave it out"),
-        *TerrainSection.rules,
     )  # fmt: skip
     kind: Literal["spheres"] = key("Kind of bed", "spheres")
     radius: Positive = key("Radius of the spheres [length]")
@@ -110,9 +109,8 @@ class RasterBed(FromFile, TerrainSection):
              "are {v}", f"give {MOST_HEIGHTS} at most, or a larger cell"),
         Rule("heights", lambda s: len(set(map(len, s.heights))) > 1,
              "are in rows of different lengths", "give as many in each"),
-        Rule("cell", lambda s: s.cell is None, "is missing",
+        Rule("cell", lambda s: s.heights and s.cell is None, "is missing",
              "give the spacing of the heights, as in [0.1, 0.1]"),
-        *TerrainSection.rules,
     )  # fmt: skip
 
     heights: Annotated[

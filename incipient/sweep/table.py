@@ -19,7 +19,7 @@ from ..arrays import known_percentiles, number, percentile
 from ..errors import MissingError, SceneError
 from ..files import csv_text, part_of, replaced, require_ending
 from ..input_files import read_table
-from ..parquet import pyarrow
+from ..installed import pyarrow
 from ..results.quantity import AXES, HIGH, at
 from .store import COST, FAILED, Store
 

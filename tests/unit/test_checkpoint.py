@@ -241,7 +241,7 @@ def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
     with pytest.raises(
-        OutputError, match=r"of version 99, .* reads version 10; .* \(incipient 9\.9\)"
+        OutputError, match=r"of version 99, .* reads version 11; .* \(incipient 9\.9\)"
     ):
         read(path, COMM)
 

@@ -36,7 +36,7 @@ from incipient.scene import (
     retired,
 )
 from incipient.scene.file import example, loads
-from incipient.scene.gust import Gust
+from incipient.scene.gusts import Gust
 
 ONE_KEY = [
     (lambda: Domain(length=-1, height=1), "Domain: length: is -1; give a number greater than 0"),
@@ -107,7 +107,7 @@ ONE_KEY = [
     ),
     (
         lambda: Gust(shape="points"),
-        "Gust: file: neither file nor points is given; give one of them",
+        "Gust: points: are fewer than two, or their times do not increase; give two or more",
     ),
     (
         lambda: Gust(shape="cosine", points=[(0, 1), (1, 2)]),

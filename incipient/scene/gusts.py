@@ -1,16 +1,18 @@
-"""The section [gusts]: velocity fluctuations, for `incipient entrainment`."""
+"""The sections [flow.gust] and [gusts], the latter for `incipient entrainment`."""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BeforeValidator
 
 from .messages import either
 from .points import FromFile, file_key
-from .section import SMALLEST, Pairs, Positive, Rule, allowed, is_number, key, rises
+from .section import SMALLEST, NotNegative, Pairs, Positive, Rule, allowed, is_number, key, rises
 
+RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 # Laws of data, and the least number of points of a series, and of gusts that were counted.
 FEWEST = {"measured": 100, "events": 20}
 GIVEN = (*FEWEST,)
@@ -19,6 +21,74 @@ ENDLESS = (
     "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
     "also give gusts.microscale",
 )
+
+
+class Gust(FromFile):
+    """Factor on the flow over time: 1 before and after the gust, `strength` at its maximum."""
+
+    may_be_absent = True
+    rules = (
+        Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
+             "are fewer than two, or their times do not increase", "give two or more, sorted by time, or a file"),
+        Rule("points", lambda s: s.shape != "points" and s.points,
+             'are not read with shape = "{s.shape}"', 'set shape = "points"'),
+        Rule("rise", lambda s: s.rise is not None and s.shape != "top-hat",
+             'is read only with shape = "top-hat"', "leave it out"),
+        Rule("rise", lambda s: s.rise is not None and s.rise > s.duration,
+             "is {s.rise:g}, more than the duration", "reduce it"),
+    )  # fmt: skip
+
+    shape: Literal["top-hat", "cosine", "points"] = key(
+        "Shape over time: a plateau with smooth ramps, a raised cosine, or given points",
+        "top-hat",
+    )
+    start: NotNegative = key("Start of the gust [time]", 0.0)
+    duration: Positive = key(
+        "Duration; of a top-hat from the start of its rise to the start of its fall [time]", 1.0
+    )
+    strength: NotNegative = key("Maximum of the factor on the flow [-]", 2.0)
+    rise: Positive | None = key(
+        "Rise and fall time of a top-hat; default: a tenth of the duration [time]",
+        None,
+        examples=[0.1],
+    )
+    file: str | None = file_key("CSV file of time, factor,", "points", "gust.csv")
+    points: Pairs = key(
+        'With shape = "points": time after the start and factor, linear in between [time, -]', ()
+    )
+
+    @property
+    def rising(self) -> float:
+        return RISE * self.duration if self.rise is None else self.rise
+
+    def knots(self) -> np.ndarray:
+        if self.shape == "points":
+            return self.start + np.array([time for time, _ in self.points])
+        whole = self.duration + (self.rising if self.shape == "top-hat" else 0.0)
+        sides = np.concatenate([[0.0, 1.0], np.linspace(0.0, self.rising / whole, 5)])
+        return self.start + whole * np.unique(
+            np.concatenate([sides, 1.0 - sides, np.linspace(0.0, 1.0, 9)])
+        )
+
+    def factor(self, time: float) -> float:
+        since = time - self.start
+        if self.shape == "points":
+            times, factors = zip(*self.points, strict=True)
+            return float(np.interp(since, times, factors))
+        return 1.0 + (self.strength - 1.0) * self._height(since)
+
+    def _height(self, since: float) -> float:
+        if self.shape == "cosine":
+            return (
+                0.5 - 0.5 * math.cos(2.0 * math.pi * since / self.duration)
+                if 0.0 < since < self.duration
+                else 0.0
+            )
+        return _smooth(since / self.rising) - _smooth((since - self.duration) / self.rising)
+
+
+def _smooth(share: float) -> float:
+    return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
 
 
 def _size(*words: str) -> BeforeValidator:
@@ -54,7 +124,7 @@ def _too_short(s: Any) -> bool:
 class Gusts(FromFile):
     """Random factor with mean 1 on the velocity at the grain."""
 
-    fewest = 1
+    fewest, may_be_absent = 1, True
     rules = (
         Rule("points", lambda s: s.law not in GIVEN and s.points,
              'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
@@ -64,7 +134,7 @@ class Gusts(FromFile):
         Rule("integral_time", lambda s: s.law == "measured" and s.integral_time == MODEL,
              "follows from the series with a measured law", "leave it out"),
         Rule("points", lambda s: s.law in GIVEN and len(s.points) < FEWEST[s.law] and (len(s.points), FEWEST[s.law]),
-             "are {v[0]}", "give {v[1]} or more"),
+             "are {v[0]}", "give {v[1]} or more, or a file"),
         Rule("points", lambda s: s.law == "events" and min(map(min, s.points)) <= 0.0,
              "have a strength or duration that is not above zero", "leave it out"),
         Rule("record", lambda s: s.law == "events" and s.record is None,
@@ -125,7 +195,3 @@ class Gusts(FromFile):
         "its mean, and duration of the gust [-, time]",
         (),
     )
-
-    @classmethod
-    def is_needed(cls, data: dict[str, Any]) -> bool:
-        return data.get("law") in GIVEN
