@@ -194,7 +194,9 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     if scene.grain is None or scene.bed_shape is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
     case = critical_case(stored, scene, directory / "threshold.json")
-    figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title)
+    figure, axes = sheet(
+        sentence(f"Threshold: {stored['sentence']}"), case.sentences[1], scene.title
+    )
     _show(axes, case, Shape(scene.grain, scene.placement, scene.bed_shape))
     tables = _numbers(case)
     if not stored["factor"]:
@@ -214,23 +216,6 @@ def critical_case(stored: dict[str, Any], scene: Scene, record: Path) -> Judged:
     case = judged(stored["verdict"], record)
     inert = None if scene.body is None else mass_and_inertia(scene.body, scene.placement)
     return at_onset(case, stored["mode"], *inert) if stored["factor"] and inert else case
-
-
-def critical_sentence(stored: dict[str, Any]) -> str:
-    """Critical speed of the flow in a sentence, or the reason why there is none."""
-    factor, status, mode = stored["factor"], stored["verdict"]["safety_status"], stored["mode"]
-    if factor is None and stored["held_to"] is None:
-        return "There is no threshold: no strength of this flow moves the grain."
-    if factor is None:
-        return f"No threshold up to {stored['held_to']:.3g} times the flow of the scene: {stored['reason']}."
-    if factor == 0.0 and status == "NO_RESERVE":
-        return f"There is no threshold: however weak this flow is, the grain begins {mode}."
-    if factor == 0.0 and status == "HELD_BY_FLOW":
-        return "There is no threshold: without flow the grain moves, while some flow would hold it."
-    if factor == 0.0:
-        return f"There is no threshold: without any flow the grain begins {mode}."
-    times = _value_with_error(stored, "factor")
-    return f"The grain begins {mode} where the flow is {times} times that of the scene."
 
 
 def _value_with_error(stored: dict[str, Any], key: str) -> str:

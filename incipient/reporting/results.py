@@ -13,7 +13,7 @@ from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
 from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
-from ..pictures.verdict import critical_case, critical_sentence
+from ..pictures.verdict import critical_case
 from ..planning.effects import percent
 from ..results import errorbars
 from ..results.errorbars import ALL
@@ -185,7 +185,7 @@ def _of_threshold(stored: Context, record: Path) -> Context:
         "budget": partial(_budget, scene.gdim == 2),
         "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
         "case": critical_case(stored, scene, record),
-        "statements": [critical_sentence(stored), *(f"{note}." for note in stored["notes"])],
+        "statements": [sentence(stored["sentence"]), *(f"{note}." for note in stored["notes"])],
         "certainty": _certainty_of_threshold(stored),
     }
 

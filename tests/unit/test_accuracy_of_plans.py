@@ -516,7 +516,7 @@ def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
     bars = {"shear_velocity": [5e-4, 2e-4]}
     (line,) = screen_lines(AT_WALLS, {"turbulence": walls.to_dict(), "error_bars": bars})
     assert (
-        "u* 0.05 +- 5.0e-04   C_f 0.005 +- 1.0e-04   mean u* along the walls 0.04 +- 2.0e-04"
+        "u* at the outflow 0.05 +- 5.0e-04   C_f 0.005 +- 1.0e-04   mean u* along the walls 0.04 +- 2.0e-04"
         in line
     )
     assert walls.shear_velocities[walls.leading] == 0.05
@@ -698,7 +698,7 @@ def test_walls_along_which_nothing_flows_are_told_all_the_same():
     walls = walls_of(0.0, 0.0, 0.0, 0.0, 0.0).to_dict()
     bars = {"shear_velocity": [0.0, 0.0]}
     (line,) = screen_lines(AT_WALLS, {"turbulence": walls, "error_bars": bars})
-    assert "u* 0   C_f 0" in line
+    assert "u* at the outflow 0   C_f 0" in line
 
 
 def test_a_threshold_with_turbulence_chooses_no_mesh():
