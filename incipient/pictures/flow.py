@@ -157,6 +157,6 @@ def along_walls(run: StoredRun) -> Figure:
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
             axes.plot(profile["x"], profile[column], ".", markersize=2, color=colour, label=name)
     upper.set(yscale="log", ylabel="y+ at the wall", title="Along the walls")
-    lower.set(xlabel="x [scene units]", ylabel="friction 2 tau/V\u00b2")
+    lower.set(xlabel="x [scene units]", ylabel="friction coefficient 2τ/V²")
     upper.legend(loc="best")
     return figure

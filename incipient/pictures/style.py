@@ -40,7 +40,7 @@ STATES = {
     "EDGE": (_EDGE, "held, on the edge of its friction cone"),
     "UNLOADED": (_FREE, "carries no force"),
     "STICK": (_HELD, "sticks"),
-    "ROLL": (_ROLLED, "keeps its place while the grain turns"),
+    "ROLL": (_ROLLED, "rolls without slip"),
     "SLIDE": (_EDGE, "slides"),
     "LIFT": (_FREE, "lifts off"),
     "NOT_JUDGED": (INK, "with its normal"),

@@ -142,7 +142,7 @@ def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
 
 def _flow_rows(run: StoredRun) -> dict[str, Any]:
     closed = bool(run.value("gap", "closed"))
-    gap = "closed where narrower than" if closed else "gap that stands for contact"
+    gap = "closed where narrower than" if closed else "gap representing contact"
     rows = {
         **{f"{key} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS},
         "Reynolds number": run.setting("fluid", "reynolds"),

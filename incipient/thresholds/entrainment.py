@@ -135,9 +135,9 @@ class Entrainment:
         unknown = "; error of the flow not known" if critical.errors["shields"] is None else ""
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
-            f"flow of the scene   probability of motion at an instant {own.probability:.3g} "
+            f"flow of the scene   instantaneous probability of motion {own.probability:.3g} "
             f"({own.low:.3g} to {own.high:.3g}{unknown}); upcrossings: {rate}",
-            "probability of motion at an instant, and the mean flow",
+            "instantaneous probability of motion, and the mean flow",
             *(point.line() for point in self.quantiles),
             *(f"assumed             {line}" for line in self.assumed),
         ]
