@@ -239,7 +239,15 @@ def label(
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
     axes.text(
-        *place, text, color=colour, ha=beside, va=above, fontsize=points, zorder=10, bbox=PAPER
+        place[0],
+        place[1],
+        text,
+        color=colour,
+        ha=beside,
+        va=above,
+        fontsize=points,
+        zorder=10,
+        bbox=PAPER,
     )
 
 

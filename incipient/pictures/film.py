@@ -138,7 +138,6 @@ class _Film:
         if self.contacts is not None:
             self.contacts.draw(axes, time, self.size)
         axes.set(xlim=self.view[:2], ylim=self.view[2:])
-        style.show_as_written(self.figure)
         return []
 
     def _arrows(self, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray) -> None:

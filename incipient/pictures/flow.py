@@ -100,7 +100,15 @@ def draw_streamlines(plane: Plane, axes: Axes, view: View, colour: str = "white"
     x, y, velocity = plane.velocities(view)
     if np.abs(velocity).max() > 0.0:
         axes.streamplot(
-            x, y, *velocity, color=colour, linewidth=0.6, arrowsize=0.6, density=1.4, zorder=2
+            x,
+            y,
+            velocity[0],
+            velocity[1],
+            color=colour,
+            linewidth=0.6,
+            arrowsize=0.6,
+            density=1.4,
+            zorder=2,
         )
 
 

@@ -155,7 +155,9 @@ def read(directory: Path) -> StoredRun:
 
 def read_scene(directory: Path) -> dict[str, Any]:
     """The resolved scene of a run, section by section. Raises OutputError if missing or damaged."""
-    return _parsed(directory / "scene.toml", tomllib.loads)
+    path = directory / "scene.toml"
+    with reading(path, REMEDY, error=OutputError):
+        return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def scene_of(directory: Path) -> Scene:
@@ -174,14 +176,6 @@ def of_this_version(directory: Path) -> Iterator[None]:
         why = f"{directory}: holds results of another version, whose scene is refused by this one"
         remedy = "show them with that version, or run the scene again, changed so"
         raise OutputError(f"{why} ({error}); {remedy}") from None
-
-
-def parsed_json(path: Path) -> dict[str, Any]:
-    """The content of a JSON file of results; raises OutputError if missing or damaged.
-
-    The key "couple" of earlier versions becomes "torque".
-    """
-    return _renamed(_parsed(path, json.loads))
 
 
 def table(path: Path, again: str, *texts: str) -> dict[str, np.ndarray]:
@@ -215,6 +209,10 @@ def _renamed(stored: Any) -> Any:
     return {"torque" if key == "couple" else key: _renamed(part) for key, part in stored.items()}
 
 
-def _parsed(path: Path, parse: Any) -> dict[str, Any]:
+def parsed_json(path: Path) -> dict[str, Any]:
+    """The content of a JSON file of results; raises OutputError if missing or damaged.
+
+    The key "couple" of earlier versions becomes "torque".
+    """
     with reading(path, REMEDY, error=OutputError):
-        return parse(path.read_text(encoding="utf-8"))
+        return _renamed(json.loads(path.read_text(encoding="utf-8")))

@@ -34,7 +34,7 @@ from .judged import Judged, Marked, at_onset, judged, pressed, sentence
 from .outlines import Solid, bed_line, grain_outline, hull, placed_surface, sketched
 from .record import StoredRun, scene_of
 from .sheet import panel, sheet, write_numbers
-from .style import FLOW, INK, MOTION, explain, number_plainly
+from .style import FLOW, INK, MOTION, explain
 
 _COEFFICIENTS = ("drag", "lift", "moment")
 _CRITICAL = {
@@ -235,8 +235,6 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     axes.plot(*trials.T, "o-", color=FLOW, lw=1.0, ms=4)
     axes.plot(critical, 1.0, "*", color=MOTION, ms=11, mec="white", mew=0.6, zorder=5)
     axes.set(xscale="log", yscale="log")
-    for axis in (axes.xaxis, axes.yaxis):
-        number_plainly(axis)
     axes.tick_params(which="both", labelsize=7)
     axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
     axes.set_title(f"Safety factor, flows solved: {len(every)}", fontsize=8.5)

@@ -184,7 +184,7 @@ def find_entrainment(
         series_of(law, flow.integral_time(1.0))
     threshold = find_threshold(scene, comm, voice)
     if not threshold.is_critical:
-        raise SceneError(f"gusts: there is no threshold to exceed; {threshold.why_none()}")
+        raise SceneError(f"gusts: there is no threshold to exceed; {threshold.sentence}")
     if weakest is not None:
         weakest.require_of(threshold.factor)
     assert scene.contact is not None
