@@ -15,7 +15,7 @@ from ..setup.setup import Setup
 from . import omitted
 from .effect import Effect, Solved, Stage
 from .moving_grain import QUANTITIES as OF_PATH
-from .turbulence import QUANTITIES as AT_WALLS
+from .turbulence import QUANTITIES as QUANTITIES
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
@@ -119,7 +119,7 @@ EFFECTS: tuple[Effect, ...] = (
         part_in_time=moving_surface,
         left_out=omitted.without_free_surface,
     ),
-    Effect(EffectName.TURBULENCE, AT_WALLS, left_out=omitted.without_turbulence),
+    Effect(EffectName.TURBULENCE, QUANTITIES, left_out=omitted.without_turbulence),
 )
 
 

@@ -54,7 +54,7 @@ def _at_walls(key: str, words: str, short: str, column: str = "", **more: Any) -
 
 
 QUANTITIES = (
-    _at_walls("least", "least y+ of the walls", "y+", "y_plus_min"),
+    _at_walls("least", "least y+ of the walls", "y+ from", "y_plus_min"),
     _at_walls("largest", "largest y+ of the walls", "to", "y_plus_max"),
     _at_walls(
         "roughness_reynolds",
@@ -65,7 +65,7 @@ QUANTITIES = (
     _at_walls(
         "at_outflow",
         "shear velocity u* at the outflow",
-        "at the outflow u*",
+        "u* at the outflow",
         "bed_shear_velocity",
         ends=_of_shear_velocity,
     ),

@@ -25,7 +25,7 @@ NEAR = 0.9
 # Tolerance of the second-order flow of the two-level solver, whose loads estimate the error.
 TOLERANCE_BELOW = 1e-7
 
-Watch = Callable[[float, int, float], Any]
+Watch = Callable[[int, float, int, float], Any]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def solve_steady(
     tolerance: float,
     max_iterations: int = 25,
     first_share: float = 1.0,
-    watch: Watch = lambda share, iteration, size: None,
+    watch: Watch = lambda order, share, iteration, size: None,
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
@@ -50,7 +50,7 @@ def solve_steady(
 
     Higher-order elements start from the second-order solution, which is approached from the fraction
     `first_share` of the Reynolds number; if `reached`, the fraction solved by the present state, is `NEAR`
-    they start directly. `watch` receives (fraction, iteration, size of the Newton update).
+    they start directly. `watch` receives (order, fraction, iteration, size of the Newton update).
 
     Raises ConvergenceError; the fluid then holds the last converged state and its Reynolds number.
     """
@@ -122,7 +122,7 @@ def approach(
             report = fluid.solve(
                 tolerance if last else TOLERANCE_ON_THE_WAY,
                 max_iterations if last else ITERATIONS_ON_THE_WAY,
-                partial(watch, share),
+                partial(watch, fluid.space.order, share),
             )
         except ConvergenceError:
             _restore(fluid, known, target, reached)

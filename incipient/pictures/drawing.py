@@ -169,7 +169,7 @@ def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: 
         if force.any():
             drawn.pop().set_label(case.occasion)
         for cone in drawn:
-            cone.set_label(f"friction cone, {angle:.3g}° to either side of the normal")
+            cone.set_label(f"friction cone, half-angle {angle:.3g}°")
     for group in case.patches:  # contacts that have an area, given by their corners
         patch = hull(sight(points[group]))
         axes.add_artist(Polygon(patch, color=INK, lw=5, alpha=0.35, zorder=5.5))
@@ -239,7 +239,15 @@ def label(
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
     axes.text(
-        *place, text, color=colour, ha=beside, va=above, fontsize=points, zorder=10, bbox=PAPER
+        place[0],
+        place[1],
+        text,
+        color=colour,
+        ha=beside,
+        va=above,
+        fontsize=points,
+        zorder=10,
+        bbox=PAPER,
     )
 
 
@@ -284,7 +292,7 @@ def _draw_motion(
             lw=1.1,
             ls=(0, (4, 2.5)),
             zorder=4.5,
-            label="outline a little later",
+            label="outline shortly afterwards",
         )
     )
     if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:

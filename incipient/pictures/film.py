@@ -21,7 +21,7 @@ from .flow import PRESSURE, SPEED, VORTICITY, Shown
 from .history import contact_forces, read_history
 from .outlines import seen_from_the_side
 from .record import StoredRun, parsed_json, read_scene
-from .style import INK, View
+from .style import INK
 
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
@@ -85,9 +85,10 @@ class _Film:
             first = self.run(0)
         self.size = first.model.grain.size if self.scene.get("body") else 1.0
         self.contacts = contact_forces(directory, first.model.contact) if first.moves else None
-        self.levels = self._levels()
+        self.levels, top = self._ranges()
         self.norm = BoundaryNorm(self.levels, 256, extend="both")
-        self.view = self._view(first)
+        x0, x1, y0, y1 = first.views[0]
+        self.view = (x0, x1, y0, max(y1, top))  # a free surface rises above where it began
         self.figure, (self.axes,) = style.panels([self.view], first.headline, first.plane.upwards)
         bar = self.figure.colorbar(ScalarMappable(self.norm, field.colours), ax=self.axes)
         bar.set_label(f"{field.name} [scene units]")
@@ -101,21 +102,16 @@ class _Film:
             result = {"grain": {"computed_centre": place.centre, "quaternion": place.quaternion}}
         return StoredRun(self.directory, result, self.scene, step, None)
 
-    def _levels(self) -> np.ndarray:
-        sampled = []
-        for number in range(len(self.moments)):
-            values = self.field.values(self.run(number).field(self.field.stored))
+    def _ranges(self) -> tuple[np.ndarray, float]:
+        """Colour levels, and the highest point, of all frames."""
+        sampled, tops = [], []
+        for run in map(self.run, range(len(self.moments))):
+            values = self.field.values(run.field(self.field.stored))
             sampled.append(values[:: max(1, len(values) // _SAMPLES)])
+            tops.append(run.fields.points[:, -1 if run.in_space else 1].max())
         norm = self.field.limits(np.concatenate(sampled))
         ticks = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10])
-        return np.asarray(ticks.tick_values(norm.vmin or 0.0, norm.vmax or 0.0))
-
-    def _view(self, first: StoredRun) -> View:
-        x0, x1, y0, y1 = first.views[0]
-        if first.setting("domain", "top") == "free-surface":  # it rises above where it began
-            runs = map(self.run, range(len(self.moments)))
-            y1 = max(float(run.fields.points[:, -1 if run.in_space else 1].max()) for run in runs)
-        return x0, x1, y0, y1
+        return np.asarray(ticks.tick_values(norm.vmin or 0.0, norm.vmax or 0.0)), max(tops)
 
     def show(self, number: int) -> list[Artist]:
         run, time, axes = self.run(number), float(self.moments[number]), self.axes
@@ -142,7 +138,6 @@ class _Film:
         if self.contacts is not None:
             self.contacts.draw(axes, time, self.size)
         axes.set(xlim=self.view[:2], ylim=self.view[2:])
-        style.show_as_written(self.figure)
         return []
 
     def _arrows(self, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of speed, pressure, vorticity and mesh; in 3-D in the vertical plane of the grain."""
+"""Pictures of speed, pressure, vorticity, walls and mesh; in 3-D in the vertical plane of the grain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from .plane import BESIDE, Plane, level_of, pyvista_off_screen
 from .record import StoredRun
-from .style import FLOW, INK, PUSH, View, headline, panels
+from .style import FLOW, GROUND, INK, PUSH, View, headline, panels
 
 _CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds the colour bar
 _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: vorticity is greatest in thin layers
@@ -100,7 +100,15 @@ def draw_streamlines(plane: Plane, axes: Axes, view: View, colour: str = "white"
     x, y, velocity = plane.velocities(view)
     if np.abs(velocity).max() > 0.0:
         axes.streamplot(
-            x, y, *velocity, color=colour, linewidth=0.6, arrowsize=0.6, density=1.4, zorder=2
+            x,
+            y,
+            velocity[0],
+            velocity[1],
+            color=colour,
+            linewidth=0.6,
+            arrowsize=0.6,
+            density=1.4,
+            zorder=2,
         )
 
 
@@ -143,4 +151,20 @@ def profiles(run: StoredRun) -> Figure:
     right.set_title(f"v₂ on the horizontal centreline, y = {middle_y:g}")
     for axes in (left, right):
         axes.grid(color="#dddddd", lw=0.5)
+    return figure
+
+
+def along_walls(run: StoredRun) -> Figure:
+    """y+ and signed friction along the walls of a turbulent flow."""
+    figure = Figure(figsize=(9.0, 5.5), layout="constrained")
+    headline(figure, run.headline)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    lower.axhline(0.0, color=GROUND)
+    walls = run.result["turbulence"]["along"]
+    for colour, (name, profile) in zip((FLOW, PUSH, INK), walls.items(), strict=False):
+        for axes, column in ((upper, "y_plus"), (lower, "friction")):
+            axes.plot(profile["x"], profile[column], ".", markersize=2, color=colour, label=name)
+    upper.set(yscale="log", ylabel="y+ at the wall", title="Along the walls")
+    lower.set(xlabel="x [scene units]", ylabel="friction coefficient 2τ/V²")
+    upper.legend(loc="best")
     return figure

@@ -173,6 +173,7 @@ def at_onset(case: Judged, mode: str, mass: float, inertia: np.ndarray) -> Judge
     """A case at its critical load with the motion of a mode that begins just above it."""
     load, more = case.load, 1.0 + _BEYOND
     stronger = replace(load, flow_force=more * load.flow_force, flow_couple=more * load.flow_couple)
+    assert isinstance(case.contacts, Contacts) and case.verdict is not None
     try:
         onset = incipient_motion(stronger, case.contacts, case.friction, mass, inertia).to_dict()
     except ConvergenceError:

@@ -48,7 +48,8 @@ def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure
 
 def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]], below: float = 0.12) -> None:
     """Write tables of numbers by label beside the drawing, from a distance [inches] below its top."""
-    figure = axes.figure
+    figure = axes.get_figure(root=True)
+    assert figure is not None
     height = figure.get_figheight()
     row = height * axes.get_position().y1 - below
     for heading, table in tables.items():
@@ -66,9 +67,11 @@ def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]], below: fl
 
 def panel(axes: Axes, height: float) -> Axes:
     """Axes of a height [inches] at the top of the column of numbers."""
-    share, left = height / axes.figure.get_figheight(), _COLUMN + 0.42
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    share, left = height / figure.get_figheight(), _COLUMN + 0.42
     width = (_WIDTH - _EDGE - left) / _WIDTH
-    return axes.figure.add_axes((left / _WIDTH, axes.get_position().y1 - share, width, share))
+    return figure.add_axes((left / _WIDTH, axes.get_position().y1 - share, width, share))
 
 
 def _words(value: Any) -> str:

@@ -111,7 +111,7 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> Non
     # Above the end and dashed: both may be in one place.
     place, label = history.at(first), f"grain at t = {first:.4g}"
     _draw_grain(axes, grain, place, 5.0, ec=INK, lw=1.3, fc="none", ls=(0, (3, 1.5)), label=label)
-    axes.lines[-1].set_label("its first axis")
+    axes.lines[-1].set_label("first body axis")
     count = len(history.times)
     kept = np.unique(np.linspace(0, count - 1, min(count, _SEGMENTS)).astype(int))
     points, times = history.centres[kept], history.times[kept]

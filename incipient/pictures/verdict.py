@@ -34,7 +34,7 @@ from .judged import Judged, Marked, at_onset, judged, pressed, sentence
 from .outlines import Solid, bed_line, grain_outline, hull, placed_surface, sketched
 from .record import StoredRun, scene_of
 from .sheet import panel, sheet, write_numbers
-from .style import FLOW, INK, MOTION, explain, number_plainly
+from .style import FLOW, INK, MOTION, explain
 
 _COEFFICIENTS = ("drag", "lift", "moment")
 _CRITICAL = {
@@ -142,7 +142,7 @@ def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
 
 def _flow_rows(run: StoredRun) -> dict[str, Any]:
     closed = bool(run.value("gap", "closed"))
-    gap = "closed where narrower than" if closed else "gap that stands for contact"
+    gap = "closed where narrower than" if closed else "gap representing contact"
     rows = {
         **{f"{key} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS},
         "Reynolds number": run.setting("fluid", "reynolds"),
@@ -194,7 +194,9 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     if scene.grain is None or scene.bed_shape is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
     case = critical_case(stored, scene, directory / "threshold.json")
-    figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title)
+    figure, axes = sheet(
+        sentence(f"Threshold: {stored['sentence']}"), case.sentences[1], scene.title
+    )
     _show(axes, case, Shape(scene.grain, scene.placement, scene.bed_shape))
     tables = _numbers(case)
     if not stored["factor"]:
@@ -216,23 +218,6 @@ def critical_case(stored: dict[str, Any], scene: Scene, record: Path) -> Judged:
     return at_onset(case, stored["mode"], *inert) if stored["factor"] and inert else case
 
 
-def critical_sentence(stored: dict[str, Any]) -> str:
-    """Critical speed of the flow in a sentence, or the reason why there is none."""
-    factor, status, mode = stored["factor"], stored["verdict"]["safety_status"], stored["mode"]
-    if factor is None and stored["held_to"] is None:
-        return "There is no threshold: no strength of this flow moves the grain."
-    if factor is None:
-        return f"No threshold up to {stored['held_to']:.3g} times the flow of the scene: {stored['reason']}."
-    if factor == 0.0 and status == "NO_RESERVE":
-        return f"There is no threshold: however weak this flow is, the grain begins {mode}."
-    if factor == 0.0 and status == "HELD_BY_FLOW":
-        return "There is no threshold: without flow the grain moves, while some flow would hold it."
-    if factor == 0.0:
-        return f"There is no threshold: without any flow the grain begins {mode}."
-    times = _value_with_error(stored, "factor")
-    return f"The grain begins {mode} where the flow is {times} times that of the scene."
-
-
 def _value_with_error(stored: dict[str, Any], key: str) -> str:
     if stored[key] is None:
         return "none"
@@ -250,8 +235,6 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     axes.plot(*trials.T, "o-", color=FLOW, lw=1.0, ms=4)
     axes.plot(critical, 1.0, "*", color=MOTION, ms=11, mec="white", mew=0.6, zorder=5)
     axes.set(xscale="log", yscale="log")
-    for axis in (axes.xaxis, axes.yaxis):
-        number_plainly(axis)
     axes.tick_params(which="both", labelsize=7)
     axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
     axes.set_title(f"Safety factor, flows solved: {len(every)}", fontsize=8.5)

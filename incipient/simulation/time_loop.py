@@ -140,9 +140,8 @@ class TimeLoop:
         if run.surface is not None:
             run.surface.begin()
         while not run.is_steady:
-            with run.stage("flow"), run.corrections.begun():
+            with run.stage("flow"), run.corrections.step():
                 step = next(steps, None)
-                run.corrections.book_step(step.number if step else 0)
             if step is None:
                 break
             run.accounts.count(steps=1, rejected=step.rejected, newton=step.report.iterations)

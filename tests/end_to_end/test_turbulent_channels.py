@@ -17,8 +17,8 @@ from incipient.cost.ladder import ladder
 from incipient.cost.measurement import measure
 from incipient.cost.study import run_ladder
 from incipient.fluid.transient import Transient
+from incipient.pictures.flow import along_walls
 from incipient.pictures.record import read
-from incipient.pictures.walls import picture
 from incipient.planning.wall_cells import coarsest
 from incipient.scene import (
     Contact,
@@ -160,7 +160,7 @@ def test_friction_is_larger_on_crests_than_in_troughs_and_is_drawn(tmp_path):
     # Friction is known at nodes 0.05 apart.
     assert x[last][np.argmax(friction[last])] == pytest.approx(7.2, abs=0.1)
     assert 1.2 < friction[last].max() / friction[last].min() < 2.0
-    figure = picture(read(tmp_path))
+    figure = along_walls(read(tmp_path))
     (drawn,) = (line for line in figure.axes[1].lines if line.get_label() == "bed")
     assert drawn.get_ydata() == pytest.approx(friction, rel=1e-5)
 

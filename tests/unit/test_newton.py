@@ -331,7 +331,7 @@ def test_watch_hears_of_every_solve() -> None:
         Pretended(reach=np.inf),
         1e-9,
         first_share=0.1,
-        watch=lambda share, iteration, size: heard.append(share),
+        watch=lambda order, share, iteration, size: heard.append(share),
     )
     assert heard == shares(steps)
 

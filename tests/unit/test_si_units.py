@@ -84,7 +84,7 @@ def test_the_flow_and_loads_in_si() -> None:
     ] == pytest.approx([0.0, 5e-9, 0.0])
     said = "\n".join(si_lines(found))
     assert (
-        "nominal diameter 0.001 m, shear rate 400 1/s" in said
+        "nominal diameter [m] 0.001   shear rate [1/s] 400" in said
         and "force (5e-06, 0, 2.5e-06) N" in said
     )
     assert in_si(loads(QUARTZ.partition("[units]")[0], overrides=["fluid.reynolds=1"])) is None

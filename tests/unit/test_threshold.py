@@ -893,7 +893,7 @@ def test_what_is_said() -> None:
     first, *rest = said.lines()
     assert first.split(None, 1) == [
         "accuracy",
-        "error of the force 4.0e-03 (of discretisation), asked for 0.01: reached",
+        "error of the force 4.0e-03 (of discretisation), requested 0.01: reached",
     ]
     assert [line.split()[0] for line in rest] == ["P2", "P3"]
     assert as_stored(said)["trials"][1]["unknowns"] == 3000

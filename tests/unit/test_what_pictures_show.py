@@ -107,7 +107,7 @@ def test_marks_stand_where_the_rendering_has_what_they_mark() -> None:
 
 @pytest.mark.parametrize("title", [r"$\frac{$", "costs $5 and $6", "one $ alone", "a_1^2"])
 def test_a_title_is_shown_as_it_is_written(tmp_path: Path, title: str) -> None:
-    """Two $ make a formula for matplotlib, which fails or is set in italics; only powers of ten shall be one."""
+    """Two $ make a formula for matplotlib, which fails or is set in italics; powers of ten are none either."""
     with style.applied():
         figure = Figure()
         figure.suptitle(title)
@@ -118,8 +118,7 @@ def test_a_title_is_shown_as_it_is_written(tmp_path: Path, title: str) -> None:
     texts = [text for text in figure.findobj(Text) if text.get_text() in (title, "$a$")]
     assert len(texts) >= 4 and not any(text.get_parse_math() for text in texts)
     axes.set_xlim(1.0, 1e3)
-    powers = [label for label in axes.get_xticklabels() if "10^" in label.get_text()]
-    assert powers and all(label.get_parse_math() for label in powers)
+    assert {"1", "10", "100"} <= {label.get_text() for label in axes.get_xticklabels()}
 
 
 # -- the plane -------------------------------------------------------------------------------------------

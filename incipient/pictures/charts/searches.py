@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from ...errors import OutputError
 from ...input_files import reading
 from ...judging.series import SAMPLES
-from ..style import FLOW, INK, MOTION, PUSH, chart, number_plainly
+from ..style import FLOW, INK, MOTION, PUSH, chart
 
 _BINS = 1500  # across the picture of a series: of more samples the least and the largest of each
 _TALLEST = 20.0  # safety factors above it are not shown
@@ -64,7 +64,6 @@ def entrainment(stored: dict[str, Any], directory: Path) -> Figure:
     axes.axvline(threshold, color=PUSH, ls="--", lw=0.9, label="threshold of steady flow")
     if stored["data"]:
         axes.plot(*np.array(stored["data"]).T, "x", color=MOTION, label="measured")
-    number_plainly(axes.xaxis)
     axes.set_ylim(0.5 * min(*probability, *heights), 1.5)
     axes.legend(loc="lower right")
     return figure

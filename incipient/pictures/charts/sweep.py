@@ -21,7 +21,6 @@ from ...results.quantity import HIGH, LOW
 from ...sweep.store import Store
 from ...sweep.table import columns, rows
 from .. import style
-from ..style import Looks
 from .shields import LARGEST_DIAMETER, beside_soulsby_whitehouse
 
 Rows = list[dict[str, Any]]
@@ -89,16 +88,8 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     shown = [row for row in cases if quantity in row and against in row]
     if not _numbers(shown, quantity):
         raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
-    worded = not _numbers(shown, against)
-    places = {
-        value: float(n) for n, value in enumerate(dict.fromkeys(row[against] for row in shown))
-    }
-    for label, mine, looks in _families(shown, by):
-        x = np.array([places[row[against]] if worded else float(row[against]) for row in mine])
-        _plot(axes, x, mine, quantity, label, looks | ({"lw": 0.0} if worded else {}))
-    if worded:
-        axes.set_xticks(list(places.values()), [str(value) for value in places])
-    else:
+    _plot(axes, _families(shown, by), against, quantity)
+    if _numbers(shown, against):
         _choose_scale(axes.set_xscale, [row[against] for row in shown])
     _choose_scale(axes.set_yscale, [row[quantity] for row in shown])
     if quantity == "safety_factor":
@@ -108,35 +99,37 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     return figure
 
 
-def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: Looks) -> None:
-    order = np.argsort(x, kind="stable")
-    rows_in_order = [mine[number] for number in order]
-    y = np.array([float(row[quantity]) for row in rows_in_order])
-    low = np.array([float(row.get(quantity + LOW, row[quantity])) for row in rows_in_order])
-    high = np.array([float(row.get(quantity + HIGH, row[quantity])) for row in rows_in_order])
-    with np.errstate(invalid="ignore"):
-        bars = np.nan_to_num(np.array([y - low, high - y]), nan=0.0, posinf=0.0, neginf=0.0)
-    finite = np.isfinite(y)
-    looks = {"lw": 1.1, **looks, "label": label or None}
-    errors = np.maximum(bars[:, finite], 0.0)
-    axes.errorbar(
-        x[order][finite], y[finite], yerr=errors, ms=4.5, elinewidth=0.9, capsize=2.0, **looks
-    )
+def _plot(axes: Axes, families: dict[str, Rows], across: str, quantity: str) -> None:
+    """Curves with error bars; words are categories of their axis, without lines."""
+    looks = zip(families.items(), cycle(_MARKERS), cycle(_COLOURS), strict=False)
+    for (label, cases), marker, colour in looks:
+        finite, worded = [row for row in cases if math.isfinite(row[quantity])], True
+        if _numbers(cases, across):
+            finite, worded = sorted(finite, key=lambda row: row[across]), False
+        y = np.array([float(row[quantity]) for row in finite])
+        ends = [[row.get(quantity + end, row[quantity]) for row in finite] for end in (LOW, HIGH)]
+        bars = np.nan_to_num(np.abs(np.array(ends, dtype=float) - y), posinf=0.0)
+        axes.errorbar(
+            [str(row[across]) if worded else float(row[across]) for row in finite], y, yerr=bars,
+            lw=0.0 if worded else 1.1, marker=marker, color=colour, label=label or None, ms=4.5,
+            elinewidth=0.9, capsize=2.0,
+        )  # fmt: skip
 
 
-def _families(cases: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
-    counted = Counter(None if by is None else row.get(by) for row in cases)
+def _families(cases: Rows, by: str | None) -> dict[str, Rows]:
+    """Cases by the value of a column; of many values, as of a refined sweep, the most frequent."""
+    counted = Counter(row.get(by or "") for row in cases)
     values = list(counted)
-    if len(values) > _MANY:  # a refined sweep has cases at values of their own
+    if len(values) > _MANY:
         values = [value for value, _ in counted.most_common(len(_COLOURS))]
     if by is not None and _numbers(cases, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
-    families = []
-    for value, marker, colour in zip(values, cycle(_MARKERS), cycle(_COLOURS), strict=False):
-        shown = f"{value:.4g}" if isinstance(value, float) else str(value)
-        mine = [row for row in cases if by is None or row.get(by) == value]
-        families.append(("" if by is None else shown, mine, {"marker": marker, "color": colour}))
-    return families
+    return {
+        "" if by is None else f"{value:.4g}" if isinstance(value, float) else str(value): [
+            row for row in cases if row.get(by or "") == value
+        ]
+        for value in values
+    }
 
 
 def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
@@ -144,12 +137,9 @@ def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
     if not critical:
         raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
     figure, axes = _figure_of(cases, "Critical Shields number", note=_ONE_GRAIN_AND_BEDS)
-    families = (
-        _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
-    )
-    for label, mine, looks in families:
-        x = np.array([float(row["shear_reynolds"]) for row in mine])
-        _plot(axes, x, mine, "shields", label or "one grain, laminar flow", looks)
+    families = _families(critical, None if by == "fluid.reynolds" else by)
+    named = {label or "one grain, laminar flow": cases for label, cases in families.items()}
+    _plot(axes, named, "shear_reynolds", "shields")
     beside_soulsby_whitehouse(axes)
     _legend(axes, by if len(families) > 1 else None)
     return figure
