@@ -12,8 +12,7 @@ from ..errors import SceneError
 from ..judging.batch import SUMMARY, judge_table, verdicts_name
 from ..judging.case import judge_case, load_case, save, text
 from ..judging.forces import judge_forces, read_forces
-from ..judging.motion import FlowThreshold
-from ..judging.series import judge_series, read_series, save_series
+from ..judging.series import FlowThreshold, judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..progress import telling
 from ..results.kinds import JUDGEMENT, SERIES, ResultKind

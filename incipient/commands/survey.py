@@ -13,7 +13,7 @@ from ..output.ownership import refuse_foreign
 from ..parallel import Comm
 from ..progress import telling
 from ..results.kinds import POSES, SURVEY
-from ..survey.orientations import Poses, survey_poses
+from ..survey.orientations import survey_poses
 from ..survey.procedure import load_request
 from ..survey.procedure import survey as find
 from .drawing import draw_and_tell
@@ -42,10 +42,10 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         remedy = "leave it out with --orientations and --seeds"
         raise SceneError(f"--runs: applies to a bed of grains; {remedy}")
     else:
-        poses = Poses(options.orientations or 1, options.seeds or 1)
+        poses = options.orientations or 1, options.seeds or 1
         kind, read = POSES, [options.bed]
         compute = partial(
-            survey_poses, options.bed, options.overrides, poses, directory, comm, sweep
+            survey_poses, options.bed, options.overrides, *poses, directory, comm, sweep
         )
     refuse_foreign(directory, kind.files, read)
     with telling(0) as voice:

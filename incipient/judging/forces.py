@@ -20,8 +20,7 @@ from ..arrays import Booleans, Floats
 from ..errors import SceneError
 from ..input_files import LARGEST_TABLE, reading
 from .case import Case, CaseErrors, judge_case, text
-from .motion import FEWEST, FlowThreshold, mean_in_time, samples_from
-from .series import Series, judge_series
+from .series import FEWEST, FlowThreshold, Series, judge_series, mean_in_time, samples_from
 from .table import columns_of
 
 FRACTION = 0.5  # of the time, the last, over which a mean is taken by default
@@ -226,7 +225,7 @@ def judge_forces(
     Args:
         density: of the fluid, over that with which the other program computed the forces.
         since: start of the samples; None: all samples, and the mean of the last half of the time.
-        law: growth of loads with the velocity, one of `motion.LAWS`, for flows that move the grain.
+        law: growth of loads with the velocity, one of `series.LAWS`, for flows that move the grain.
 
     Raises SceneError for too few samples, or a density that is not positive.
     """

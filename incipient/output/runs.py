@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..accuracy.run import run_scene
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..files import append_row, cut_after, make_directory, sync, write_json
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, from_first, on_first, world
@@ -238,23 +238,24 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
 
 def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
     assert time is not None
-    if kept.body is not None and kept.body.met and not passes:
-        remedy = "set a smaller contact.gap"
-        raise SceneError(
-            f"the run has ended: its grain reached the bed or a wall; to resume it {remedy}"
-        )
-    if (
-        kept.body is not None
-        and kept.body.on_bed is not None
-        and time.until in kept.body.on_bed["done"]
-    ):
-        why = f'its grain has reached time.until = "{time.until}"'
-        remedy = "give another, such as --set time.until=end"
-        raise SceneError(f"the run has ended: {why}; to resume it {remedy}")
-    if time.end - kept.time <= 1e-9 * time.end:
-        why = f"the run has already reached t = {kept.time:g}, and time.end is {time.end:g}"
-        remedy = f"give a later one, such as --set time.end={2 * kept.time:g}"
-        raise SceneError(f"{why}; to resume it {remedy}")
+    body = kept.body
+    on_bed = {} if body is None or body.on_bed is None else body.on_bed
+    refuse_broken(
+        (
+            body is not None and body.met and not passes,
+            "the run has ended: its grain reached the bed or a wall; to resume it set a smaller contact.gap",
+        ),
+        (
+            time.until in on_bed.get("done", ()),
+            f'the run has ended: its grain has reached time.until = "{time.until}"; '
+            "to resume it give another, such as --set time.until=end",
+        ),
+        (
+            time.end - kept.time <= 1e-9 * time.end,
+            f"the run has already reached t = {kept.time:g}, and time.end is {time.end:g}; "
+            f"to resume it give a later one, such as --set time.end={2 * kept.time:g}",
+        ),
+    )
 
 
 def _adapted(kept: Checkpoint, then: Time | None, now: Time | None) -> Checkpoint:

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from .. import compat
 from ..arrays import spatial
+from ..mesh.cells import cell_facets
 from ..parallel import NumberedRows, joined, on_first
 from .series_file import SeriesFile
 
@@ -77,10 +78,7 @@ class QuadraticNodes:
             [layout.entity_closure_dofs(dimension - 1, side) for side in range(dimension + 1)]
         )
         sides = sides[:, compat.vtk_order(dimension - 1, sides.shape[1])]
-        topology.create_connectivity(dimension, dimension - 1)
-        _, first = np.unique(
-            topology.connectivity(dimension, dimension - 1).array, return_index=True
-        )
+        _, first = np.unique(cell_facets(self.mesh, len(self._dofs))[0], return_index=True)
         owned = facets[facets < topology.index_map(dimension - 1).size_local]
         cell, side = np.divmod(first[owned], dimension + 1)
         return self._dofs[cell[:, None], sides[side]]

@@ -30,14 +30,6 @@ POSES, SUMMARY = "poses.csv", "poses.json"
 
 
 @dataclass(frozen=True)
-class Poses:
-    """Numbers of random orientations and of seeds of the bed."""
-
-    orientations: int = 1
-    seeds: int = 1
-
-
-@dataclass(frozen=True)
 class PoseOutcome:
     """Shields numbers by the nominal diameter, ascending, and the numbers of poses without one by reason.
 
@@ -79,7 +71,8 @@ class PoseOutcome:
 def survey_poses(
     path: Path,
     overrides: Sequence[str],
-    request: Poses,
+    orientations: int,
+    seeds: int,
     directory: Path,
     comm: Comm,
     sweep: Mapping[str, Any] = {},
@@ -98,8 +91,8 @@ def survey_poses(
     if not (isinstance(own.body, SolidSection) and own.body.x is not None):
         need = "a 3-D grain that rests on a bed; give body.x"
         raise SceneError(f"{path}: --orientations and --seeds need {need}")
-    scenes, reason, refused, total = [], "", 0, request.orientations * request.seeds
-    for number, settings in enumerate(_settings(request, own.body.orientation)):
+    scenes, reason, refused, total = [], "", 0, orientations * seeds
+    for number, settings in enumerate(_settings(orientations, seeds, own.body.orientation)):
         voice.count("poses", number, total)
         try:
             scenes.append(posed(*settings).model_copy(update={"title": f"pose {number}"}))
@@ -123,14 +116,19 @@ def survey_poses(
     return outcome
 
 
-def _settings(request: Poses, own: tuple[float, float, float]) -> list[tuple[str, ...]]:
+def _settings(
+    orientations: int, seeds: int, own: tuple[float, float, float]
+) -> list[tuple[str, ...]]:
     random = np.random.default_rng(0)
-    turned = [own, *(random_orientation(random) for _ in range(request.orientations - 1))]
-    orientations = [
-        f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]" for angles in turned
+    turned = [own, *(random_orientation(random) for _ in range(orientations - 1))]
+    return [
+        (
+            f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]",
+            *((f"bed.seed={seed}",) if seeds > 1 else ()),
+        )
+        for seed in range(seeds)
+        for angles in turned
     ]
-    seeds = [(f"bed.seed={seed}",) if request.seeds > 1 else () for seed in range(request.seeds)]
-    return [(orientation, *seed) for seed in seeds for orientation in orientations]
 
 
 def random_orientation(random: np.random.Generator) -> tuple[float, float, float]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +84,7 @@ def survey(
         _write(outcome, directory)
         if request.runs.number or more:
             Emulator.require()
-            outcome = _Loads(outcome, directory, more, sweep, voice).computed()
+            outcome = _with_loads(outcome, directory, more, sweep, voice)
             _write(outcome, directory)
         return outcome
 
@@ -128,86 +127,76 @@ def _stored(file: Path) -> Rows:
     return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
 
 
-@dataclass(frozen=True, eq=False)
-class _Loads:
-    outcome: SurveyOutcome
-    directory: Path
-    more: int
-    sweep: Mapping[str, Any]
-    voice: Silent
+def _with_loads(
+    outcome: SurveyOutcome,
+    directory: Path,
+    more: int,
+    sweep: Mapping[str, Any],
+    voice: Silent,
+) -> SurveyOutcome:
+    request, grains, file = outcome.request, outcome.free, directory / RUNS
+    numbers = np.array([grain.number for grain in grains])
+    features = np.array([features_of(grain, outcome.surface.median, 1.0) for grain in grains])
+    # Runs of an earlier call come first: the place of a run decides its Reynolds number.
+    first = numbers[designed(features, request.runs.number)].tolist()
+    chosen = list(dict.fromkeys([*outcome.runs, *first]))
+    runs, table = _full_runs(outcome, chosen), _stored(file)
+    begun = sum(status not in (DONE, FAILED) for status in _statuses(runs, table))
+    if more > begun:
+        done, left = coefficients_of(runs, table), np.flatnonzero(~np.isin(numbers, chosen))
+        wanted = _emulator(outcome, done).most_wanted if len(done) >= FEWEST else designed
+        chosen += numbers[left[wanted(features[left], more - begun)]].tolist()
+        runs = _full_runs(outcome, chosen)
+    if len(chosen) < FEWEST:
+        remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
+        why = f"{len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
+        raise SceneError(f"runs.number: {why}")
+    outcome = replace(outcome, runs=tuple(chosen))
+    _write(outcome, directory)
+    scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
+    table = swept(scenes, file, "run", sweep, voice)
+    done, failed = coefficients_of(runs, table), _statuses(runs, table).count(FAILED)
+    if len(done) < FEWEST:
+        why = f"{len(done)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
+        raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(done)}")
+    voice.begin("thresholds")
+    return _with_thresholds(outcome, features, done, failed)
 
-    def computed(self) -> SurveyOutcome:
-        grains, number = self.outcome.free, self.outcome.request.runs.number
-        # Runs of an earlier call come first: the place of a run decides its Reynolds number.
-        first = [grains[place].number for place in designed(self._features, number).tolist()]
-        chosen = list(dict.fromkeys([*self.outcome.runs, *first]))
-        runs, table = self._full_runs(chosen), _stored(self.directory / RUNS)
-        begun = sum(status not in (DONE, FAILED) for status in _statuses(runs, table))
-        if (more := self.more - begun) > 0:
-            further = self._further(chosen, coefficients_of(runs, table), more)
-            runs += self._full_runs(further, len(chosen))
-            chosen += further
-        if len(chosen) < FEWEST:
-            remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
-            why = f"{len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
-            raise SceneError(f"runs.number: {why}")
-        outcome = replace(self.outcome, runs=tuple(chosen))
-        _write(outcome, self.directory)
-        scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
-        table = swept(scenes, self.directory / RUNS, "run", self.sweep, self.voice)
-        done, failed = coefficients_of(runs, table), _statuses(runs, table).count(FAILED)
-        if len(done) < FEWEST:
-            why = f"{len(done)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
-            raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(done)}")
-        return self._with_thresholds(outcome, done, failed)
 
-    @cached_property
-    def _features(self) -> Floats:
-        median = self.outcome.surface.median
-        return np.array([features_of(grain, median, 1.0) for grain in self.outcome.free])
+def _with_thresholds(
+    outcome: SurveyOutcome, features: Floats, runs: Sequence[LoadCoefficients], failed: int
+) -> SurveyOutcome:
+    grains, emulator = outcome.free, _emulator(outcome, runs)
+    median, flow = outcome.surface.median, outcome.request.flow
+    critical = thresholds(grains, median, flow, runs, emulator, outcome.request.runs.seed)
+    features[:, -1] = np.log10(runs[0].reynolds)
+    known = {run.number for run in runs}
+    unknown = [place for place, grain in enumerate(grains) if grain.number not in known]
+    to_halve = runs_to_halve(emulator, features, unknown)
+    record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve)
+    return replace(outcome, thresholds=critical, emulator=record)
 
-    def _further(
-        self, chosen: Sequence[int], runs: Sequence[LoadCoefficients], more: int
-    ) -> list[int]:
-        numbers = np.array([grain.number for grain in self.outcome.free])
-        left = np.flatnonzero(~np.isin(numbers, chosen))
-        wanted = self._emulator(runs).most_wanted if len(runs) >= FEWEST else designed
-        return list(map(int, numbers[left[wanted(self._features[left], more)]]))
 
-    def _full_runs(self, numbers: Sequence[int], place: int = 0) -> list[FullRun]:
-        outcome, runs = self.outcome, []
-        free = {grain.number: grain for grain in outcome.free}
-        median, galileo = outcome.surface.median, outcome.request.flow.galileo
-        for at, number in enumerate(numbers, place):
-            if (grain := free.get(number)) is None:
-                continue
-            level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
-            own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
-            arguments = grain, level, outcome.request, reynolds_of(at, own)
-            with_bars = at < outcome.request.runs.with_error_bars
-            wide = scene_of(*arguments, wide=True) if with_bars else None
-            runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
-        return runs
+def _full_runs(outcome: SurveyOutcome, numbers: Sequence[int]) -> list[FullRun]:
+    """Runs of the grains with these numbers that are free."""
+    runs, free = [], {grain.number: grain for grain in outcome.free}
+    median, galileo = outcome.surface.median, outcome.request.flow.galileo
+    for place, number in enumerate(numbers):
+        if (grain := free.get(number)) is None:
+            continue
+        level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
+        own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
+        arguments = grain, level, outcome.request, reynolds_of(place, own)
+        with_bars = place < outcome.request.runs.with_error_bars
+        wide = scene_of(*arguments, wide=True) if with_bars else None
+        runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
+    return runs
 
-    def _emulator(self, runs: Sequence[LoadCoefficients]) -> Emulator:
-        free = {grain.number: grain for grain in self.outcome.free}
-        median = self.outcome.surface.median
-        features = [features_of(free[run.number], median, run.reynolds) for run in runs]
-        return Emulator.of(np.array(features), np.array([run.values for run in runs]))
 
-    def _with_thresholds(
-        self, outcome: SurveyOutcome, runs: list[LoadCoefficients], failed: int
-    ) -> SurveyOutcome:
-        flow, grains, median = outcome.request.flow, outcome.free, outcome.surface.median
-        self.voice.begin("thresholds")
-        emulator = self._emulator(runs)
-        critical = thresholds(grains, median, flow, runs, emulator, outcome.request.runs.seed)
-        features, computed = self._features.copy(), {run.number for run in runs}
-        features[:, -1] = np.log10(runs[0].reynolds)
-        unknown = [place for place, grain in enumerate(grains) if grain.number not in computed]
-        to_halve = runs_to_halve(emulator, features, unknown)
-        record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve)
-        return replace(outcome, thresholds=critical, emulator=record)
+def _emulator(outcome: SurveyOutcome, runs: Sequence[LoadCoefficients]) -> Emulator:
+    free, median = {grain.number: grain for grain in outcome.free}, outcome.surface.median
+    features = [features_of(free[run.number], median, run.reynolds) for run in runs]
+    return Emulator.of(np.array(features), np.array([run.values for run in runs]))
 
 
 def _statuses(runs: Sequence[FullRun], table: Rows) -> list[str]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..files import plain
 from ..input_files import read_table, read_text
 from ..scene import Scene
@@ -89,14 +89,20 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
         ends, count = (float(first), float(last)), int(number)
     except ValueError:
         raise SceneError(f"--over {option}: is not a range of numbers; {_REMEDY}") from None
-    if not np.isfinite(ends).all():
-        raise SceneError(
-            f"--over {option}: {first} to {last} are not finite numbers; give finite ones"
-        )
-    if not 1 <= count <= _MOST:
-        raise SceneError(f"--over {option}: gives {number} values; give a number from 1 to {_MOST}")
-    if kind == "log" and min(ends) <= 0.0:
-        raise SceneError(f"--over {option}: a logarithmic range needs ends above zero; use lin")
+    refuse_broken(
+        (
+            not np.isfinite(ends).all(),
+            f"--over {option}: {first} to {last} are not finite numbers; give finite ones",
+        ),
+        (
+            not 1 <= count <= _MOST,
+            f"--over {option}: gives {number} values; give a number from 1 to {_MOST}",
+        ),
+        (
+            kind == "log" and min(ends) <= 0.0,
+            f"--over {option}: a logarithmic range needs ends above zero; use lin",
+        ),
+    )
     between = np.geomspace(*ends, count) if kind == "log" else np.linspace(*ends, count)
     return [rounded(value) for value in between]
 

@@ -20,7 +20,7 @@ from ..errors import (
     Interrupted,
     MissingError,
     OutputError,
-    SceneError,
+    refuse_broken,
     shortened,
 )
 from ..installed import memory_of_libraries
@@ -54,24 +54,39 @@ class Means:
     limit: float = LIMIT
 
     def __post_init__(self) -> None:
-        if getattr(multiprocessing.current_process(), "_inheriting", False):
-            remedy = 'put the calls of the script below `if __name__ == "__main__":`'
-            raise SceneError(f"incipient.sweep.run: worker processes import the script; {remedy}")
-        if ranks_there_are().size > 1:
-            remedy = "start it without mpirun, with --jobs, or with --scheduler on a cluster"
-            raise SceneError(f"a sweep computes each case on one rank; {remedy}")
-        numbers = {"jobs": self.jobs, "memory": self.memory_mib, "tries": self.tries}
-        for name, value in numbers.items():
-            if value is not None and not value > 0:
-                raise SceneError(f"--{name} {value}: is not above zero; give a positive number")
-        least = memory_of_libraries()
-        if self.memory_mib is not None and self.memory_mib < least:
-            why = f"the libraries of a worker process take {least:.0f} MiB"
-            raise SceneError(f"--memory {self.memory_mib:g}: {why}; give more")
-        if self.scheduler is not None and (self.jobs or self.memory_mib):
-            name, option = ("jobs", "--nworkers") if self.jobs else ("memory", "--memory-limit")
-            remedy = f"give {option} to its `dask worker` instead"
-            raise SceneError(f"--{name}: the workers of --scheduler are started by you; {remedy}")
+        least, numbers = memory_of_libraries(), (self.jobs, self.memory_mib, self.tries)
+        is_elsewhere, remedy = self.scheduler is not None, "are started by you; give"
+        refuse_broken(
+            (
+                getattr(multiprocessing.current_process(), "_inheriting", False),
+                "incipient.sweep.run: worker processes import the script; "
+                'put the calls of the script below `if __name__ == "__main__":`',
+            ),
+            (
+                ranks_there_are().size > 1,
+                "a sweep computes each case on one rank; "
+                "start it without mpirun, with --jobs, or with --scheduler on a cluster",
+            ),
+            *(
+                (
+                    value is not None and not value > 0,
+                    f"--{name} {value}: is not above zero; give a positive number",
+                )
+                for name, value in zip(("jobs", "memory", "tries"), numbers, strict=True)
+            ),
+            (
+                self.memory_mib is not None and self.memory_mib < least,
+                f"--memory {self.memory_mib}: the libraries of a worker process take {least:.0f} MiB; give more",
+            ),
+            (
+                is_elsewhere and self.jobs,
+                f"--jobs: the workers of --scheduler {remedy} --nworkers to its `dask worker` instead",
+            ),
+            (
+                is_elsewhere and self.memory_mib,
+                f"--memory: the workers of --scheduler {remedy} --memory-limit to its `dask worker` instead",
+            ),
+        )
 
 
 @dataclass

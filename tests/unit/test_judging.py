@@ -27,8 +27,7 @@ from incipient.judging.batch import Verdicts, judge_table
 from incipient.judging.case import Case, load_case
 from incipient.judging.forces import ForcesInTime, JudgedForces, judge_forces, read_forces
 from incipient.judging.in_place import grain_in_place
-from incipient.judging.motion import MotionInTime, mean_in_time
-from incipient.judging.series import judge_series, read_series
+from incipient.judging.series import MotionInTime, judge_series, mean_in_time, read_series
 from incipient.judging.table import read_table
 from incipient.progress import Silent
 from incipient.scene import loads

@@ -18,7 +18,7 @@ from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.orientations import Poses, _settings, random_orientation, survey_poses
+from incipient.survey.orientations import _settings, random_orientation, survey_poses
 from incipient.survey.outcome import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import survey
@@ -402,10 +402,10 @@ def test_all_rotations_are_equally_likely() -> None:
 
 
 def test_the_first_pose_is_the_scenes_own() -> None:
-    found = _settings(Poses(3, 2), (10.0, 20.0, 30.0))
+    found = _settings(3, 2, (10.0, 20.0, 30.0))
     assert len(found) == 6 and len(set(found)) == 6
     assert found[0] == ("body.orientation=[10, 20, 30]", "bed.seed=0")
-    assert _settings(Poses(3, 1), (0.0, 0.0, 0.0))[0] == ("body.orientation=[0, 0, 0]",)
+    assert _settings(3, 1, (0.0, 0.0, 0.0))[0] == ("body.orientation=[0, 0, 0]",)
     assert found[:3] != found[3:] and [one[0] for one in found[:3]] == [one[0] for one in found[3:]]
 
 
@@ -418,7 +418,7 @@ def test_what_is_refused(tmp_path: Path) -> None:
         (ordered, "--seeds: "),
     ):
         with pytest.raises(SceneError) as caught:
-            survey_poses(path, (), Poses(2, 2), tmp_path / "out", MPI.COMM_WORLD)
+            survey_poses(path, (), 2, 2, tmp_path / "out", MPI.COMM_WORLD)
         assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -443,7 +443,7 @@ def test_poses_of_an_earlier_call_in_the_same_place_are_not_counted(
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "runs.sqlite").touch()
     four, two = (
-        survey_poses(boxes, (), Poses(count), tmp_path / "out", MPI.COMM_WORLD) for count in (4, 2)
+        survey_poses(boxes, (), count, 1, tmp_path / "out", MPI.COMM_WORLD) for count in (4, 2)
     )
     assert four.shields == pytest.approx((0.01, 0.02, 0.03, 0.04))
     assert (two.poses, two.shields) == (2, pytest.approx((0.01, 0.02)))
