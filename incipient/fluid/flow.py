@@ -23,7 +23,6 @@ from ..parallel import Holder
 from . import newton
 from .conditions import Condition
 from .constraints import Constraints
-from .friction import WallLoad
 from .model import FlowModel
 from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
 from .solvers.two_level import PressureForce
@@ -35,7 +34,6 @@ from .space import (
     set_geometry_function,
     taylor_hood,
 )
-from .surface import SurfaceLoad
 
 LOWEST_ORDER = 2  # of the velocity
 # Newton updates of a time step after which an LU factorisation is renewed.
@@ -106,9 +104,13 @@ class Fluid(Holder):
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = None
         if self.constraints.surface is not None:
+            from .surface import SurfaceLoad
+
             self.surface = SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
         self.walls: Any = None
         if walls := self.constraints.friction:
+            from .friction import WallLoad
+
             viscosities = 1 / self._reynolds, self.viscosity
             self.walls = WallLoad(self.domain, self.space, walls, viscosities, model.shear_velocity)
         owned = self.space.mixed.dofmap.index_map.size_local
@@ -526,8 +528,9 @@ class Fluid(Holder):
         return self._along(tested, ufl.TestFunction(self.space.mixed))
 
     @property
-    def _tests(self) -> Any:
-        return ufl.TestFunctions(self.space.mixed)
+    def _tests(self) -> tuple[Any, Any]:
+        w, q = ufl.TestFunctions(self.space.mixed)
+        return w, q
 
     def _along(self, form: Any, change: Any = None) -> Any:
         direction = self._direction if change is None else change

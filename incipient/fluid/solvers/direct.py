@@ -56,7 +56,7 @@ class Direct(LinearSolver):
         self._make(*ATTEMPTS[0])
 
     def _make(self, workspace: int, scaling: int) -> None:
-        self._options = dict(LU)
+        self._options: dict[str, Any] = dict(LU)
         if PETSc.Sys.hasExternalPackage("mumps"):
             numbers = {"mat_mumps_icntl_14": workspace, "mat_mumps_icntl_8": scaling}
             self._options |= {"pc_factor_mat_solver_type": "mumps"} | numbers
