@@ -104,12 +104,12 @@ stress: setup ## hard cases: results/stress.md and the map of what can be solved
 	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress.py
 
 surface: setup ## free surfaces against exact solutions, and the demos: the numbers of docs/explanation/surface.md
-	$(PYTHON) -m pytest tests/convergence/test_waves.py tests/convergence/test_nonlinear_waves.py tests/stability/test_surface.py tests/end_to_end/test_free_surface.py -m "slow or not slow"
+	$(PYTHON) -m pytest tests/convergence/test_waves.py tests/stability/test_surface.py tests/end_to_end/test_free_surface.py -m "slow or not slow"
 	for demo in standing_wave sloshing grain_under_waves floating_body; do .venv/bin/python demos/$$demo.py; done
 	.venv/bin/incipient run demos/scenes/sphere_under_waves.toml --out results/sphere_under_waves
 
 channels: setup ## channels with a free surface: the numbers of docs/explanation/surface.md
-	$(PYTHON) -m pytest tests/convergence/test_channels.py tests/convergence/test_channels_in_space.py tests/end_to_end/test_open_channels.py -m "slow or not slow"
+	$(PYTHON) -m pytest tests/convergence/test_channels.py tests/end_to_end/test_open_channels.py -m "slow or not slow"
 	.venv/bin/python demos/grain_in_channel.py
 
 clean: ## remove caches, build leftovers and the demo's results, not .venv

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 Estimate = Callable[[Loads, Solve], Term]
 
 # Error over estimate outside the asymptotic range, the largest measured (docs/contribute/defaults.md): cells in 3-D,
-# steps of waves and levels of flows (tests/convergence/test_errors_of_waves.py).
+# steps of waves and levels of flows (tests/convergence/test_waves.py).
 SAFETY = 1.6
 # Orders in the cell size: of upwinded turbulence, and of laminar flow with corners. The difference between two coarser
 # meshes is assumed to fall at most at second order, and not at all if loads scatter from mesh to mesh.

@@ -38,7 +38,7 @@ THICKEST = 2.5
 ON_ROUGH = 0.5
 WALL_GROWTH, GROWTH, MOST_LAYERS = 0.25, {2: 1.35, 3: 2.0}, 80
 # Cells along walls with such layers: over the depth, a grain's size, and the length over which a bed would rise by its
-# relief at its steepest slope (tests/end_to_end/test_resolved_along_walls.py).
+# relief at its steepest slope (tests/end_to_end/test_resolved_channels.py).
 ALONG, NEAR_GRAIN, ALONG_RISE, RISE_SAMPLES, GROWTH_ALONG = 0.1, 0.1, 0.1, 4001, 0.3
 AWAY_GROWTH, CORNER_CELL = (
     0.05,

@@ -16,7 +16,7 @@ from .trajectory import place_words
 # Change of the shear stress along an edge of a cell at a resolved smooth wall, over the stress, beyond which it is
 # too long; and the fraction of the stress's whole change that may lie along such edges. Behind the crest of a bump the
 # stress was 40% off with a fraction of 0.36 and 12% with 0.16, compared with cells of a quarter the length
-# (tests/end_to_end/test_resolved_along_walls.py).
+# (tests/end_to_end/test_resolved_channels.py).
 LARGEST_CHANGE, MOST_COARSE = 0.25, 0.25
 # Known errors of models in reverse flow, as `benchmarks/turbulent_step.py` measures.
 OF_MODEL = {"k-epsilon": " (behind steps the model reattaches 15% too soon)"}

@@ -1,4 +1,4 @@
-"""What the tests of whole runs share: scenes, options, processes of their own, and what they leave."""
+"""Scenes, options and processes of the tests of whole runs, and what pictures must be."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from PIL import Image
+
+# What the tests of whole runs share: scenes, options, processes of their own, and what they leave.
+
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 GRAIN_ON_BED, CAVITY, CYLINDER = (
@@ -48,3 +54,27 @@ def result_of(directory: Path) -> dict[str, Any]:
 def has_control_characters(text: str) -> bool:
     """Whether a text moves a terminal's cursor or changes its colours."""
     return re.search(r"[\x00-\x08\x0b-\x1f\x7f]", text) is not None
+
+
+# What every picture must be: large enough, neither blank nor full, in colour.
+
+
+def assert_is_a_picture(path, margin=True):
+    pixels = np.asarray(Image.open(path).convert("RGB"))
+    height, width, _ = pixels.shape
+    assert width > 1000 and height > 600
+    if margin:
+        assert (pixels[:5] == 255).all() and (pixels[:, :3] == 255).all(), "a white margin"
+    assert 0.02 < np.mean((pixels != 255).any(axis=2)) < (0.98 if margin else 1.0)
+    assert len(np.unique(pixels @ np.array([65536, 256, 1]))) > 50  # colours
+    assert path.stat().st_size > 20_000
+
+
+def texts_of(figure):
+    """Everything written on a figure, its legends and first axes included, titles excepted."""
+    written = [
+        *figure.texts,
+        *figure.axes[0].texts,
+        *(t for key in figure.legends for t in key.texts),
+    ]
+    return [text.get_text() for text in written]

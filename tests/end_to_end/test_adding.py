@@ -1,32 +1,55 @@
-"""A grain, a bed, base flows with a key, and a law of contact, added as docs/contribute/adding.md says, and then run.
-
-The grain is a stadium, a square with a half-disc on two sides; the bed is a sawtooth; the flows are one driven by wind
-and one that a pressure gradient sets off; the law is friction that differs with its direction. Numbers are exact
-lengths and areas, the equilibrium of a grain on two slopes, exact solutions of the Navier-Stokes equations, and
-Coulomb's law.
-"""
+"""Additions to the program, made as docs/contribute/adding.md says."""
 
 from __future__ import annotations
 
+import csv
+import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from pydantic import Field
 from scipy.special import erfc
 
 import incipient
-from incipient import geometry
+from incipient import compat, geometry
 from incipient.arrays import Floats, planar_cross
 from incipient.contact.friction import FrictionCone
+from incipient.effects import known
+from incipient.effects.effect import Effect, Solved
+from incipient.effects.flow import FlowEffect, UnsteadinessEffect
 from incipient.errors import SceneError
+from incipient.fluid import FlowModel
 from incipient.geometry.plane.curves import Curve
-from incipient.scene import Contact, Scene, dumps, loads, register
+from incipient.planning import doubts, effects
+from incipient.planning.effects import Decision
+from incipient.planning.plan import Plan
+from incipient.reporting import part
+from incipient.reporting.page import Bounded, cell
+from incipient.results.left_out import Omission
+from incipient.results.quantity import OutputQuantity
+from incipient.scene import (
+    Contact,
+    Disc,
+    Domain,
+    Fluid,
+    Numerics,
+    Output,
+    Poiseuille,
+    Scene,
+    Time,
+    dumps,
+    loads,
+    register,
+)
 from incipient.scene.file import schema
 from incipient.scene.flows import Profile
 from incipient.scene.section import NotNegative, Positive, Rule, key
@@ -35,6 +58,15 @@ from incipient.setup import base_flow
 from incipient.setup.base_flow import BaseFlow
 from incipient.setup.setup import Setup
 from incipient.simulation.simulate import solved
+from incipient.sweep.worker import quantities
+
+# A grain, a bed, base flows with a key, and a law of contact, added as docs/contribute/adding.md says, and then run.
+#
+# The grain is a stadium, a square with a half-disc on two sides; the bed is a sawtooth; the flows are one driven by
+# wind and one that a pressure gradient sets off; the law is friction that differs with its direction. Numbers are
+# exact lengths and areas, the equilibrium of a grain on two slopes, exact solutions of the Navier-Stokes equations,
+# and Coulomb's law.
+
 
 # -- the grain: its geometry, and its section -------------------------------------------------------
 
@@ -389,3 +421,154 @@ def test_a_law_of_contact_is_what_the_criterion_applies(along: float, against: f
     slides = along * weight / (drag + along * lift)
     assert result.verdict["safety_factor"] == pytest.approx(slides, rel=1e-9)
     assert result.verdict["mode"] == "rest" and slides > 1.0
+
+
+# An effect added as docs/contribute/adding.md says: a decision in the table, and what it adds to a run.
+#
+# The effect is a force per unit mass f along x, as gravity has in an inclined channel that is not resolved
+# otherwise. With velocities given all around but at the outflow it only adds f (x - x_outflow) to the pressure: the
+# velocity stays, and the load on a grain of area A changes by -f A along x (Archimedes' law for f), exactly.
+
+
+FORCE = 0.3
+SCENE = Scene(
+    domain=Domain(length=6, height=3),
+    fluid=Fluid(reynolds=0.001, scale="grain"),
+    flow=Poiseuille(),
+    body=Disc(diameter=1, centre=(2, 1.2)),
+    numerics=Numerics(mesh_size=3, error_bars=False),
+    output=Output(fields=False),
+)
+
+
+NAME: Any = "driving force"
+
+
+def decision(setup: Setup) -> Decision:
+    """Present where the title says so."""
+    there = "driven" in setup.scene.title
+    return Decision(NAME, there, f"f = {FORCE:g}" if there else "the title does not ask for it")
+
+
+def doubt(setup: Setup) -> Iterator[str]:
+    """A warning that a reader can look for."""
+    if "driven" in setup.scene.title:
+        yield "the driving force is the same everywhere"
+
+
+class DrivingForce(Effect):
+    """A uniform force along x, where the scene's title asks for it."""
+
+    name = NAME
+
+    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
+        """The force in the equation of momentum."""
+        return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """What it would change: known."""
+        yield Omission(self.name, 0.5, "by Archimedes' law", False, "name the scene so")
+
+
+@pytest.fixture
+def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(effects, "TABLE", (*effects.TABLE, decision))
+    monkeypatch.setattr(doubts, "DOUBTS", (*doubts.DOUBTS, doubt))
+    monkeypatch.setattr(known, "EFFECTS", (*known.EFFECTS, DrivingForce()))
+
+
+@pytest.mark.usefixtures("added_effect")
+def test_an_effect_in_the_list_is_planned_computed_and_reported() -> None:
+    without = incipient.run(SCENE)
+    driven = incipient.run(SCENE.model_copy(update={"title": "A disc in a driven channel"}))
+    assert without.force is not None and driven.force is not None
+    change = driven.force.flow - without.force.flow
+    assert change[0] == pytest.approx(
+        -FORCE * SCENE.grain.volume, rel=2e-3
+    )  # of the polygon that cells make of it
+    assert change[1] == pytest.approx(0.0, abs=1e-6 * FORCE)
+    assert "yes  driving force: f = 0.3" in driven.plan.text()
+    assert "warning: the driving force is the same everywhere" in driven.plan.text()
+    assert [one.name for one in without.omitted if one.exceeds] == ["driving force"]
+    assert not [one for one in driven.omitted if one.name == "driving force"]
+
+
+def test_without_the_entry_there_is_none() -> None:
+    assert "driving force" not in incipient.make_plan(SCENE).text()
+
+
+# An output quantity added as docs/contribute/adding.md says: one entry, which history, result, text and table have.
+#
+# The quantity is the flux of volume along the channel, the integral of v . grad x over the fluid. By the divergence
+# theorem that is the discharge times the length, whatever stands in the channel: V H L with the mean velocity V.
+
+
+LENGTH, HEIGHT, SHARE = 6.0, 3.0, 0.01
+SCENE_QUANTITY = Scene(
+    domain=Domain(length=LENGTH, height=HEIGHT),
+    fluid=Fluid(reynolds=1.0, scale="grain"),
+    flow=Poiseuille(),
+    body=Disc(diameter=1, centre=(2, 1.2)),
+    time=Time(end=0.2, step=0.1, start="stokes"),
+    numerics=Numerics(mesh_size=3, error_bars=False),
+    output=Output(fields=False),
+)
+
+
+def _flux(run: Any) -> float:
+    velocity, comm = run.fluid.velocity, run.comm
+    return float(comm.allreduce(fem.assemble_scalar(compat.form(velocity[0] * ufl.dx))))
+
+
+def _within_a_share(stored: Any) -> tuple[float, float]:
+    return (1.0 - SHARE) * stored["flux"], (1.0 + SHARE) * stored["flux"]
+
+
+FLUX = OutputQuantity(
+    "flux",
+    "flux of volume",
+    unit="velocity area length",
+    column="flux",
+    ends=_within_a_share,
+    heading="other numbers",
+    measure=_flux,
+    at_steps=True,
+    line="flux of volume",
+)
+
+
+@pytest.fixture
+def added_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FlowEffect, "quantities", (*FlowEffect.quantities, FLUX))
+
+
+@pytest.mark.usefixtures("added_quantity")
+def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> None:
+    result = incipient.run(SCENE_QUANTITY, tmp_path)
+    flux = Setup(SCENE_QUANTITY).base_flow.mean_speed * HEIGHT * LENGTH
+    stored = json.loads((tmp_path / "result.json").read_text())
+    assert stored["flux"] == pytest.approx(
+        flux, rel=1e-3
+    )  # by the velocities at the nodes of the inflow
+    with (tmp_path / "history.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) > 1 and float(rows[-1]["flux"]) == stored["flux"]
+    assert f"flux of volume [velocity area length] {stored['flux']:.6g}" in result.text()
+    assert "pressure part" in result.text(details=True) and "pressure part" not in result.text()
+    row = quantities("run", stored)
+    ends = pytest.approx((0.99 * flux, 1.01 * flux), rel=1e-3)
+    assert row["flux"] == stored["flux"] and (row["flux_low"], row["flux_high"]) == ends
+    page, _ = part(tmp_path / "result.json")
+    shown = cell(Bounded(row["flux"], row["flux_low"], row["flux_high"]))
+    assert f'<tr><th scope="row">{FLUX.label}</th><td class="number">{shown}</td></tr>' in page
+
+
+def test_of_an_absent_effect_it_is_null_and_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(UnsteadinessEffect, "quantities", (FLUX,))
+    steady = incipient.run(SCENE_QUANTITY.model_copy(update={"time": None}))
+    assert steady.to_dict()["flux"] is None
+    assert FLUX.words not in steady.text()
+
+
+def test_without_the_entry_there_is_none_quantity() -> None:
+    assert "flux" not in quantities("run", {"verdict": None, "flux": 1.0})

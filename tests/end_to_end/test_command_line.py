@@ -1,4 +1,6 @@
-"""The command as a user meets it: what it says, where it puts things, and how it refuses bad input."""
+"""The command line, and what scenes in other units and of other shapes give."""
+
+from __future__ import annotations
 
 import json
 import os
@@ -8,20 +10,34 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
 import pytest
 from environment import environment
+from mpi4py import MPI
+from numpy.typing import NDArray
 from processes import (
     CAVITY,
     CYLINDER,
     GRAIN_ON_BED,
+    assert_is_a_picture,
     has_control_characters,
     result_of,
     settings,
 )
+from scenes import message
 
+import incipient
 from incipient.cli import main
+from incipient.errors import ConvergenceError
 from incipient.files import MARK
-from incipient.scene.file import load
+from incipient.mesh.sampling import sample
+from incipient.results.result import Result
+from incipient.scene import Scene, example
+from incipient.scene.file import load, loads
+from incipient.thresholds.critical import find_threshold
+
+# The command as a user meets it: what it says, where it puts things, and how it refuses bad input.
+
 
 BLOCK_ON_INCLINE = CAVITY.parents[1] / "cases" / "block_on_incline.toml"
 ACCURATE = settings(numerics_accuracy=0.01)
@@ -490,3 +506,264 @@ def test_a_run_imports_only_what_it_needs(tmp_path):
     asked = [sys.executable, "-c", code, "run", str(CYLINDER), *coarse]
     done = subprocess.run(asked, capture_output=True, text=True, check=True)
     assert done.stdout.strip().splitlines()[-1] == "[]"
+
+
+# What a newcomer reads first about a grain that does not rest where it was put down.
+
+
+SCENE = Path(__file__).parents[2] / "demos" / "scenes" / "grain_on_bed.toml"
+TILTED = 'body={shape = "ellipse", semi_axes = [0.6, 0.4], angle = 30.0, x = 4.0, density = 2.65}'
+
+
+@pytest.fixture(scope="module")
+def tilted() -> Scene:
+    small = [
+        "domain.length=8.0",
+        "domain.height=4.0",
+        "numerics.mesh_size=5.0",
+        "numerics.error_bars=false",
+    ]
+    return incipient.load(SCENE, [TILTED, *small])
+
+
+def test_a_grain_that_its_weight_moves_is_told_to_settle(tilted: Scene) -> None:
+    assert (
+        "\n                    with body.settle = true it first rolls"
+        in incipient.run(tilted).text()
+    )
+
+
+def test_a_threshold_of_such_a_grain_names_it_as_well(tilted: Scene) -> None:
+    assert (
+        "without any flow; with body.settle = true it first"
+        in find_threshold(tilted, MPI.COMM_WORLD).text()
+    )
+
+
+# One scene in other units and far from the origin: the same mesh, the same loads.
+
+
+def scene(
+    unit: float = 1.0, left: float = 0.0, low: float = 0.0, body: str = "angle = 0.0"
+) -> Scene:
+    """An ellipse on a wavy bed; `unit` is the length that one was, `left` and `low` where the domain's corner is."""
+    u = unit
+    return loads(
+        f"""
+        domain = {{length = {8 * u!r}, height = {4 * u!r}, origin = [{left * u!r}, {low * u!r}]}}
+        fluid = {{reynolds = 20.0, scale = "grain"}}
+        flow = {{kind = "shear"}}
+        bed = {{kind = "sinusoidal", amplitude = {0.05 * u!r}, wavelength = {2 * u!r}, phase = 40.0}}
+        gravity = {{acceleration = {u!r}}}
+        contact = {{friction = 0.5}}
+        numerics = {{error_bars = false, mesh_size = 4.0}}
+        [body]
+        shape = "ellipse"
+        semi_axes = [{0.6 * u!r}, {0.4 * u!r}]
+        x = {(left + 3.3) * u!r}
+        density = 2.65
+        {body}
+        """
+    )
+
+
+def loads_of(found: Result, unit: float) -> NDArray[np.float64]:
+    """Force and couple over V^2 L and V^2 L^2, V and L being the unit."""
+    assert found.force is not None and found.torque is not None
+    return np.array([*found.force.flow[:2] / unit**3, found.torque.flow[2] / unit**4])
+
+
+@pytest.fixture(scope="module")
+def usual() -> NDArray[np.float64]:
+    return loads_of(incipient.run(scene()), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "left", "low", "error"),
+    [(1e-6, 0, 0, 1e-9), (7e5, 0, 0, 1e-9), (1.0, 4.0, -2.0, 1e-10), (1.0, 4e5, 5.4e6, 1e-6)],
+)
+def test_neither_unit_nor_place_changes_the_loads(
+    usual: NDArray[np.float64], unit: float, left: float, low: float, error: float
+) -> None:
+    found = loads_of(incipient.run(scene(unit, left, low)), unit)
+    assert found == pytest.approx(usual, rel=error)
+
+
+def test_a_grain_settles_far_from_the_origin_as_it_does_there() -> None:
+    near, far = (
+        scene(1.0, left, low, "angle = 50.0\nsettle = true")
+        for left, low in ((0.0, 0.0), (4e5, 5.4e6))
+    )
+    assert near.placement is not None and far.placement is not None
+    shift = np.subtract(far.placement.centre, near.placement.centre)
+    assert shift == pytest.approx([4e5, 5.4e6], abs=2e-9)
+    assert far.placement.angle == pytest.approx(near.placement.angle, abs=1e-9)
+
+
+@pytest.mark.parametrize(("left", "low"), [(1e12, 0.0), (0.0, -1e15)])
+def test_a_place_where_numbers_are_too_far_apart_is_refused(left: float, low: float) -> None:
+    with pytest.raises(
+        incipient.SceneError, match=r"domain.origin: is so large that numbers .*; move the scene"
+    ):
+        scene(1.0, left, low)
+
+
+# Scenes in metres for grains of microns: the same coefficients as in units of the grain, or one line.
+
+
+SCENE_SMALL = """
+[domain]
+length = 24e{power}
+height = 20e{power}
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "shear"
+[body]
+shape = "disc"
+diameter = 1e{power}
+x = 16e{power}
+density = 2.65
+[bed]
+kind = "flat"
+[gravity]
+acceleration = 10e{power}
+[contact]
+friction = 0.5
+[numerics]
+mesh_size = 4.0
+error_bars = false
+[output]
+fields = false
+"""
+
+
+def scene_small(power: int) -> Scene:
+    """A disc whose diameter is a power of ten."""
+    return loads(SCENE_SMALL.format(power=power))
+
+
+@pytest.mark.parametrize("power", [-6, pytest.param(-7, marks=pytest.mark.slow)])
+def test_lengths_in_metres_give_what_those_in_microns_do(power: int) -> None:
+    """Viscosity is 5e-14 there beside gradients of 1e-6: by its own choice of scales MUMPS finds no pivots."""
+    there, here = (
+        incipient.run(scene_small(power)).to_dict(),
+        incipient.run(scene_small(0)).to_dict(),
+    )
+    for name in ("drag", "lift", "moment"):
+        assert there["coefficients"][name] == pytest.approx(here["coefficients"][name], rel=1e-6)
+    assert there["verdict"]["mode"] == here["verdict"]["mode"]
+
+
+def test_numbers_too_far_apart_are_refused_as_such() -> None:
+    with pytest.raises(
+        ConvergenceError, match=r"numbers differ by a factor of .*: choose units in"
+    ):
+        incipient.run(scene_small(-9))
+
+
+# Scenes with grains of unusual shapes that settle: from the scene file to the verdict and its pictures.
+
+
+SCENE_SHAPED = """\
+[domain]
+length = 6
+height = 3
+[fluid]
+reynolds = 1
+scale = "grain"
+inertia = false
+[flow]
+kind = "shear"
+[body]
+{body}
+x = 2.4
+angle = 20
+density = 2.65
+settle = true
+[bed]
+{bed}
+[gravity]
+acceleration = 10
+[contact]
+friction = 0.5
+[numerics]
+mesh_size = 2
+error_bars = false
+[output]
+pictures = true
+"""
+STAR = 'shape = "star"\nradius = 0.5\ncosines = [0, 0.2]\nsines = [0, 0, 0.1]'
+DISCS = 'shape = "discs"\ndiscs = [[0, 0, 0.4], [0.5, 0.1, 0.3], [0.1, 0.5, 0.25]]'
+HALF_DISCS = 'kind = "half-discs"\nradius = 0.4\nspacing = 0.9'
+SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("body", "bed"),
+    [
+        pytest.param(STAR, HALF_DISCS, id="star", marks=pytest.mark.slow),
+        pytest.param(DISCS, SINUSOIDAL, id="discs"),
+    ],
+)
+def test_a_settled_grain_is_judged_and_drawn(tmp_path, body, bed):
+    (tmp_path / "case.toml").write_text(SCENE_SHAPED.format(body=body, bed=bed))
+    assert main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
+    result = result_of(tmp_path / "out")
+    # It rests: two contacts, on either side of its centre, that hold it without the flow.
+    left, right = sorted(contact["point"][0] for contact in result["contacts"])
+    assert left < result["grain"]["centre"][0] < right
+    assert result["verdict"]["safety_factor"] > 0
+    assert result["force"]["flow"][0] > 0
+    for name in ("flow", "verdict", "mesh"):
+        assert_is_a_picture(tmp_path / "out" / f"{name}.png", margin=False)
+
+
+# What a result gives to a program: the flow at points, the traction as arrays, one line for a reader.
+
+
+COARSE_IN_PYTHON = ("numerics.mesh_size=4", "numerics.error_bars=false", "output.fields=false")
+
+
+@pytest.fixture(scope="module")
+def found() -> Result:
+    return incipient.run(loads(example(), overrides=COARSE_IN_PYTHON), comm=MPI.COMM_SELF)
+
+
+def test_the_flow_at_points_and_none_outside(found: Result) -> None:
+    """Far above the grain the flow is the given shear, v = (y, 0) above the bed's crest at y = 0."""
+    centre = found.grain["centre"][:2]
+    far, within, below = [1.0, 10.0], centre, [5.0, -1.0]
+    above, *none = found.at([far, within, below])
+    assert none == [None, None]
+    assert above.velocity == pytest.approx([10.0, 0.0], abs=0.05)
+    assert above.velocity == pytest.approx(sample(found.velocity, np.array([far]))[0])
+    (single,) = found.at(far)
+    assert single.pressure == above.pressure
+    assert "give an array (n, 2)" in message(lambda: found.at([1.0, 2.0, 3.0]))
+
+
+def test_tractions_add_up_to_the_force(found: Result) -> None:
+    """The integral over the disc by the trapezoidal rule in the angle; the force is that of the residual."""
+    points, vectors = found.traction.points, found.traction.vectors
+    arms = points - found.grain["computed_centre"][:2]
+    angles = np.arctan2(*arms.T[::-1])
+    order = np.argsort(angles)
+    radius, wide = (
+        np.linalg.norm(arms, axis=1).mean(),
+        np.append(angles[order], angles[order][0] + 2.0 * np.pi),
+    )
+    mean = 0.5 * (vectors[order] + np.roll(vectors[order], -1, axis=0))
+    force = radius * (np.diff(wide)[:, None] * mean).sum(axis=0)
+    assert np.linalg.norm(arms, axis=1) == pytest.approx(radius, rel=1e-3)
+    assert force == pytest.approx(found.force.flow[:2], abs=0.05 * np.linalg.norm(found.force.flow))
+
+
+def test_a_result_is_one_short_line(found: Result) -> None:
+    line = repr(found)
+    assert "\n" not in line and len(line) < 300
+    assert (
+        line.startswith("<Result: ") and found.verdict["mode"] in line and "safety factor" in line
+    )

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from test_added_mass import of_disc, of_sphere
+from test_moving_grain import of_disc, of_sphere
 from test_released import POCKET
 
 import incipient

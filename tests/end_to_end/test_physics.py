@@ -1,8 +1,10 @@
-"""Whole runs against exact solutions, symmetries and published numbers."""
+"""Runs against exact solutions, symmetries and published numbers."""
 
 import csv
+import json
 import math
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from processes import (
     result_of,
     settings,
 )
+from scenes import message
 
 import incipient
 from incipient.cli import main
@@ -24,6 +27,7 @@ from incipient.scene import (
     Disc,
     Domain,
     Ellipse,
+    ExpressionFlow,
     Flat,
     Fluid,
     Gravity,
@@ -31,14 +35,21 @@ from incipient.scene import (
     LogLaw,
     Numerics,
     OpenChannel,
+    Output,
     Poiseuille,
+    Polyline,
     Rectangle,
     Scene,
     Shear,
     Still,
+    Time,
     Uniform,
 )
+from incipient.scene.flows import Flow
 from incipient.setup.setup import Setup
+
+# Whole runs against exact solutions, symmetries and published numbers.
+
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 
@@ -380,3 +391,145 @@ def test_any_number_of_ranks_gives_the_same_numbers_and_speaks_with_one_voice(
         bars.append([term["force"] for term in result["error_bars"]["terms"]])
     assert loads[1] == pytest.approx(loads[0], rel=1e-8)
     assert np.array(bars[1]) == pytest.approx(np.array(bars[0]), rel=1e-4)
+
+
+# Laminar flow along a bed: x of separation and reattachment on default cells, beside published values.
+#
+# Gartling (1990), Int. J. Numer. Methods Fluids 11, 953: expansion 2, inflow at the step, Re 800 by the mean
+# velocity of the inflow and the height H of the channel; reattachment at 6.10 H. Erturk (2008), Computers & Fluids
+# 37, 633: the same expansion and Reynolds number (by the hydraulic diameter of the inflow, which is H) with a
+# channel ahead of the step; lengths over the height of the step.
+
+
+SETTINGS = {"output": Output(fields=False)}
+INFLOW = ("24*max(y - 0.5, 0)*(1 - y)", "0")
+REATTACHES = {100: 2.922, 400: 8.237, 800: 11.834}  # Erturk 2008, table of lengths over the step
+
+
+def behind_step(reynolds: float, **sections) -> Scene:
+    """Erturk's step, of height 1, five heights behind the inflow."""
+    return Scene(
+        domain=Domain(length=35.0, height=2.0, origin=(-5.0, 0.0)),
+        fluid=Fluid(reynolds=reynolds, scale="flow"),
+        flow=Poiseuille(),
+        bed=Polyline(points=((-5.0, 1.0), (0.0, 1.0), (0.0, 0.0), (30.0, 0.0))),
+        **(SETTINGS | {"numerics": Numerics(error_bars=False)} | sections),
+    )
+
+
+@pytest.mark.slow
+def test_gartling_s_step_on_default_cells():
+    """Within 1% of 6.10 H, and the error bar holds it; without cells at the kink of the inflow it was 6.34 H."""
+    result = incipient.run(
+        Scene(
+            domain=Domain(length=20.0, height=1.0, top="wall"),
+            fluid=Fluid(reynolds=800.0, scale="flow"),
+            flow=ExpressionFlow(components=INFLOW),
+            bed=Flat(),
+            **SETTINGS,
+        )
+    )
+    ((_, reattachment),) = result.separated
+    assert reattachment == pytest.approx(6.10, rel=0.01)
+    _, error = result.error_bars.total.separated
+    assert abs(reattachment - 6.10) < error < 0.05 * 6.10
+    assert f"to {reattachment:.5g} (within" in result.text()
+    stored = result.to_dict()
+    assert stored["separated"] == [list(result.separated[0])] and stored["without_error_bars"] == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reynolds", [100, 800])
+def test_erturk_s_step_on_default_cells(reynolds):
+    """Within 1%; the flow leaves the wall at the edge of the step, whatever eddies there are in the corner below."""
+    ((separation, reattachment),) = incipient.run(behind_step(reynolds)).separated
+    assert separation == pytest.approx(0.0, abs=1e-9)
+    assert reattachment == pytest.approx(REATTACHES[reynolds], rel=0.01)
+
+
+def test_flow_that_stays_attached_has_none_and_says_so():
+    level = {"bed": Flat(), "flow": OpenChannel()}
+    domain = Domain(length=3.0, height=1.0)
+    result = incipient.run(
+        Scene(domain=domain, fluid=Fluid(reynolds=10.0, scale="flow"), **level, **SETTINGS)
+    )
+    assert result.separated == () and "none along the bed" in result.text()
+    assert result.error_bars.terms == () and "separation" in result.error_bars.left_out
+
+
+def test_laminar_flow_without_a_grain_says_why_it_has_no_error_bars():
+    in_time = behind_step(100, time=Time(end=0.1, step=0.05), numerics=Numerics(mesh_size=4))
+    result = incipient.run(in_time)
+    assert result.error_bars is None
+    assert "in steady flow only" in result.without_error_bars
+    assert result.without_error_bars in result.text()
+
+
+# Every kind of flow in the plane and in space, in a box and in a channel: it runs to its end, or is refused.
+
+
+EXTENTS = {2: {"length": 2.0, "height": 1.0}, 3: {"length": 2.0, "width": 1.0, "height": 1.0}}
+COMPONENTS = {2: ["0.1*y", "0"], 3: ["0.1*z", "0", "0"]}
+FLOWS = [kind.model_fields["kind"].default for kind in get_args(get_args(Flow)[0])]
+THROUGH = {"shear", "poiseuille", "open-channel", "uniform", "log-law", "oscillatory"}
+REFUSED = {*((kind, "box") for kind in THROUGH), ("lid", "channel")}
+# What a kind needs beyond its name.
+NEEDS = {"oscillatory": {"period": 2.0}}
+
+
+def flow_in(kind: str, domain: str, gdim: int) -> Scene:
+    """An empty domain at Re = 10 on few cells."""
+    flow = {"kind": kind} | NEEDS.get(kind, {})
+    if kind == "expression":
+        flow["components"] = COMPONENTS[gdim]
+    time = Time(end=0.5, step=0.1) if kind == "oscillatory" else None
+    return Scene(
+        domain=Domain(kind=domain, **EXTENTS[gdim]),
+        fluid=Fluid(reynolds=10.0, scale="flow"),
+        flow=flow,
+        time=time,
+        numerics=Numerics(mesh_size=4.0, order=2, error_bars=False),
+    )
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize(
+    ("kind", "domain"),
+    [(kind, d) for kind in FLOWS for d in ("box", "channel") if (kind, d) not in REFUSED],
+)
+def test_a_flow_runs_to_its_end_and_its_fields_are_whole(kind, domain, gdim, tmp_path):
+    result = incipient.run(flow_in(kind, domain, gdim), tmp_path)
+    stored = json.loads((tmp_path / "result.json").read_text())
+    assert stored["status"] == "complete"
+    assert {"fields", "fields.xdmf"} <= {file.name for file in tmp_path.iterdir()}
+    assert (stored["centrelines"] is None) == (kind != "lid")
+    speeds = np.abs(result.velocity.x.array).max()
+    assert np.isfinite(speeds)
+    assert (speeds > 0.0) == (kind != "still")
+
+
+def test_a_flow_that_reverses_enters_through_its_open_end(tmp_path):
+    """A disc in a uniform flow to and fro at Re 200, its wake carried back over it.
+
+    Returning fluid with its own momentum gained energy without limit: the force reached 1e14 at t = 3.6.
+    Morison's force is at most 3: inertia 1.97 (C_m = 2) and drag 1 (C_d = 2), were they in phase.
+    """
+    reversing = Scene(
+        domain=Domain(length=8.0, height=6.0),
+        fluid=Fluid(reynolds=200.0, scale="grain"),
+        flow={"kind": "expression", "components": ["cos(2*pi*t/5)", "0"]},
+        body=Disc(diameter=1.0, centre=(4.0, 3.0)),
+        time={"end": 5.0, "step": 0.1, "start": "steady"},
+        numerics=Numerics(mesh_size=2.0, order=2, error_bars=False),
+    )
+    incipient.run(reversing, tmp_path)
+    history = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    assert history["step"] == pytest.approx(0.1)
+    assert np.abs(history["force_x"]).max() < 3.0
+    assert history["force_x"].min() < -1.0  # the flow pushes upstream while it runs there
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize(("kind", "domain"), sorted(REFUSED))
+def test_a_flow_that_a_domain_cannot_have_is_refused(kind, domain, gdim):
+    assert message(lambda: flow_in(kind, domain, gdim)).startswith("Scene: flow.kind: ")

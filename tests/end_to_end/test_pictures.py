@@ -1,32 +1,59 @@
-"""Pictures of made-up runs: a disc in a square and a box, with flows known in closed form."""
+"""Pictures of flows, thresholds, judged cases and moving grains."""
+
+from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 import tomllib
-from itertools import pairwise
+from dataclasses import asdict
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import tomli_w
-from images import assert_is_a_picture, texts_of
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from matplotlib.text import Text
+from moving_run import PERIOD, course, write_history, write_texts
+from moving_run import SCENE as MOVING_SCENE
+from PIL import Image
+from processes import assert_is_a_picture, texts_of
+from scenes import POCKET
 
+import incipient.judging.case as cases
 from incipient.arrays import spatial
 from incipient.cli import main
-from incipient.contact import Contacts, Load
+from incipient.contact import Contacts, Load, safety_factor
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
-from incipient.files import plain
+from incipient.files import MARK, plain, write_json
+from incipient.geometry.closest import touching
 from incipient.output.series_file import SeriesFile, StoredStep
-from incipient.pictures import flow, style, surfaces, verdict
-from incipient.pictures.apart import draw_apart
+from incipient.pictures import film as films
+from incipient.pictures import flow, style, surfaces, trajectory, verdict
+from incipient.pictures.apart import animate_apart, draw_apart
 from incipient.pictures.directory_pictures import draw
+from incipient.pictures.history import read_history
+from incipient.pictures.judged import judged
+from incipient.pictures.outlines import bed_line, grain_outline, hull, round_radius, sketched
 from incipient.pictures.record import StoredRun, read
+from incipient.pictures.style import STATES
+from incipient.pictures.verdict import critical_sentence
 from incipient.results.kinds import JUDGEMENT, THRESHOLD
+from incipient.scene import load, save
 from incipient.scene.file import dumps, loads
+
+# Pictures of flows, thresholds and judged cases.
+
+
+# Pictures of made-up runs: a disc in a square and a box, with flows known in closed form.
+
 
 RADIUS, SIDE = 1.0, 8.0
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
@@ -340,3 +367,595 @@ def test_components_of_the_traction_are_those_along_normal_and_surface(grain_run
 def test_the_directory_itself_is_checked():
     with pytest.raises(OutputError, match="No such file"):
         draw(Path("no-such-run"))
+
+
+# Pictures of thresholds and of judged cases, from loads made up so that statics knows the answer.
+
+
+DEMOS = Path(__file__).parents[2] / "demos"
+FLOW_OF_CONTACTS, COUPLE_OF_CONTACTS, WEIGHT_OF_CONTACTS = (
+    np.array([1.0, 0.5, 0.0]),
+    np.array([0.0, 0.0, -0.15]),
+    np.array([0.0, -13.0, 0.0]),
+)
+MASS_AND_INERTIA = 1.0, 0.1 * np.eye(3)
+BOX = np.array([[-0.5, -0.4, 0.0], [0.5, -0.4, 0.0], [0.5, 0.4, 0.0], [-0.5, 0.4, 0.0]])
+
+
+def found(directory, overrides, flow=FLOW_OF_CONTACTS, factor=None):
+    """A threshold as the search would leave it, for a flow whose load grows in proportion."""
+    scene = load(DEMOS / "scenes" / "grain_on_bed.toml", overrides)
+    contacts = touching(scene.grain, scene.placement, scene.bed_shape, scene.contact_tolerance)
+    centre = np.array([*scene.placement.centre, 0.0])
+    safety = safety_factor(
+        Load(flow, COUPLE_OF_CONTACTS, WEIGHT_OF_CONTACTS, centre), contacts, scene.contact.friction
+    )
+    share = safety.value if np.isfinite(safety.value) and safety.value > 0.0 else 1.0
+    critical = Load(share * flow, share * COUPLE_OF_CONTACTS, WEIGHT_OF_CONTACTS, centre)
+    verdict = judge(critical, contacts, scene.contact.friction, (2.0, np.eye(3)))
+    stored = {
+        "factor": safety.value if factor is None else factor,
+        "held_to": safety.value,
+        "reason": "",
+        "errors": {"factor": 0.2, "shields": 0.001, "reynolds": 5.0, "shear_reynolds": None},
+        "shields": 0.01,
+        "reynolds": 55.0,
+        "shear_reynolds": 7.4,
+        "mode": "pivoting",
+        "verdict": verdict.to_dict(),
+        "load": asdict(critical),
+        "contacts": {
+            "points": contacts.points,
+            "normals": contacts.normals,
+            "areas": contacts.areas,
+        },
+        "trials": [{"factor": 1.0, "safety_factor": safety.value}],
+    }
+    save(scene, directory / "scene.toml")
+    write_json(directory / "threshold.json", stored)
+    return directory
+
+
+def judged_case(directory, name, *overrides, shaped=True):
+    path = DEMOS / "cases" / f"{name}.toml"
+    few = ("errors.samples=20",) if "[errors]" in path.read_text() else ()
+    said = cases.judge_case(cases.load_case(path, (*few, *overrides)))
+    if not shaped:
+        del said["case"]
+    write_json(directory / "judgement.json", said)
+    return directory
+
+
+def box_on_a_plane(pushed, inert=MASS_AND_INERTIA):
+    contacts = Contacts(BOX, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
+    acting = Load(
+        np.array(pushed), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 0.3])
+    )
+    verdict = judge(acting, contacts, 0.5, inert).to_dict()
+    return judged(plain(verdict), Path("judgement.json"))
+
+
+def stored_verdict(directory):
+    path = directory / "judgement.json"
+    return judged(json.loads(path.read_text())["verdict"], path)
+
+
+# -- thresholds --------------------------------------------------------------------------------------------
+
+
+def test_a_threshold_in_a_pocket_is_drawn(tmp_path):
+    written = draw(found(tmp_path, POCKET))
+    assert [path.name for path in written] == ["threshold.png"]
+    assert_is_a_picture(written[0])
+
+
+def test_a_contact_that_is_left_has_a_state_of_the_pictures(tmp_path):
+    """At the threshold the grain is held by one of its two contacts alone."""
+    case = judged(
+        json.loads((found(tmp_path, POCKET) / "threshold.json").read_text())["verdict"], tmp_path
+    )
+    assert case.states[0] == "UNLOADED" and set(case.states) <= STATES.keys()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "flow", "said"),
+    [
+        ([], FLOW_OF_CONTACTS, "however weak this flow is"),  # a disc on a plane rolls
+        (
+            [*POCKET, "contact.friction=5.0"],
+            FLOW_OF_CONTACTS,
+            "no strength of this flow",
+        ),  # the pocket wedges it
+    ],
+)
+def test_why_there_is_no_threshold_is_said(tmp_path, overrides, flow, said):
+    directory = found(tmp_path, overrides, flow)
+    assert_is_a_picture(*draw(directory))
+    assert said in critical_sentence(json.loads((directory / "threshold.json").read_text()))
+
+
+@pytest.mark.parametrize(
+    "missing",
+    ["factor", "errors", "shields", "reynolds", "mode", "verdict", "load", "contacts", "trials"],
+)
+def test_an_incomplete_threshold_is_named(tmp_path, missing):
+    path = found(tmp_path, POCKET) / "threshold.json"
+    stored = json.loads(path.read_text())
+    del stored[missing]
+    path.write_text(json.dumps(stored))
+    with pytest.raises(OutputError, match=rf"threshold\.json: holds no {missing}"):
+        draw(tmp_path)
+
+
+def test_a_search_that_ended_without_a_threshold_says_how_far_it_went(tmp_path):
+    path = found(tmp_path, [*POCKET, "contact.friction=5.0"]) / "threshold.json"
+    stored = json.loads(path.read_text()) | {"held_to": 12.0, "reason": "the grain is held"}
+    path.write_text(json.dumps(stored))
+    assert_is_a_picture(*draw(tmp_path))
+    assert critical_sentence(stored).startswith("No threshold up to 12 times the flow of the scene")
+
+
+def test_a_threshold_without_its_scene_is_an_error(tmp_path):
+    (found(tmp_path, POCKET) / "scene.toml").unlink()
+    with pytest.raises(OutputError, match=r"scene\.toml: cannot be read .No such file"):
+        draw(tmp_path)
+
+
+def test_a_threshold_that_makes_no_sense_is_an_error(tmp_path):
+    path = found(tmp_path, POCKET) / "threshold.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"trials": 3}))
+    with pytest.raises(OutputError, match=r"threshold\.json: cannot be drawn: TypeError"):
+        draw(tmp_path)
+
+
+# -- judged cases ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["block_on_incline", "disc_in_pocket"])
+def test_cases_in_the_plane_are_drawn(tmp_path, name):
+    written = draw(judged_case(tmp_path, name))
+    assert [path.name for path in written] == ["judgement.png"]
+    assert_is_a_picture(written[0])
+
+
+def test_a_case_that_gives_a_shape_is_drawn_with_it(tmp_path):
+    (picture,) = draw(judged_case(tmp_path, "disc_in_pocket"))
+    shaped = picture.read_bytes()
+    (picture,) = draw(judged_case(tmp_path, "disc_in_pocket", shaped=False))
+    assert_is_a_picture(picture)
+    assert picture.read_bytes() != shaped
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "flow", [pytest.param("[0.2, 0.0, 0.0]", marks=pytest.mark.slow), "[0.4, 0.1, 0.05]"]
+)  # rests, pivots
+def test_cases_in_space_are_drawn(tmp_path, flow):
+    judged_case(tmp_path, "sphere_on_three_spheres", f"load.flow_force={flow}")
+    written = draw_apart(tmp_path).paths
+    assert [path.name for path in written] == ["judgement.png"]
+    assert_is_a_picture(written[0])
+
+
+def test_an_incomplete_judgement_is_named(tmp_path):
+    path = judged_case(tmp_path, "disc_in_pocket") / "judgement.json"
+    stored = json.loads(path.read_text())
+    del stored["verdict"]["judges"]["equilibrium"]["safety"]
+    path.write_text(json.dumps(stored))
+    with pytest.raises(OutputError, match=r"judgement\.json: its verdict holds no safety"):
+        draw(tmp_path)
+    path.write_text("{}")
+    with pytest.raises(OutputError, match=r"judgement\.json: holds no verdict"):
+        draw(tmp_path)
+    path.write_text(json.dumps(stored | {"case": {"load": 3}}))
+    with pytest.raises(
+        OutputError, match=r"judgement\.json: .*cannot be understood|holds no safety"
+    ):
+        draw(tmp_path)
+
+
+# -- what is shown of them ---------------------------------------------------------------------------------
+
+
+def test_forces_of_a_grain_that_rests_balance_its_load_inside_their_cones():
+    case = box_on_a_plane([0.2, 0.0, 0.0])
+    acting = case.load
+    assert np.allclose(case.forces.sum(axis=0) + acting.force, 0.0, atol=1e-8)
+    assert np.allclose(
+        np.cross(case.contacts.points - acting.centre, case.forces).sum(axis=0)
+        + acting.flow_couple,
+        0.0,
+        atol=1e-8,
+    )
+    assert case.share == 1.0 and case.motion is None
+    assert set(case.states) <= {"INSIDE", "EDGE"}
+    assert (np.hypot(*case.forces[:, :2].T) <= 0.5 * case.forces[:, 2] * (1 + 1e-6)).all()
+
+
+def test_a_grain_that_slides_is_shown_sliding_with_forces_on_the_edge():
+    case = box_on_a_plane([0.6, 0.0, 0.0])  # more than friction 0.5 holds of weight 1
+    assert case.motion is not None and np.allclose(
+        case.motion.acceleration, [0.1, 0.0, 0.0], atol=1e-6
+    )
+    assert set(case.states) == {"SLIDE"}
+    assert case.friction == 0.5
+
+
+def test_without_mass_forces_are_shown_at_the_safety_factor():
+    case = box_on_a_plane([0.6, 0.0, 0.0], inert=None)
+    assert case.motion is None and case.share == case.safety_factor
+    assert np.isclose(
+        case.share, 0.5 / 0.6, rtol=1e-6
+    )  # friction 0.5 holds half of the weight of 1
+    assert case.occasion.startswith("contact force that balances 0.8333 times")
+    assert np.allclose(case.forces.sum(axis=0), [-0.5, 0.0, 1.0], atol=1e-6)
+
+
+def test_contacts_of_a_sphere_are_known_from_those_of_a_box(tmp_path):
+    directory = judged_case(tmp_path, "sphere_on_three_spheres")
+    sphere = stored_verdict(directory)
+    assert np.isclose(round_radius(sphere), 0.5, rtol=1e-4)
+    points, _ = sketched(sphere)
+    assert np.allclose(np.linalg.norm(points - sphere.load.centre, axis=1), 0.5, rtol=1e-4)
+    box = box_on_a_plane([0.2, 0.0, 0.0])
+    assert round_radius(box) is None and box.patches == [[0, 1, 2, 3]]
+    points, triangles = sketched(box)
+    assert np.allclose(np.sort(np.unique(points[:, 2])), [0.0, 0.6]) and len(triangles) == 12
+
+
+def test_outlines_come_from_the_curves():
+    scene = load(DEMOS / "scenes" / "grain_on_bed.toml", POCKET)
+    outline = grain_outline(scene.grain, scene.placement)
+    assert np.allclose(np.linalg.norm(outline - scene.placement.centre, axis=1), 0.5)
+    line = bed_line(scene.bed_shape, 3.0, 5.0)
+    assert np.allclose(scene.bed_shape.height(line[5:-5:7, 0]), line[5:-5:7, 1], atol=1e-6)
+
+
+def test_a_block_is_sketched_through_its_contacts(tmp_path):
+    directory = judged_case(tmp_path, "block_on_incline")
+    case = stored_verdict(directory)
+    corners = {tuple(point) for point in np.round(hull(sketched(case)[0][:, :2]), 9)}
+    assert corners == {(-1.0, 0.0), (1.0, 0.0), (1.0, 1.0), (-1.0, 1.0)}
+
+
+# Pictures and animations of made-up runs in which a grain moves (see moving_run.py).
+
+
+STEPS = 10
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The directory of a run with a series of fields."""
+    directory = tmp_path_factory.mktemp("moving")
+    environment = os.environ | {
+        "PYTHONPATH": str(Path(__file__).parents[1]),
+        "OMP_NUM_THREADS": "1",
+    }
+    command = [
+        sys.executable,
+        str(Path(__file__).with_name("moving_run.py")),
+        str(directory),
+        str(STEPS),
+    ]
+    process = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    assert process.returncode == 0, process.stderr
+    return directory
+
+
+@pytest.fixture
+def texts(tmp_path):
+    """A directory with scene, result and history only."""
+    write_texts(tmp_path)
+    write_history(tmp_path / "history.csv", np.linspace(0.0, PERIOD, 51)[1:], remeshed=[1.02, 3.0])
+    return tmp_path
+
+
+def drawn(scene_text, history):
+    scene = loads(scene_text)
+    with style.applied():
+        return trajectory.figure(scene, history.started(scene.placement), scene.title)
+
+
+def quantities(figure):
+    """The axes of position and rates in their order."""
+    return [axes for k in "012345" for axes in figure.axes if axes.get_label() == k]
+
+
+# -- pictures ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_all_pictures_of_a_grain_that_moves(run):
+    written = draw_apart(run).paths
+    names = ["trajectory", "flow", "pressure", "vorticity", "traction", "mesh"]
+    assert [path.stem for path in written] == names
+    for path in written:
+        assert_is_a_picture(path)
+
+
+def test_path_outlines_and_quantities(texts):
+    history = read_history(texts / "history.csv")
+    figure = drawn(MOVING_SCENE, history)
+    axes, panels = figure.axes[0], quantities(figure)
+    (path,) = [c for c in axes.collections if isinstance(c, LineCollection)]
+    assert np.allclose(path.get_segments()[0][0], (4.4, 2.0))  # where the scene has it at time zero
+    assert np.allclose(path.get_segments()[-1][-1], course([PERIOD])[0, :2])
+    outlines = [artist for artist in axes.get_children() if isinstance(artist, Polygon)]
+    assert 8 <= len(outlines) <= 22
+    extents = [np.ptp(outline.get_xy(), axis=0) for outline in outlines]
+    spokes = [line for line in axes.lines if line.get_marker() == "o"]
+    drawn_in_order = axes.get_children()
+    for outline, spoke in zip(outlines, spokes, strict=True):  # a grain does not hide its spoke
+        assert outline.get_zorder() == spoke.get_zorder()
+        assert drawn_in_order.index(outline) < drawn_in_order.index(spoke)
+    assert any(np.allclose(e, (1.0, 0.5), atol=1e-3) for e in extents)  # at first it lies
+    assert any(np.allclose(e, (0.5, 1.0), atol=1e-3) for e in extents)  # after 5/4 turns it stands
+    titles = [panel.get_title(loc="left") for panel in panels]
+    assert [title.partition(" [")[0] for title in titles] == [
+        "x", "y", "angle", "velocity x", "velocity y", "spin",
+    ]  # fmt: skip
+    assert all(title.endswith("]") for title in titles)
+
+
+def test_curves_are_those_of_the_history(texts):
+    figure = drawn(MOVING_SCENE, read_history(texts / "history.csv"))
+    times = np.linspace(0.0, PERIOD, 51)[1:]
+    expected = course(times).T.copy()
+    expected[2] = np.degrees(expected[2])
+    for panel, values in zip(quantities(figure), expected, strict=True):
+        (line,) = [line for line in panel.lines if len(line.get_xdata()) > 2]
+        assert np.allclose(line.get_xdata()[1:], times)
+        assert np.allclose(line.get_ydata()[1:], values, atol=1e-9)
+        assert len([line for line in panel.lines if line.get_linestyle() == ":"]) == 2  # new meshes
+
+
+DOMAIN = 'kind = "box"\nlength = 6.0\nheight = 4.0'
+SHAPES = {
+    "broad": MOVING_SCENE,
+    "tall": MOVING_SCENE.replace(DOMAIN, 'kind = "box"\nlength = 6.0\nheight = 24.0'),
+    "large": MOVING_SCENE.replace(DOMAIN, 'kind = "box"\nlength = 20.0\nheight = 20.0'),
+    "bed": MOVING_SCENE.replace(DOMAIN, "length = 20.0\nheight = 4.0").replace(
+        '"lid"', '"shear"\n[bed]\nkind = "sinusoidal"\namplitude = 0.2\nwavelength = 2.0'
+    ),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_no_text_lies_on_another(shape, texts):
+    figure = drawn(SHAPES[shape], read_history(texts / "history.csv"))
+    figure.draw_without_rendering()
+    boxes = [(text.get_text(), text.get_window_extent()) for text in texts_shown(figure)]
+    assert len(boxes) > 50
+    for (one, first), (other, second) in combinations(boxes, 2):
+        assert not first.padded(-1).overlaps(second.padded(-1)), (one, other)
+    across, up = figure.get_size_inches() * figure.dpi
+    for one, box in boxes:
+        assert min(box.x0, box.y0, across - box.x1, up - box.y1) >= 0, one
+    assert len([axes for axes in figure.axes if "Path" in axes.get_title(loc="left")]) == 1
+
+
+def texts_shown(figure):
+    """All but the labels of ticks beyond the axes' ends, which matplotlib keeps and does not draw."""
+    axes = [axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
+    hidden = set()
+    for k, axis in enumerate(axes):
+        low, high = sorted(axis.get_view_interval())
+        ticks = axis.get_ticklabels() + axis.get_ticklabels(minor=True)
+        hidden |= {id(t) for t in ticks if not low <= t.get_position()[k % 2] <= high}
+    return [
+        text
+        for text in figure.findobj(Text)
+        if text.get_visible() and text.get_text().strip() and id(text) not in hidden
+    ]
+
+
+def test_a_grain_that_hardly_moves_is_not_shown_as_trembling(texts):
+    times = np.linspace(0.0, 1.0, 11)[1:]
+    write_history(texts / "history.csv", times)
+    history = read_history(texts / "history.csv")
+    history.columns["x"][:] = 4.4 + 1e-15 * np.arange(10)
+    figure = drawn(MOVING_SCENE, history)
+    panel = next(axes for axes in figure.axes if axes.get_title(loc="left").startswith("x ["))
+    assert np.ptp(panel.get_ylim()) > 1e-3
+
+
+def test_a_long_history_is_drawn_in_few_pieces(texts):
+    write_history(texts / "history.csv", np.linspace(0.0, 20 * PERIOD, 20_001)[1:])
+    history = read_history(texts / "history.csv")
+    assert len(history.times) == 20_000
+    figure = drawn(MOVING_SCENE, history)
+    (path,) = [c for c in figure.axes[0].collections if isinstance(c, LineCollection)]
+    assert 1000 < len(path.get_segments()) < 5000
+    assert any("turns" in axes.get_title(loc="left") for axes in figure.axes)
+
+
+# -- the history ---------------------------------------------------------------------------------------------
+
+
+def test_remeshings_and_places_between_rows(texts):
+    history = read_history(texts / "history.csv")
+    assert np.allclose(history.remeshings, [1.1, 3.1])
+    between = history.at(0.15)
+    ends = course([0.1, 0.2])
+    assert np.allclose((*between.centre, between.angle), ends[:, :3].mean(axis=0))
+
+
+def test_headings_may_have_units_and_the_last_row_may_be_incomplete(texts):
+    path = texts / "history.csv"
+    path.write_text(path.read_text().replace("time,", "time [scene units],", 1) + "5.1,0.05,3")
+    assert len(read_history(path).times) == 50
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (None, r"cannot be read \(No such file"),
+        ("", "holds no time"),
+        ("time,drag\n1,2\n", "holds no x"),
+        ("time,x,y,angle\n", "holds no place"),
+        ("time,x,y,angle\n1,2\n1,2,3,4\n1\n", "cannot be read"),
+        ("time,x,y,angle\n1,2,3,left\n", "cannot be read"),
+        ("time,x,y,angle\n1,2,3,\n", "holds no place"),
+    ],
+)
+def test_a_damaged_history_is_named(text, complaint, texts):
+    path = texts / "history.csv"
+    path.unlink() if text is None else path.write_text(text)
+    with pytest.raises(OutputError, match=rf"history\.csv: {complaint}.*; "):
+        read_history(path)
+
+
+# -- animations ----------------------------------------------------------------------------------------------
+
+
+def assert_is_an_animation(path):
+    """A small GIF with a frame for each step, a white margin, and a grain that moves."""
+    image = Image.open(path)
+    assert image.format == "GIF" and image.n_frames == STEPS
+    assert 400 < image.width < 1000 and 300 < image.height < 1000
+    assert path.stat().st_size < STEPS * 25_000  # 200 frames: 5 MB
+    frames = []
+    for number in range(STEPS):
+        image.seek(number)
+        frames.append(np.asarray(image.convert("RGB")).astype(int))
+    assert all((frame[:3] == 255).all() for frame in frames)
+    for one, other in pairwise(frames):
+        assert np.mean((one != other).any(axis=2)) > 0.005  # the grain moves
+
+
+@pytest.mark.slow
+def test_a_gif_has_a_frame_for_each_step(run):
+    path = animate_apart(run, None, "velocity")
+    assert path == run / "velocity.gif"
+    assert_is_an_animation(path)
+
+
+def test_the_grain_is_where_its_mesh_is(run):
+    indices, moments = films._frames(run / "fields")
+    film = films._Film(run, films.FIELDS["velocity"], indices, moments)
+    for number in (0, STEPS // 2, STEPS - 1):
+        film.show(number)
+        (axes, *_) = film.figure.axes
+        body = min(
+            (p for p in axes.patches if isinstance(p, Polygon)), key=lambda p: np.ptp(p.get_xy())
+        )
+        expected = course([moments[number]])[0]
+        middle = (body.get_xy().max(axis=0) + body.get_xy().min(axis=0)) / 2
+        assert np.allclose(middle, expected[:2], atol=5e-3)
+        (spoke,) = [line for line in axes.lines if line.get_marker() == "o"]
+        way = axes.lines[-1]
+        assert np.allclose(way.get_xydata()[-1], expected[:2], atol=5e-3)
+        assert np.allclose(
+            np.diff(spoke.get_xydata(), axis=0), 0.5 * rotated(expected[2]), atol=3e-2
+        )
+        assert f"t = {moments[number]:.2f}" in axes.get_title(loc="left")
+
+
+def rotated(angle):
+    return np.array([[np.cos(angle), np.sin(angle)]])
+
+
+def write_series(directory, times):
+    file = SeriesFile(directory / "fields", "Triangle_6")
+    points = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+    file.begin()
+    zero, still = np.zeros(6), np.zeros((6, 3))
+    mesh = {"topology": np.arange(6)[None], "geometry": np.column_stack([points, zero])}
+    for number, time in enumerate(times):
+        values = {"velocity": still, "pressure": zero, "vorticity": zero}
+        file.add_step(time, values, {} if number else mesh)
+
+
+def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypatch):
+    monkeypatch.setattr(films, "_MOST_FRAMES", 20)
+    times = np.concatenate([np.linspace(0, 0.01, 10), np.linspace(0.04, 1.0, 25)])
+    write_series(tmp_path, times)
+    indices, moments = films._frames(tmp_path / "fields")
+    assert 15 < len(indices) <= 20
+    assert (moments[0], moments[-1]) == (0.0, 1.0)
+    assert np.diff(moments).max() < 0.1
+    assert np.array_equal(moments, times[indices])
+
+
+def test_fluid_at_rest_is_animated(texts):
+    """Of a flow without any difference there is no range of colours to choose."""
+    write_series(texts, [0.0, 1.0])
+    for field in films.FIELDS:
+        assert Image.open(films.animate(texts, None, field)).n_frames == 2
+
+
+def test_an_mp4_is_written_with_ffmpeg(run, tmp_path):
+    if shutil.which("ffmpeg") is None:
+        pytest.skip("ffmpeg is not installed")
+    path = animate_apart(run, tmp_path / "flow.mp4", "vorticity")
+    assert path.read_bytes()[4:8] == b"ftyp"
+    assert sorted(tmp_path.iterdir()) == [tmp_path / MARK, path]
+
+
+@pytest.mark.slow
+def test_show_animates(run, command, tmp_path):
+    done = command("show", run, "--animate", "--out", tmp_path / "w.gif", "--field", "vorticity")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{tmp_path / 'w.gif'}\n", "")
+    assert_is_an_animation(tmp_path / "w.gif")
+
+
+def test_the_directory_may_come_after_the_options(run, command):
+    done = command("show", "--animate", "--field", "pressure", "--out", run / "p.gif", run)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{run / 'p.gif'}\n", "")
+    assert_is_an_animation(run / "p.gif")
+
+
+def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    single, folder = tmp_path / "single", tmp_path / "folder.gif"
+    for made in (single, folder):
+        made.mkdir()
+    write_series(single, [1.0])
+    cases = {
+        (
+            single,
+            None,
+        ): "fields: holds a single step; run the scene with [time] and --set output.every=1",
+        (tmp_path, None): "fields: holds no fields; run the scene with output.fields = true",
+        (run, "x.avi"): "x.avi: is not a name for an animation; let it end in .gif or .mp4",
+        (
+            run,
+            "x.mp4",
+        ): "x.mp4: MP4 needs ffmpeg, which is not installed; install it or write a .gif",
+        (
+            run,
+            "absent/x.gif",
+        ): "x.gif: cannot be written: no such file or directory; make the directory first",
+        (
+            run,
+            "folder.gif",
+        ): "folder.gif: cannot be written: is a directory; a directory has the name of the file",
+    }
+    for (directory, name), complaint in cases.items():
+        with pytest.raises(OutputError, match=re.escape(complaint)):
+            films.animate(directory, name and tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {MARK, "single", "folder.gif"}
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "complaint"),
+    [
+        (
+            ["--animate"],
+            5,
+            "no animation: nothing/fields: holds no fields; run the scene with output.fields = true",
+        ),
+        (["--field", "pressure"], 2, "--field: needs --animate; add it"),
+        (["--out", "flow.gif"], 2, "--out: needs --animate; add it"),
+        (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
+    ],
+)
+def test_show_says_what_is_wrong_in_one_line(
+    options, code, complaint, capsys, monkeypatch, tmp_path
+):
+    (tmp_path / "nothing").mkdir()
+    (tmp_path / "nothing" / "result.json").write_text("{}")
+    monkeypatch.chdir(tmp_path)
+    assert main(["show", "nothing", *options]) == code
+    assert capsys.readouterr() == ("", f"incipient: {complaint}\n")

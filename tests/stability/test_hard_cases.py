@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contacts import FRICTIONS, PLACES, judged
 from hard import (
     MOTIONS,
     exact_wall_force,
@@ -25,6 +24,7 @@ from hard import (
 )
 from hard_map import corrections
 from hard_resumed import resumed
+from random_contacts import FRICTIONS, PLACES, judged
 from remeshed import remeshed_run
 
 from incipient.fluid import FlowModel

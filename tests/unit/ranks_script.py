@@ -1,4 +1,4 @@
-"""Solves small flows on however many ranks there are and prints what was found (run by test_ranks.py)."""
+"""Solves small flows on however many ranks there are and prints what was found (run by test_parallel.py)."""
 
 from __future__ import annotations
 

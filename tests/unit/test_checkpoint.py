@@ -1,10 +1,17 @@
-"""What a checkpoint holds comes back on any mesh numbering; what is not whole is refused; writing is all or nothing."""
+"""Checkpoints, files of input, and who owns a directory."""
 
 from __future__ import annotations
 
+import errno
+import json
 import os
 import signal
+import socket
+import subprocess
+import sys
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,16 +20,25 @@ import h5py
 import numpy as np
 import pytest
 from domains import ball_in_box, curved_box, ring, square_in_box, unit_box
+from environment import environment
+from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from incipient.errors import OutputError, SceneError
-from incipient.files import cut_after
+import incipient
+from incipient import cli
+from incipient.cli import main
+from incipient.errors import IncipientError, OutputError, SceneError
+from incipient.files import MARK, append_row, cut_after, own, owned, write_text_atomically
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.transient import Transient
+from incipient.geometry.space.heightmap import HeightMap
+from incipient.input_files import read_table, read_text, reading
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.directory import CHECKPOINT
+from incipient.output.ownership import locked, make_room, place_scene, refuse_foreign
 from incipient.output.runs import reopened
+from incipient.pictures import style
 from incipient.planning.discretisation import order_of
 from incipient.restart.checkpoint import (
     Checkpoint,
@@ -34,7 +50,17 @@ from incipient.restart.checkpoint import (
     write,
 )
 from incipient.restart.redistribution import spread_flow, spread_mesh, stored_flow, stored_mesh
+from incipient.results.kinds import GUSTS
+from incipient.scene import example
 from incipient.scene.file import dumps, loads
+from incipient.survey.beds import spheres_of
+from incipient.survey.request import LabelledHeights, MeasuredEllipsoids
+from incipient.sweep import cluster
+from incipient.sweep.store import Store
+from incipient.sweep.table import write_parquet
+
+# What a checkpoint holds comes back on any mesh numbering; what is not whole is refused; writing is all or nothing.
+
 
 COMM = MPI.COMM_SELF
 SCENE = """
@@ -410,3 +436,396 @@ def test_before_the_first_step_a_signal_interrupts_at_once(number: int) -> None:
     with pytest.raises(KeyboardInterrupt), Interruption(COMM):
         os.kill(os.getpid(), number)
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+# Input files: pipes, devices and what libraries stumble over are one line that names the file.
+
+
+CASES = Path(__file__).parents[2] / "demos" / "cases"
+CASE = str(CASES / "block_on_incline.toml")
+DEEP = "[" * 100_000
+
+
+def message(call: Callable[[], object]) -> str:
+    with pytest.raises(IncipientError) as caught:
+        call()
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        ["judge", "--batch", "pipe.csv"],
+        ["judge", "--batch", "pipe.parquet"],
+        ["judge", "--batch", "/dev/zero"],
+        ["judge", CASE, "--series", "pipe.csv"],
+        ["judge", CASE, "--series", "/dev/zero"],
+        ["judge", CASE, "--forces", "pipe.csv", "--density", "1"],
+        ["judge", "pipe.toml"],
+        ["run", "pipe.toml"],
+        ["sweep", "pipe.toml"],
+        ["sweep", CASE, "--do", "judge", "--cases", "pipe.csv"],
+        ["survey", "pipe.toml"],
+    ],
+    ids=" ".join,
+)
+def test_pipes_and_devices_are_refused_by_every_command(
+    order: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    """A pipe that nobody writes to was waited for without end, and /dev/zero read until the memory was full."""
+    monkeypatch.chdir(tmp_path)
+    for kind in ("csv", "parquet", "toml"):
+        os.mkfifo(f"pipe.{kind}")
+    assert cli.main(order) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "is a pipe or a device; give" in said
+
+
+@pytest.mark.parametrize(
+    ("raised", "said"),
+    [
+        (RecursionError("maximum recursion depth"), "(it is nested too deeply); mend it"),
+        (MemoryError(), "(it does not fit into the memory); mend it"),
+        (ZeroDivisionError("a\nb"), "(a b); mend it"),
+        (OSError("corrupt file?"), "(corrupt file?); mend it"),
+        (OSError(errno.EIO, os.strerror(errno.EIO)), "(Input/output error); mend it"),
+        (KeyError("data"), "('data'); mend it"),
+        (UnicodeDecodeError("utf-8", b"ab\xff", 2, 3, "x"), "is not UTF-8 text at byte 2; save"),
+    ],
+)
+def test_whatever_a_library_raises_is_one_line(
+    raised: Exception, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    for kind in (SceneError, OutputError):
+        with pytest.raises(kind) as caught, reading(tmp_path / "file", "mend it", error=kind):
+            raise raised
+        assert said in str(caught.value) and str(tmp_path / "file") in str(caught.value)
+
+
+def test_names_that_are_too_long_or_no_names_are_refused(tmp_path: Path) -> None:
+    assert "File name too long" in message(
+        lambda: read_text(tmp_path / ("a" * 300), "give another")
+    )
+    assert "null byte" in message(lambda: read_text(Path("a\0b"), "give another"))
+    assert "Is a directory" in message(lambda: read_text(tmp_path, "give another"))
+
+
+@pytest.mark.parametrize("command", ["show", "report", "table", "resume"])
+def test_long_names_are_one_line_for_every_command(command: str, capsys: Any) -> None:
+    assert cli.main([command, "a" * 300]) == 5
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "File name too long" in said
+
+
+@pytest.mark.parametrize("name", ["result", "gusts", "judgement", "series", "entrainment"])
+def test_a_result_of_brackets_is_reported_in_one_line(
+    name: str, tmp_path: Path, capsys: Any
+) -> None:
+    (tmp_path / f"{name}.json").write_text(DEEP)
+    assert cli.main(["report", str(tmp_path)]) == 5
+    said = capsys.readouterr().err
+    assert (
+        said.count("\n") == 1 and f"{name}.json: cannot be read (it is nested too deeply)" in said
+    )
+
+
+def test_arrays_and_images_that_are_none_are_refused(tmp_path: Path) -> None:
+    """An archive of arrays; a header of 1e14 numbers; one of brackets; an image of 9e8 pixels in 74 bytes."""
+    with (tmp_path / "zip.npy").open("wb") as stream:
+        np.savez(stream, a=np.ones((60, 60)))
+    header = b"{'descr': '<i8', 'fortran_order': False, 'shape': (1000000, 100000000), }"
+    for name, text in (("lie", header), ("paren", b"(" * 100)):
+        padded = text.ljust(117) + b"\n"
+        (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\1\0\x76\0" + padded + bytes(800))
+    (tmp_path / "bomb.png").write_bytes(
+        bytes.fromhex(
+            "89504e470d0a1a0a0000000d494844520000753000007530080000000043 4ca766"
+            "0000001149444154789c63601805a360140c77000003e80001b3a6d346"
+            "0000000049454e44ae426082"
+        )
+    )
+    np.save(tmp_path / "flat.npy", np.zeros((60, 60)))
+    for name in ("zip.npy", "lie.npy", "paren.npy", "bomb.png"):
+        path = tmp_path / name
+        assert name in message(lambda path=path: HeightMap.from_file(path, (0.1, 0.1)))  # type: ignore[misc]
+        bed = LabelledHeights(kind="labels", heights="flat.npy", labels=name, cell=(1.0, 1.0))
+        assert name in message(lambda bed=bed: spheres_of(bed, tmp_path))  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("cell", ["1_2", "٣", "", "x"])
+def test_measured_grains_are_plain_numbers(cell: str, tmp_path: Path) -> None:
+    rows = "".join(f"{k},0,0,2,{cell if k == 1 else 1},1\n" for k in range(3))
+    (tmp_path / "grains.csv").write_text("Xc,Yc,Zc,Dmax,Dmed,Dmin\n" + rows, encoding="utf-8")
+    bed = MeasuredEllipsoids(kind="ellipsoids", file="grains.csv")
+    assert "has a cell that is not a number" in message(lambda: spheres_of(bed, tmp_path))
+
+
+def test_tables_with_other_cells_than_names_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cases.csv"
+    path.write_bytes(b'\xef\xbb\xbfa , b\r\n\r\n1,"x\r\ny"\r\n')
+    assert read_table(path, "") == (["a", "b"], [["1", "x\ny"]])
+    path.write_text("a,b\n1,2\n3\n")
+    assert "row 3 has a different number of cells from the first" in message(
+        lambda: read_table(path, "")
+    )
+
+
+def test_a_scheduler_that_accepts_and_says_nothing_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Dask bounds the time to connect, and not the time until the other side says who it is."""
+    monkeypatch.setattr(cluster, "START", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        held: list[socket.socket] = []
+        answering = threading.Thread(target=lambda: held.append(server.accept()[0]), daemon=True)
+        answering.start()
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+        said = message(lambda: cluster.client_of(address).__enter__())
+        assert f"{address}: no scheduler answers (TimeoutError after 0.5 s)" in said
+    for text in ("{", DEEP, json.dumps({"id": 1}), json.dumps([1])):
+        (tmp_path / "scheduler.json").write_text(text)
+        said = message(lambda: cluster.client_of(f"{tmp_path}/scheduler.json").__enter__())
+        assert "scheduler.json: cannot be read" in said
+
+
+def test_a_shortage_of_memory_and_a_full_disk_are_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    for raised, said in (
+        (
+            MemoryError("Unable to allocate 89.0 GiB"),
+            "too small (Unable to allocate 89.0 GiB); reduce",
+        ),
+        (  # of `ulimit -v 400000`, when gmsh is imported
+            OSError("libgmsh.so.4.8: failed to map segment from shared object"),
+            "too small (libgmsh.so.4.8: failed to map segment from shared object); reduce",
+        ),
+        (
+            ImportError("libvtk.so: failed to map segment from shared object"),
+            "too small (libvtk.so: failed to map segment from shared object); reduce",
+        ),
+        (
+            OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/a.png"),
+            "out/a.png: No space left on device; choose",
+        ),
+    ):
+
+        def failing(*_: object, raised: Exception = raised) -> int:
+            raise raised
+
+        monkeypatch.setattr("incipient.commands.writing.schema", failing)
+        assert cli.main(["schema"]) == 5
+        complaint = capsys.readouterr().err
+        assert complaint.count("\n") == 1 and said in complaint
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&- >&- 2>&-"])
+def test_closed_standard_streams_do_not_stop_a_command(closed: str, tmp_path: Path) -> None:
+    """Without a standard error a command ended before its first line: what it opens first would get that number."""
+    order = f"{sys.executable} -m incipient judge {CASE} --out {tmp_path} {closed}"
+    done = subprocess.run(["sh", "-c", order], timeout=120, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert json.loads((tmp_path / "judgement.json").read_text())["verdict"]
+
+
+# What commands may replace in a directory, and who may work there: only their own files, one run at a time.
+
+
+FOREIGN = {
+    "result.json": json.dumps({"status": "complete", "energy": 3.0}),
+    "history.csv": "time,energy\n0,1\n",
+    "fields.xdmf": "numbers",
+    "report.html": "<html>quarterly figures</html>",
+    "checkpoint.h5": "something else",
+    "scene.toml": example(),
+}
+
+
+# -- files of others -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_what_others_wrote_is_refused_and_stays(tmp_path: Path, name: str) -> None:
+    """Also in a directory where incipient has written other files."""
+    write_text_atomically(tmp_path / "threshold.json", "{}")
+    (tmp_path / name).write_text(FOREIGN[name])
+    refused = f"{name}: was not written by incipient; choose another directory"
+    with pytest.raises(OutputError, match=refused), locked(tmp_path, COMM):
+        pass
+    with pytest.raises(OutputError, match=refused):
+        write_text_atomically(tmp_path / name, "ours")
+    with pytest.raises(OutputError, match=refused):
+        append_row(tmp_path / name, {"time": 0.0})
+    assert (tmp_path / name).read_text() == FOREIGN[name]
+
+
+def test_a_folder_of_others_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "fields").mkdir()
+    refused = pytest.raises(OutputError, match="fields: was not written by incipient")
+    with refused, locked(tmp_path, COMM):
+        pass
+
+
+def test_a_run_that_makes_room_leaves_files_of_others(tmp_path: Path) -> None:
+    """Beside its files, within its folder of fields, and where a mark of somebody else names them."""
+    (tmp_path / "precious").write_text("mine")
+    out = tmp_path / "out"
+    (out / "fields").mkdir(parents=True)
+    for path in (out / "result.json", out / "fields" / "000000.h5"):
+        write_text_atomically(path, "ours")
+    own(out / "fields")
+    for path in (out / "notes.txt", out / "fields" / "notes.txt"):
+        path.write_text("mine")
+    with (out / "fields" / MARK).open("a") as mark:
+        mark.write("../../precious\n")
+    make_room(out, overwrite=True)
+    left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {"precious", f"out/{MARK}", "out/notes.txt", "out/fields/notes.txt"}
+
+
+def test_results_of_another_scene_make_room(tmp_path: Path) -> None:
+    """A search of gusts beside a run that can be resumed: the run moves with its scene, and can be resumed there."""
+    directory = tmp_path / "x"
+    directory.mkdir()
+    of_run, of_gusts = dumps(loads(example())), dumps(loads(example(in_space=True)))
+    place_scene(directory, of_run)
+    for name in ("checkpoint.h5", "gusts.json"):
+        write_text_atomically(directory / name, name)
+    place_scene(directory, of_run, GUSTS.files)  # of one scene all may be in one place
+    assert (directory / "checkpoint.h5").exists()
+    place_scene(directory, of_gusts, GUSTS.files)
+    assert (directory / "scene.toml").read_text() == of_gusts
+    assert {path.name for path in directory.iterdir()} == {MARK, "scene.toml", "gusts.json"}
+    assert (tmp_path / "x.1" / "scene.toml").read_text() == of_run
+    assert (tmp_path / "x.1" / "checkpoint.h5").read_text() == "checkpoint.h5"
+    refuse_foreign(tmp_path / "x.1")
+
+
+@pytest.mark.parametrize("name", ["result.json", "result.json.part", "fields", MARK])
+def test_nothing_is_written_through_links(tmp_path: Path, name: str) -> None:
+    target, out = tmp_path / "elsewhere", tmp_path / "out"
+    target.write_text("precious")
+    out.mkdir()
+    (out / name).symlink_to(target)
+    with pytest.raises(OutputError, match=f"{name}: is a link"), locked(out, COMM):
+        pass
+    with suppress(OutputError):  # half a file of an earlier call is removed
+        write_text_atomically(out / "result.json", "{}")
+    with suppress(OutputError):
+        append_row(out / name, {"time": 0.0})
+    assert target.read_text() == "precious"
+
+
+def test_a_mark_that_is_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / MARK)
+    with pytest.raises(OutputError, match=MARK), locked(tmp_path, COMM):
+        pass
+
+
+def test_a_survey_beside_its_bed_leaves_the_bed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bed.toml").write_text('[bed]\nkind = "spheres"\nfile = "spheres.csv"\n[flow]\n')
+    (tmp_path / "spheres.csv").write_text("0,0,0,1\n")
+    assert main(["survey", "bed.toml", "--out", "."]) == 5
+    assert "spheres.csv: was not written by incipient" in capsys.readouterr().err
+    own(tmp_path / "spheres.csv")  # that of an earlier survey
+    assert main(["survey", "bed.toml", "--out", "."]) == 5
+    assert "spheres.csv: is read and would be replaced" in capsys.readouterr().err
+    assert (tmp_path / "spheres.csv").read_text() == "0,0,0,1\n"
+
+
+def test_the_file_of_a_sweep_is_no_target(tmp_path: Path) -> None:
+    with Store(tmp_path / "s.sqlite", make=True):
+        pass
+    before = (tmp_path / "s.sqlite").read_bytes()
+    for write_table in (incipient.report, write_parquet):
+        with pytest.raises(OutputError, match=r"s\.sqlite: is not a valid name for this file"):
+            write_table(tmp_path / "s.sqlite", tmp_path / "s.sqlite")
+    assert (tmp_path / "s.sqlite").read_bytes() == before
+
+
+def test_who_reads_makes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(OutputError, match=r"notes\.txt: is not the file of a sweep"):
+        Store(tmp_path / "notes.txt")
+    refuse_foreign(tmp_path / "nothing")
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert not (tmp_path / "notes.txt").stat().st_size
+
+
+def test_pictures_are_not_drawn_through_links(tmp_path: Path) -> None:
+    (tmp_path / "victim").write_text("precious")
+    (tmp_path / "flow.png").symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match=r"flow\.png: is a link"):
+        style.save(Figure(), tmp_path / "flow.png")
+    assert (tmp_path / "victim").read_text() == "precious"
+
+
+# -- one run at a time -----------------------------------------------------------------------------------------
+
+# Takes the lock of a directory, says so, and keeps it until its standard input ends.
+KEEPER = """
+import sys
+from pathlib import Path
+from mpi4py import MPI
+from incipient.output.ownership import locked
+with locked(Path(sys.argv[1]), MPI.COMM_SELF):
+    print("taken", flush=True)
+    sys.stdin.read()
+"""
+RANKS = """
+import sys
+from pathlib import Path
+from mpi4py import MPI
+from incipient.errors import OutputError
+from incipient.output.ownership import locked
+try:
+    with locked(Path(sys.argv[1]), MPI.COMM_WORLD):
+        pass
+except OutputError as error:
+    print(f"{MPI.COMM_WORLD.rank}: {error}\\n", end="")
+"""
+
+
+def test_a_second_run_is_refused_until_the_first_has_ended_however_it_ends(
+    tmp_path: Path, mpirun: Any
+) -> None:
+    """On all ranks, naming the process at work; a killed one, though a zombie, holds nothing."""
+    keeper = subprocess.Popen(
+        [sys.executable, "-c", KEEPER, str(tmp_path)],
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert keeper.stdout is not None and keeper.stdout.readline() == "taken\n"
+    done = mpirun(2, RANKS, tmp_path, timeout=60)
+    assert done.returncode == 0, done.stderr
+    first, second = sorted(done.stdout.splitlines())
+    assert first[:2] == "0:" and second[:2] == "1:" and first[2:] == second[2:]
+    assert f"{tmp_path}: another run is using it (process {keeper.pid} on " in first
+    assert first.endswith("); wait for it or choose another directory")
+    keeper.kill()
+    os.waitid(os.P_PID, keeper.pid, os.WEXITED | os.WNOWAIT)
+    refused = pytest.raises(OutputError, match=f"process {os.getpid()} on")
+    with locked(tmp_path, COMM), refused, locked(tmp_path, COMM):
+        raise AssertionError("two at once")
+    keeper.communicate()
+
+
+@pytest.mark.parametrize("kind", [OutputError, ZeroDivisionError, KeyboardInterrupt, SystemExit])
+def test_the_lock_goes_with_an_error(tmp_path: Path, kind: type[BaseException]) -> None:
+    for _ in range(2):
+        with pytest.raises(kind), locked(tmp_path / "new", COMM, make=True):
+            raise kind
+    assert owned(tmp_path / "new") == set()
+
+
+def test_a_missing_directory_is_named(tmp_path: Path) -> None:
+    absent = pytest.raises(OutputError, match=r"absent: no such directory; give")
+    with absent, locked(tmp_path / "absent", COMM):
+        pass

@@ -1,7 +1,9 @@
-"""Files are whole or absent, numbers survive, and errors name cause and remedy."""
+"""Files that are written and the memory that is free."""
 
 import csv
+import ctypes
 import json
+import platform
 import resource
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,13 +14,11 @@ import numpy as np
 import pytest
 
 from incipient.errors import OutputError
-from incipient.files import (
-    MARK,
-    append_row,
-    reported,
-    write_json,
-    write_text_atomically,
-)
+from incipient.files import MARK, append_row, reported, write_json, write_text_atomically
+from incipient.installed import free_bytes, return_freed_memory
+
+# Files are whole or absent, numbers survive, and errors name cause and remedy.
+
 
 ROW = {"time [scene units]": 0.1, "drag [scene units, + downstream]": np.float64(1 / 3)}
 
@@ -144,3 +144,38 @@ def test_half_a_row_is_taken_back(tmp_path):
     assert path.read_text() == before
     append_row(path, ROW)
     assert len(path.read_text().splitlines()) == 3
+
+
+# How much memory is free, beside what Linux tells of the machine.
+
+
+def test_no_more_is_free_than_the_system_has_and_what_files_take_counts():
+    """MemAvailable is what may be taken without swapping; MemFree leaves out what files take (proc(5))."""
+    lines = Path("/proc/meminfo").read_text().splitlines()
+    told = {line.split(":")[0]: 1024 * float(line.split()[1]) for line in lines}
+    assert 0.0 < free_bytes() <= told["MemTotal"]
+    if not Path("/sys/fs/cgroup/memory.max").exists():
+        assert free_bytes() == pytest.approx(told["MemAvailable"], rel=0.2)
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_memory_that_was_freed_is_returned():
+    """Blocks of 100 kB below one that stays: the C library keeps 100 MB of them, but for what is asked back."""
+    library = ctypes.CDLL(None)
+    library.malloc.restype, library.free.argtypes = ctypes.c_void_p, [ctypes.c_void_p]
+    size, count = 100_000, 1000
+    blocks = [library.malloc(size) for _ in range(count + 1)]
+    for block in blocks:
+        ctypes.memset(block, 1, size)
+    for block in blocks[:-1]:
+        library.free(block)
+    kept = resident_bytes()
+    return_freed_memory()
+    assert kept - resident_bytes() > 0.9 * size * count
+    library.free(blocks[-1])
+
+
+def resident_bytes():
+    """Memory that this process has (proc(5))."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmRSS"))

@@ -1,6 +1,10 @@
-"""Walls of any shape that resist the flow along them: what crosses, and the force that is read off their part alone."""
+"""Friction, cohesion and the angle of repose in the statics of contacts."""
 
+from __future__ import annotations
+
+import math
 from functools import partial
+from math import atan2, degrees, sqrt
 
 import dolfinx
 import numpy as np
@@ -8,15 +12,41 @@ import pytest
 import ufl
 from domains import rectangle, ring
 from mpi4py import MPI
+from scipy.optimize import linprog
 
 from incipient import compat
 from incipient.compat import petsc
+from incipient.contact import (
+    Cases,
+    Contacts,
+    Load,
+    incipient_motion,
+    judge,
+    judge_many,
+    safety_factor,
+)
+from incipient.contact.friction import FrictionCone
+from incipient.contact.safety import ConeState
+from incipient.contact.verdict import Reason
+from incipient.errors import SceneError
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import along_wall
 from incipient.fluid.conditions import Friction
+from incipient.geometry.closest import touching
+from incipient.geometry.placement import Placement
+from incipient.geometry.space.beds import SphereBed
+from incipient.geometry.space.grains import Sphere
+from incipient.judging.case import Case, judge_case
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
+from incipient.scene import Contact, example, loads
 from incipient.turbulence.wall_law import WallLaw
+
+pytestmark = pytest.mark.quick
+
+
+# Walls of any shape that resist the flow along them: what crosses, and the force that is read off their part alone.
+
 
 INNER, VISCOSITY, DRAG = 0.5, 0.25, 1.5
 
@@ -119,3 +149,265 @@ def test_where_the_flow_rests_the_turbulence_gives_the_friction():
     assert law.drag(speed, 2 * shear, *away) == pytest.approx(
         2 * shear / law.velocity(2 * shear, *away), rel=0.01
     )
+
+
+# Contacts that pull: N >= -c, |T| <= friction (N + c), against closed forms and linear programs.
+
+
+FRICTION, PULL, WEIGHT, PUSH = 0.5, 0.3, 2.0, 1.5
+
+
+def block(width: float, height: float) -> Contacts:
+    """The lower corners of a block whose centre of mass is the origin."""
+    points = [[side * 0.5 * width, -0.5 * height, 0.0] for side in (-1.0, 1.0)]
+    return Contacts(np.array(points), np.array([[0.0, -1.0, 0.0]] * 2))
+
+
+def pushed(force: list[float], torque: float = 0.0) -> Load:
+    return Load(
+        np.array(force), np.array([0.0, 0.0, torque]), np.array([0.0, -WEIGHT, 0.0]), np.zeros(3)
+    )
+
+
+def test_a_block_slides_when_friction_of_weight_and_cohesion_is_exceeded():
+    """s F = friction (W + 2 c)."""
+    contacts, law = block(4.0, 0.2), FrictionCone.of(FRICTION, PULL)
+    found = safety_factor(pushed([PUSH, 0.0, 0.0]), contacts, law)
+    assert found.value == pytest.approx(FRICTION * (WEIGHT + 2.0 * PULL) / PUSH)
+    assert found.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
+    assert found.contact_states == (ConeState.EDGE,) * 2
+
+
+def test_a_block_topples_when_the_contact_behind_is_torn_off():
+    """About the corner ahead: s F h/2 = W b/2 + c b."""
+    width, height = 1.0, 3.0
+    found = safety_factor(
+        pushed([PUSH, 0.0, 0.0]), block(width, height), FrictionCone.of(5.0, PULL)
+    )
+    held = 0.5 * WEIGHT * width + PULL * width
+    assert found.value == pytest.approx(held / (0.5 * PUSH * height))
+    assert found.contact_forces[0, 1] == pytest.approx(-PULL)
+    assert found.contact_states[0] is ConeState.UNLOADED  # nothing presses in the cone
+
+
+@pytest.mark.parametrize("units", [1.0, 1e-13, 1e9])
+def test_a_sphere_is_torn_off_a_plane(units):
+    """s F = W + c; beyond, the centre accelerates by (F - W - c)/m. In units of any size."""
+    contact = Contacts(np.array([[0.0, 0.0, -0.5]]), np.array([[0.0, 0.0, -1.0]]))
+    law = FrictionCone.of(FRICTION, PULL * units)
+    zero, weight = np.zeros(3), np.array([0.0, 0.0, -WEIGHT * units])
+    load = Load(np.array([0.0, 0.0, 4.0 * units]), zero, weight, zero)
+    assert safety_factor(load, contact, law).value == pytest.approx((WEIGHT + PULL) / 4.0)
+    motion = incipient_motion(load, contact, law, 2.0 * units, 0.2 * units * np.eye(3))
+    assert motion.first.acceleration == pytest.approx([0.0, 0.0, (4.0 - WEIGHT - PULL) / 2.0])
+    assert motion.first.contact_forces[0] == pytest.approx([0.0, 0.0, -PULL * units])
+
+
+def linear_program(load: Load, contacts: Contacts, friction: float, pull: float) -> float:
+    """The safety factor by a linear program in the forces themselves, N and T of each contact of the plane."""
+    inward = -contacts.normals[:, :2]
+    along = np.column_stack([-inward[:, 1], inward[:, 0]])
+    arms = (contacts.points - load.centre)[:, :2]
+
+    def rows(vectors):
+        return np.vstack([vectors.T, arms[:, 0] * vectors[:, 1] - arms[:, 1] * vectors[:, 0]])
+
+    flow = np.append(load.flow_force[:2], load.flow_couple[2])
+    balance = np.column_stack([rows(inward), rows(along), flow])
+    count = len(inward)
+    bounds = [(-pull, None)] * count + [(None, None)] * count + [(0.0, None)]
+    limit = np.zeros((2 * count, 2 * count + 1))
+    limit[:count, :count] = limit[count:, :count] = -friction * np.eye(count)
+    limit[:count, count : 2 * count], limit[count:, count : 2 * count] = (
+        np.eye(count),
+        -np.eye(count),
+    )
+    weight = np.append(load.weight[:2], 0.0)
+
+    def least(direction: float) -> float:
+        """The smallest of the factor times a direction; infinite without an end, NaN without a solution."""
+        cost = np.append(np.zeros(2 * count), direction)
+        found = linprog(
+            cost,
+            A_ub=limit,
+            b_ub=np.full(2 * count, friction * pull),
+            A_eq=balance,
+            b_eq=-weight,
+            bounds=bounds,
+        )
+        return {2: math.nan, 3: -math.inf}.get(found.status, found.fun)
+
+    return -least(-1.0) if least(1.0) <= 1e-9 else 0.0  # zero where the weight alone is not held
+
+
+def random_case(seed: int) -> tuple[Load, Contacts, float, float]:
+    random = np.random.default_rng(seed)
+    count = int(random.integers(1, 4))
+    angles = random.uniform(-0.9, 0.9, count) - 0.5 * np.pi
+    outward = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
+    force = [*random.normal(size=2), 0.0]
+    return (
+        pushed(force, 0.3 * random.normal()),
+        Contacts(0.5 * outward, outward),
+        *random.uniform(0.1, 1.0, 2),
+    )
+
+
+def test_random_cases_of_the_plane_are_those_of_linear_programs():
+    rows, expected = [random_case(seed) for seed in range(120)], []
+    for load, contacts, friction, pull in rows:
+        expected.append(linear_program(load, contacts, friction, pull))
+        found = safety_factor(load, contacts, FrictionCone.of(friction, pull)).value
+        assert found == pytest.approx(expected[-1], rel=1e-6, abs=1e-9)
+    points, normals = np.full((120, 3, 3), np.nan), np.full((120, 3, 3), np.nan)
+    for place, (_, contacts, *_) in enumerate(rows):
+        points[place, : len(contacts.points)] = contacts.points
+        normals[place, : len(contacts.points)] = contacts.normals
+    names = ("flow_force", "flow_couple", "weight", "centre")
+    loads = [np.array([getattr(row[0], name) for row in rows]) for name in names]
+    law = FrictionCone(np.array([row[2] for row in rows]), np.array([row[3] for row in rows]))
+    batch = judge_many(Cases(points, normals, *loads, law, np.nan, np.nan))
+    assert batch.factors == pytest.approx(np.array(expected), rel=1e-6, abs=1e-9)
+
+
+def test_the_paper_s_criteria_know_no_cohesion():
+    verdict = judge(
+        pushed([PUSH, 0.0, 0.0]), block(4.0, 0.2), FrictionCone.of(FRICTION, 10.0 * PULL)
+    )
+    assert not verdict.moves and verdict.criteria.moves
+    assert verdict.agreement.reason is Reason.COHESION
+
+
+def test_cohesion_is_a_key_of_scenes_and_cases():
+    assert Contact(friction=0.4, cohesion=2.0).law.cohesion == 2.0
+    corners = block(4.0, 0.2)
+    case = Case.model_validate(
+        {
+            "load": {
+                "weight": [0, -WEIGHT],
+                "flow_force": [PUSH, 0],
+                "flow_couple": 0,
+                "centre": [0, 0],
+            },
+            "contacts": {
+                "points": corners.points[:, :2].tolist(),
+                "normals": corners.normals[:, :2].tolist(),
+                "friction": FRICTION,
+                "cohesion": PULL,
+            },
+        }
+    )
+    assert judge_case(case)["verdict"]["safety_factor"] == pytest.approx(
+        FRICTION * (WEIGHT + 2.0 * PULL) / PUSH
+    )
+
+
+def test_a_grain_that_never_touches_the_bed_has_none():
+    free = ["body={shape='disc', diameter=1.0, centre=[20.0, 5.0], density=2.0, motion='free'}"]
+    settings = [*free, "time={end=1.0, step=0.1}", "contact={friction=0.5, cohesion=1.0}"]
+    with pytest.raises(SceneError, match=r"contact\.cohesion: .*never touches the bed"):
+        loads(example(), overrides=settings)
+
+
+@pytest.mark.parametrize("pull", [-0.1, math.nan, math.inf])
+def test_a_pull_that_is_none_is_refused(pull):
+    with pytest.raises(SceneError, match=r"cohesion .* is not allowed"):
+        safety_factor(
+            pushed([1.0, 0.0, 0.0]), block(1.0, 1.0), FrictionCone(np.array(0.5), np.array(pull))
+        )
+
+
+# The angle of repose of a bead in the pockets of a bed of spheres against geometry, for every spacing and size.
+#
+# A force through the bead's centre rolls it over the line through the centres of the spheres ahead of it as soon as
+# the resultant with its weight points beyond that line: tan(angle) = distance ahead / height above. The spheres
+# behind could hold it only with more friction than the height over the distance to them, above which a contact may
+# pull down.
+
+
+SPACINGS = (1.0, 1.05, 1.1, 1.2, 1.3, 1.4)
+SIZES = (0.6, 1.0, 1.5, 2.0)
+FRICTIONS = (0.0, 0.1, 0.5)
+RIGHT = np.pi / 2
+# Bed and flow: squared distances in spacings from the bead to the nearest centres, and from there ahead to the line
+# through those that it rolls over; the angle of the rows; which centre stands where; how many spheres it rests on.
+POCKETS = {
+    "square": ("square", 1 / 2, 1 / 4, 0.0, (0.5, 0.5), 4),
+    "square, over one": ("square", 1 / 2, 1 / 2, RIGHT / 2, (sqrt(0.5), 0.0), 4),
+    "square, on two": ("square", 1 / 4, 1 / 4, 0.0, (0.5, 0.0), 2),
+    "triangular": ("triangular", 1 / 3, 1 / 12, RIGHT, (sqrt(1 / 12), 0.5), 3),
+    "triangular, over one": ("triangular", 1 / 3, 1 / 3, RIGHT, (sqrt(1 / 3), 0.0), 3),
+    "triangular, on two": ("triangular", 1 / 4, 1 / 4, 0.0, (0.5, 0.0), 2),
+}
+
+
+def case_of(pocket, spacing, size):
+    """Bed, height of a bead's centre above the base plane, distance ahead; None: it would lie on the plane."""
+    kind, around, ahead, angle, offset, _ = POCKETS[pocket]
+    height_2 = (0.5 + 0.5 * size) ** 2 - around * spacing**2
+    if height_2 <= (0.5 * size) ** 2:
+        return None
+    bed = SphereBed.array(
+        0.5, spacing, kind, (spacing * offset[0], spacing * offset[1]), 0.0, angle
+    )
+    return bed, sqrt(height_2), sqrt(ahead) * spacing
+
+
+def angle_of(bed, height, size, friction):
+    """The angle in degrees at which a force along x moves the bead, by the exact judge; its contacts."""
+    centre = (0.0, 0.0, height)
+    contacts = touching(Sphere(size), Placement(centre), bed, 1e-6 * size)
+    load = Load(
+        np.array([1.0, 0.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array(centre)
+    )
+    return degrees(atan2(safety_factor(load, contacts, friction).value, 1.0)), contacts
+
+
+@pytest.mark.parametrize("pocket", POCKETS)
+def test_angle_of_repose_of_every_pocket(pocket):
+    checked = 0
+    for spacing in SPACINGS:
+        for size in SIZES:
+            case = case_of(pocket, spacing, size)
+            if case is None:
+                continue
+            bed, height, ahead = case
+            expected = degrees(atan2(ahead, height))
+            for friction in FRICTIONS:
+                found, contacts = angle_of(bed, height, size, friction)
+                assert len(contacts.points) == POCKETS[pocket][-1], (spacing, size)
+                assert found == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
+                checked += 1
+    assert checked >= 45
+
+
+def test_known_angles_of_equal_spheres_that_touch():
+    """Bead and bed make a pyramid or a tetrahedron, whose faces lean by arctan(sqrt(2)) and arctan(sqrt(8))."""
+    for pocket, face in (("square", sqrt(2.0)), ("triangular", sqrt(8.0))):
+        case = case_of(pocket, 1.0, 1.0)
+        assert case is not None
+        assert angle_of(*case[:2], 1.0, 0.3)[0] == pytest.approx(
+            90.0 - degrees(atan2(face, 1.0)), abs=1e-6
+        )
+
+
+@pytest.mark.parametrize("spacing", [1.25, 1.4])
+def test_a_bead_on_the_base_plane_leans_on_two_spheres(spacing):
+    """Where the spheres of a square bed stand farther apart than sqrt(1.5), an equal bead lies on the plane."""
+    ahead = sqrt(0.75 - 0.25 * spacing**2)
+    bed = SphereBed.array(0.5, spacing, "square", (ahead, 0.5 * spacing))
+    found, contacts = angle_of(bed, 0.5, 1.0, 0.5)
+    assert len(contacts.points) == 3
+    assert found == pytest.approx(degrees(atan2(ahead, 0.5)), abs=1e-5)
+
+
+@pytest.mark.parametrize(("share", "mode"), [(0.999, "rest"), (1.001, "pivoting")])
+def test_beyond_that_angle_the_bead_pivots(share, mode):
+    """Over two spheres at once it turns about the line through its contacts, which keep their places."""
+    pocket = case_of("triangular", 1.2, 1.0)
+    assert pocket is not None
+    bed, height, ahead = pocket
+    contacts = touching(Sphere(1.0), Placement((0.0, 0.0, height)), bed, 1e-6)
+    push, centre = np.array([share * ahead / height, 0.0, 0.0]), np.array([0.0, 0.0, height])
+    load = Load(push, np.zeros(3), np.array([0.0, 0.0, -1.0]), centre)
+    assert judge(load, contacts, 0.5, (1.0, 0.1 * np.eye(3))).equilibrium.label == mode

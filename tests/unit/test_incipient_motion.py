@@ -1,15 +1,20 @@
-"""Incipient accelerations against rigid-body mechanics. Each test states its formula; mass one unless said.
+"""Incipient motion: accelerations, impulses and rocking."""
 
-In 2-D: x downstream, y up, torques counter-clockwise. In 3-D: z up. Normals point out of the grain.
-"""
+from __future__ import annotations
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from test_safety_factor import ON_PLANE, box, load, pocket, wedge
 
+from incipient.arrays import Floats
+from incipient.body.contact_motion import ContactLaw, ContactMotion, turns, wrenches
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Inertia
 from incipient.contact import Contacts, Load
 from incipient.contact.acceleration import (
     ContactState,
@@ -18,10 +23,44 @@ from incipient.contact.acceleration import (
     Uniqueness,
     incipient_motion,
 )
-from incipient.contact.impulses import CoulombLaw, differentiate
+from incipient.contact.impulses import (
+    CoulombLaw,
+    contact_impulses,
+    differentiate,
+    resisted_impulses,
+)
 from incipient.contact.problem import ContactProblem
-from incipient.contact.safety import safety_factor
+from incipient.contact.rocking import Rocking, follow
+from incipient.contact.safety import SafetyStatus, safety_factor
+from incipient.contact.verdict import judge
+from incipient.effects.effect import Solved
+from incipient.effects.moving_grain import FreeBodyEffect
 from incipient.errors import SceneError
+from incipient.evaluation.contact_verdict import (
+    OTHER_CONTACTS,
+    ROCKS,
+    bar_with_rocking,
+    find_contacts,
+    may_rock,
+    with_rocking,
+)
+from incipient.evaluation.contact_verdict import followed as followed_in
+from incipient.geometry import Bed, Ellipse, Grain, Sinusoidal, settle
+from incipient.geometry.closest import proximity
+from incipient.geometry.contacts import ClosestPoints, frame_of
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.beds import Flat
+from incipient.geometry.plane.grains import Disc, Rectangle
+from incipient.planning.effects import Decision, EffectName
+from incipient.results.errorbars import SafetyBar
+from incipient.scene import Scene, loads
+from incipient.scene.example import grain_on_bed
+from incipient.scene.mass import mass_and_inertia
+
+# Incipient accelerations against rigid-body mechanics. Each test states its formula; mass one unless said.
+#
+# In 2-D: x downstream, y up, torques counter-clockwise. In 3-D: z up. Normals point out of the grain.
+
 
 DOWN, UP = [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]
 BALL = 0.4 * 0.5**2 * np.eye(3)  # of a solid sphere of mass one and radius one half: 2/5 m r^2
@@ -408,3 +447,411 @@ class TestInput:
         stored = motion((load((1.0, 0.0)), pocket(0.5)), 0.5, np.eye(3))[0].to_dict()
         assert (stored["mode"], stored["uniqueness"], stored["moves"]) == ("PIVOTING", "ONLY", True)
         assert len(stored["solutions"]) == 1
+
+
+# Impulses at contacts obey Signorini's and Coulomb's laws, whatever the contacts.
+
+
+INVERSE = np.diag([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])
+
+
+def pressed_from_below(random: np.random.Generator, count: int) -> tuple[Floats, Floats]:
+    """Rows (3k, 6) of contacts of about a sphere with normals upwards, and the normals (k, 3)."""
+    normals = random.normal(size=(count, 3))
+    normals[:, 2] = np.abs(normals[:, 2]) + 0.3
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    points = -0.5 * normals + 0.05 * random.normal(size=(count, 3))
+    first, second = frame_of(normals)
+    return wrenches(points, np.stack([normals, first, second], axis=1), np.zeros(3)), normals
+
+
+def missed(gain: Floats, free: Floats, friction: Floats, impulses: Floats) -> float:
+    """By how much impulses (k, 3) miss the laws, written out, relative to the largest velocity."""
+    velocities = (gain @ impulses.ravel() + free).reshape(-1, 3)
+    slip, rubbed = (np.hypot(one[:, 1], one[:, 2]) for one in (velocities, impulses))
+    limit = friction * impulses[:, 0]
+    power = (velocities[:, 1:] * impulses[:, 1:]).sum(axis=1)
+    laws = (
+        -velocities[:, 0],
+        -impulses[:, 0],
+        np.abs(velocities[:, 0] * impulses[:, 0]),
+        rubbed - limit,
+        np.abs(power + slip * limit),
+    )
+    return max(float(law.max()) for law in laws) / float(np.abs(free).max())
+
+
+@pytest.mark.parametrize(
+    ("free", "friction", "expected"),
+    [
+        ([0.1, 1.0, 0.0], 0.5, [0.0, 0.0, 0.0]),
+        ([-1.0, 0.3, 0.4], 0.6, [1.0, -0.3, -0.4]),
+        ([-1.0, 3.0, 4.0], 0.5, [1.0, -0.3, -0.4]),
+    ],
+    ids=["opens", "sticks", "slides"],
+)
+def test_one_contact_sticks_slides_or_opens(
+    free: list[float], friction: float, expected: list[float]
+) -> None:
+    """By hand, for a gain of one."""
+    found = contact_impulses(np.eye(3), np.array(free), np.array([friction]))
+    assert found == pytest.approx(np.array([expected]))
+
+
+def test_a_thousand_random_grains_obey_both_laws() -> None:
+    """One to five contacts, redundant ones too, each with a friction of its own, none among them."""
+    random = np.random.default_rng(3)
+    for _ in range(1000):
+        count = int(random.integers(1, 6))
+        rows, _ = pressed_from_below(random, count)
+        falling = np.array([*random.normal(size=2), -1.0, *random.normal(size=3)])
+        friction = random.choice([0.0, 0.2, 0.7, 1.5], size=count)
+        gain, free = rows @ INVERSE @ rows.T, rows @ falling
+        assert missed(gain, free, friction, contact_impulses(gain, free, friction)) < 1e-8
+
+
+def test_a_thousand_random_grains_resist_rolling() -> None:
+    """Both laws at one to five contacts, and at each a couple against the turn along the surface, bounded by P_N."""
+    random = np.random.default_rng(7)
+    for _ in range(1000):
+        count = int(random.integers(1, 6))
+        normals = random.normal(size=(count, 3))
+        normals[:, 2] = np.abs(normals[:, 2]) + 0.3
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        ways = np.stack([normals, *frame_of(normals)], axis=1)
+        arms = -0.5 * normals + 0.05 * random.normal(size=(count, 3))
+        rows = np.vstack([wrenches(arms, ways, np.zeros(3)), 0.5 * turns(ways, 3).reshape(-1, 6)])
+        falling = np.array([*random.normal(size=2), -1.0, *random.normal(size=3)])
+        friction, rolling = (
+            random.choice([0.0, 0.2, 0.7, 1.5], size=count),
+            random.choice([0.01, 0.1, 0.5]),
+        )
+        gain, free = rows @ INVERSE @ rows.T, rows @ falling
+        impulses = resisted_impulses(gain, free, friction, rolling)
+        ended = (
+            falling + INVERSE @ rows[3 * count :].T @ (impulses[count:] * [0.0, 1.0, 1.0]).ravel()
+        )
+        own = gain[: 3 * count, : 3 * count]
+        assert missed(own, rows[: 3 * count] @ ended, friction, impulses[:count]) < 1e-8
+        turning = (
+            rows @ (ended + INVERSE @ rows[: 3 * count].T @ impulses[:count].ravel())
+        ).reshape(-1, 3)
+        couples, turned = impulses[count:, 1:], turning[count:, 1:]
+        limit = rolling * impulses[:count, 0]
+        assert (np.linalg.norm(couples, axis=1) <= limit + 1e-8).all()
+        power = (couples * turned).sum(axis=1)
+        assert power == pytest.approx(-limit * np.linalg.norm(turned, axis=1), abs=1e-8)
+
+
+def test_velocities_from_rest_are_the_judges_accelerations() -> None:
+    """From rest a step's velocities are its length times the accelerations at release, by the exact judge."""
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        rows, normals = pressed_from_below(random, 1)
+        point = -0.5 * normals
+        rows = wrenches(point, np.stack([normals, *frame_of(normals)], axis=1), np.zeros(3))
+        force, couple = np.array([*random.normal(size=2), -1.0]), 0.1 * random.normal(size=3)
+        load = Load(force, couple, np.zeros(3), np.zeros(3))
+        judged = incipient_motion(load, Contacts(point, -normals), 0.4, 1.0, 0.1 * np.eye(3))
+        wrench = np.concatenate([force, couple])
+        gain, free = rows @ INVERSE @ rows.T, rows @ INVERSE @ wrench
+        impulses = contact_impulses(gain, free, np.array([0.4]))
+        found = INVERSE @ (wrench + rows.T @ impulses.ravel())
+        exact = np.concatenate([judged.first.acceleration, judged.first.angular_acceleration])
+        assert found == pytest.approx(exact, abs=1e-7)
+
+
+def test_painleves_rod_has_impulses_where_it_has_no_forces() -> None:
+    """A rod that slides along on its lower end, which is ahead of it, jams; over a step it has an impulse.
+
+    At 60 degrees and friction 2 a pressure on the end accelerates it into the ground (Painleve 1895).
+    """
+    angle, friction = np.radians(60.0), np.array([2.0])
+    arm = 0.5 * np.array([[-np.cos(angle), -np.sin(angle), 0.0]])
+    ways = np.array([[[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])
+    rows = wrenches(arm, ways, np.zeros(3))
+    gain = rows @ np.diag([1.0, 1.0, 1.0, 12.0, 12.0, 12.0]) @ rows.T
+    assert min(gain[0, 0] + way * friction[0] * gain[0, 1] for way in (-1.0, 1.0)) < 0.0
+    for way in (-1.0, 1.0):
+        free = rows @ np.array([way, -0.01, 0.0, 0.0, 0.0, 0.0])
+        impulses = contact_impulses(gain, free, friction)
+        assert impulses[0, 0] > 0.0
+        assert missed(gain, free, friction, impulses) < 1e-8
+
+
+@pytest.mark.parametrize("density", [0.0, 1e-9, 1e6])
+def test_bodies_without_mass_and_with_any_take_the_same_steps(density: float) -> None:
+    """With added mass a body without mass rests on its bed as any other: no step is shortened."""
+    grain = Disc(1.0)
+    body = RigidBody(Inertia.about(density * grain.volume, density * grain.inertia, grain.gdim))
+    moves = ContactMotion(body, proximity(grain, Flat()).gaps, ContactLaw(0.5), grain.size)
+    state, load = BodyState.at(Placement((0.0, 0.5))), np.array([0.2, -1.0, 0.0])
+    added = np.diag([1.0, 1.0, 0.1])
+    taken = moves.step(state, 0.1, load, added)
+    assert taken.end.place[1] == pytest.approx(0.5, abs=1e-8)
+    assert abs(taken.end.velocity[1]) < 1e-9
+    assert taken.contacts.forces(0.1)[0, 1] == pytest.approx(1.0, rel=1e-6)
+
+
+def test_gaps_are_those_of_corners_and_of_the_lowest_points() -> None:
+    """Both lower corners of a block that stands on a plane, and the one place of a disc."""
+    block = proximity(Rectangle(1.0, 0.5), Flat()).gaps(Placement((0.0, 0.26)), 0.05)
+    assert isinstance(block, ClosestPoints)
+    assert sorted(block.points[:, 0].tolist()) == pytest.approx([-0.5, 0.5])
+    assert block.gaps == pytest.approx([0.01, 0.01])
+    disc = proximity(Disc(1.0), Flat()).gaps(Placement((0.3, 0.49)), 0.05)
+    assert disc.gaps == pytest.approx([-0.01])
+    assert disc.normals == pytest.approx(np.array([[0.0, 1.0]]))
+    assert len(proximity(Disc(1.0), Flat()).gaps(Placement((0.3, 5.0)), 0.05)) == 0
+
+
+# Rests followed as the load of the flow grows: closed forms of a disc, the fold of an ellipse's moment, continuity.
+#
+# A grain that rolls on a bed without slipping is in equilibrium where the moment of its load about the contact
+# vanishes, and leaves its trough where no more load has a place at which it does.
+
+
+HEIGHT, LENGTH = 0.05, 2.0  # of the sinusoidal bed, which is lowest at 1.5
+WAVE = 2.0 * math.pi / LENGTH
+STEEPEST = math.atan(HEIGHT * WAVE)
+INERT = (1.0, np.eye(3))
+RADIUS = 0.2
+
+
+def followed(
+    grain: Grain, force: tuple[float, float], couple: float, friction: float, bed: Bed | None = None
+) -> Rocking:
+    """The rests of a grain of weight one from the bottom of the trough."""
+    bed = bed or Sinusoidal(HEIGHT, LENGTH)
+    start = settle(grain, bed, Placement((1.5, 1.0)), friction=friction)
+    load = Load([*force, 0.0], [0.0, 0.0, couple], [0.0, -1.0, 0.0], [*start.placement.centre, 0.0])
+    found = follow(grain, bed, start.placement, load, friction, INERT, resolved=2e-3)
+    assert found is not None
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("couple", [-0.02, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_a_disc_rests_where_the_bed_has_the_slope_of_its_load(couple: float) -> None:
+    """Slope phi with R |L| sin(psi - phi) = couple, psi the load's angle; it leaves beyond the steepest slope."""
+    force = (0.3, 0.05)
+    found = followed(Disc(2.0 * RADIUS), force, couple, 0.8)
+
+    def slope(factor: float) -> float:
+        x, y = factor * force[0], 1.0 - factor * force[1]
+        return math.atan2(x, y) - math.asin(factor * couple / (RADIUS * math.hypot(x, y)))
+
+    for rest in found.rests:
+        into_bed = rest.contacts.normals[0]
+        assert math.atan2(into_bed[0], -into_bed[1]) == pytest.approx(slope(rest.low), abs=1e-9)
+    critical = brentq(lambda factor: slope(factor) - STEEPEST, 0.0, 3.0)
+    assert found.critical == pytest.approx(critical, rel=5e-3)
+    assert found.critical < critical * (1.0 + 1e-9)
+    assert found.mode == "rolling"
+    assert found.leaves
+
+
+@pytest.mark.slow  # where it slips it settles nowhere, slowly
+def test_a_disc_spins_where_friction_no_longer_holds_its_couple() -> None:
+    """The contact force is vertical nearly, and has the arm R sin(atan(mu)) at most."""
+    found = followed(Disc(2.0 * RADIUS), (0.01, 0.0), -0.1, 0.05)
+    arm = RADIUS * math.sin(math.atan(0.05))
+    critical = brentq(lambda factor: 0.1 * factor - arm * math.hypot(0.01 * factor, 1.0), 0.0, 3.0)
+    assert found.critical == pytest.approx(critical, rel=5e-3)
+    assert math.degrees(found.turned(found.last)) > 20.0
+
+
+def moments(grain: Ellipse, axes: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (n, 2) and contacts (n, 2) of an ellipse that rolls up the trough, by arcs of equal length.
+
+    Independent of the package: the ellipse is (a cos t, b sin t) of semi-axes (a, b), the bed y = h sin(k x), and both
+    arcs grow at one rate from the bottom, where the ellipse stands on its short axis.
+    """
+    a, b = axes
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        x, t = state
+        along_bed = math.hypot(1.0, HEIGHT * WAVE * math.cos(WAVE * x))
+        return [1.0 / along_bed, 1.0 / math.hypot(a * math.sin(t), b * math.cos(t))]
+
+    found = solve_ivp(
+        rates, (0.0, 0.45), [1.5, -0.5 * math.pi], rtol=1e-11, atol=1e-12, dense_output=True
+    )
+    x, t = found.sol(np.linspace(1e-4, 0.45, 4000))
+    contacts = np.column_stack([x, HEIGHT * np.sin(WAVE * x)])
+    turn = np.arctan(HEIGHT * WAVE * np.cos(WAVE * x)) - np.arctan2(b * np.cos(t), -a * np.sin(t))
+    body = np.column_stack([a * np.cos(t), b * np.sin(t)])
+    c, s = np.cos(turn), np.sin(turn)
+    arms = np.column_stack([c * body[:, 0] - s * body[:, 1], s * body[:, 0] + c * body[:, 1]])
+    return contacts - arms, contacts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("couple", [0.0, pytest.param(-0.02, marks=pytest.mark.slow)])
+def test_an_ellipse_leaves_at_the_fold_of_its_potential(couple: float) -> None:
+    axes, force = (0.5, 0.3), (0.3, 0.05)
+    grain = Ellipse(axes)
+    centres, contacts = moments(grain, axes)
+    arm = centres - contacts
+    of_weight = -arm[:, 0]
+    of_flow = arm[:, 0] * force[1] - arm[:, 1] * force[0] + couple
+    factors = -of_weight / of_flow  # at which each place is one of equilibrium
+    fold = int(np.argmax(factors))
+    assert 0 < fold < len(factors) - 1
+    found = followed(grain, force, couple, 0.9)
+    assert found.critical == pytest.approx(factors[fold], rel=5e-3)
+    assert found.critical < factors[fold] * (1.0 + 1e-6)
+    assert not found.leaves
+    at = found.last
+    assert at.low == pytest.approx(1.0, rel=1e-12)
+    # It rolls in finite steps, whose slip is of their second order.
+    place = np.interp(1.0, factors[:fold], centres[:fold, 0])
+    assert at.placement.centre[0] == pytest.approx(place, abs=1e-4)
+    assert found.turned(at) > 0.05
+    assert found.drift(at) > found.turned(at)
+
+
+def test_on_a_plane_any_load_rolls_a_disc_away() -> None:
+    assert followed(Disc(1.0), (0.3, 0.0), 0.0, 0.8, Flat(0.0)).critical == 0.0
+
+
+def test_a_disc_on_a_plane_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it has no other rest; to find that out would take longer than the flow."""
+    scene, wanted = (
+        grain_on_bed(),
+        Load([0.3, 0.0, 0.0], np.zeros(3), [0.0, -1.0, 0.0], np.zeros(3)),
+    )
+    monkeypatch.setattr("incipient.evaluation.contact_verdict.follow", None)
+    assert followed_in(scene, wanted) is None
+
+
+def test_what_contacts_hold_is_held_up_to_the_safety_factor() -> None:
+    """A box tips over its edge where the moment of weight, b/2, is that of the force, h/2 s F."""
+    found = followed(Rectangle(0.8, 0.4), (2.5, 0.0), 0.0, 5.0, Flat(0.0))
+    assert found.critical == pytest.approx(0.8, rel=1e-6)
+    assert len(found.rests) == 1
+    assert found.mode == "pivoting"
+
+
+def test_no_rest_no_path() -> None:
+    grain, bed = Ellipse((0.5, 0.3)), Flat(0.0)
+    load = Load([0.1, 0.0, 0.0], np.zeros(3), [0.0, -1.0, 0.0], np.zeros(3))
+    assert follow(grain, bed, Placement((0.0, 0.25), math.pi / 2.2), load, 0.5) is None
+
+
+PEBBLE = """
+[domain]
+length = 10.0
+height = 5.0
+width = 10.0
+[fluid]
+reynolds = 1.0
+scale = "grain"
+[flow]
+kind = "shear"
+[body]
+shape = "ellipsoid"
+semi_axes = [0.58, 0.52, 0.34]
+density = 2.65
+x = 5.0
+settle = true
+[bed]
+kind = "spheres"
+radius = 0.5
+spacing = 1.05
+arrangement = "random"
+seed = 2
+[gravity]
+acceleration = 10.0
+[contact]
+friction = 0.6
+"""
+
+
+def pebble(slope: float) -> tuple[Scene, Load]:
+    """An ellipsoid on random spheres, and a load that turns with the slope of the bed as its weight does."""
+    scene = loads(PEBBLE, overrides=[f"bed.slope={slope}"])
+    assert scene.placement is not None
+    down = scene.gravity_direction
+    load = Load([0.05, 0.0, 0.01], [0.0, 0.012, 0.0], down, np.asarray(scene.placement.centre))
+    return scene, load
+
+
+def test_a_pebble_that_rocks_is_held_as_well_as_one_that_has_rocked() -> None:
+    """It lies on two of the bed's spheres while the bed is level, on a third one, too, where it slopes by a degree."""
+    scene, load = pebble(1.0)
+    on_three = safety_factor(load, find_contacts(scene), 0.6)
+    assert (len(find_contacts(scene)), on_three.status) == (3, SafetyStatus.CRITICAL)
+    factors = []
+    for slope in (0.0, 0.3):
+        scene, load = pebble(slope)
+        assert safety_factor(load, find_contacts(scene), 0.6).status is SafetyStatus.NO_RESERVE
+        found = followed_in(scene, load)
+        assert found is not None
+        assert [len(rest.contacts) for rest in found.rests] == [2, 3]
+        factors.append(found.critical)
+    # Downhill the weight's pull grows in proportion to the slope, and the factor falls nearly in a line.
+    assert factors[0] > factors[1] > on_three.value
+    assert factors[0] - factors[1] == pytest.approx(0.3 * (factors[0] - on_three.value), rel=0.1)
+    assert factors[0] == pytest.approx(on_three.value, rel=0.02)
+
+
+def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
+    scene, load = pebble(0.0)
+    inert = mass_and_inertia(scene.body, scene.placement)
+    said = judge(load, find_contacts(scene), 0.6, inert).to_dict()
+    assert may_rock(said)
+    rocking = followed_in(scene, load)
+    assert rocking is not None
+    told = with_rocking(said, rocking)
+    assert (told["moves"], told["mode"], told["safety_status"]) == (False, ROCKS, "ROCKS")
+    assert told["safety_factor"] == rocking.critical
+    first = told["sentence"].partition(";")[0]
+    assert first.startswith("the grain rocks to another rest, turned by ")
+    assert "begins to move" not in first
+    assert "body.orientation = [" in told["note"]
+    assert told["judges"] == said["judges"]
+    box = SafetyBar(0.0, 0.0, 0.0, True, ("rolling",), True, "gap", None, None)
+    bar = bar_with_rocking(box, rocking.critical, ROCKS, 0.05, rocking.drift(rocking.last))
+    assert (bar.certain, bar.complete, bar.modes) == (False, False, (ROCKS,))
+    assert bar.low < rocking.critical < bar.high
+    assert bar.sentence().startswith("likely, but not proved: safety factor")
+    assert not may_rock(judge(load, find_contacts(pebble(1.0)[0]), 0.6, inert).to_dict())
+    assert OTHER_CONTACTS in told["note"]
+    # Contacts that hold it up to a part of the load open: it moves, as its threshold says.
+    scene, load = pebble(1.0)
+    strong = replace(load, flow_force=20.0 * load.flow_force, flow_couple=20.0 * load.flow_couple)
+    moved = judge(strong, find_contacts(scene), 0.6, inert).to_dict()
+    assert (moved["moves"], moved["safety_status"], may_rock(moved)) == (True, "CRITICAL", False)
+
+
+def test_what_leaves_its_pocket_begins_to_move() -> None:
+    scene, load = pebble(0.0)
+    strong = Load(20.0 * load.flow_force, 20.0 * load.flow_couple, load.weight, load.centre)
+    rocking = followed_in(scene, strong)
+    assert rocking is not None
+    assert rocking.leaves
+    assert rocking.sentence.startswith(
+        "the grain begins to move (pivoting), having rocked, turned by "
+    )
+    weak = followed_in(scene, load)
+    assert weak is not None
+    assert 20.0 * rocking.critical == pytest.approx(weak.critical, rel=1e-4)
+
+
+def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose() -> None:
+    """What is said of a grain held in time that would move: whether it leaves its pocket, and how that was judged."""
+    at = Decision(EffectName.FREE_BODY, False, "")
+
+    def said(**verdict: object) -> list[str]:
+        return [one.how for one in FreeBodyEffect().left_out(Solved(None, None, None, verdict), at)]  # type: ignore[arg-type]
+
+    assert said(first_motion=None, rocking=None) == []
+    assert said(first_motion=0.1, rocking=None) == ["the grain moves from t = 0.1 on, but was held"]
+    pose = "; this time and the history are judged in the first pose"
+    assert said(first_motion=0.1, rocking={"leaves": False}) == [
+        f"the grain rocks from t = 0.1 on, but was held{pose}"
+    ]
+    assert said(first_motion=0.1, rocking={"leaves": True}) == [
+        f"the grain moves from t = 0.1 on, but was held{pose}"
+    ]

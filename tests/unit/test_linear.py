@@ -1,25 +1,45 @@
-"""Direct solution with kept factors, and mass matrices."""
+"""Linear solvers."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import dolfinx
 import numpy as np
 import pytest
 import ufl
-from domains import unit_box
+from domains import SIDES, ball_in_box, unit_box
 from petsc4py import PETSc
 
 from incipient import compat, forms
+from incipient.accuracy.dual import GoalErrors
 from incipient.compat import petsc
+from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError, UnsolvedError
-from incipient.fluid import no_slip
+from incipient.fluid import (
+    Condition,
+    FlowModel,
+    Fluid,
+    Open,
+    Prescribed,
+    Slip,
+    no_slip,
+    solve_steady,
+)
 from incipient.fluid.constraints import Constraints
-from incipient.fluid.solvers import Direct, LinearSolver, direct
-from incipient.fluid.space import taylor_hood
+from incipient.fluid.flow import build_fluid, enriched
+from incipient.fluid.projection import Projection
+from incipient.fluid.solvers import Direct, LinearSolver, TwoLevel, direct, two_level
+from incipient.fluid.space import boundary_blocks, taylor_hood
+from incipient.fluid.transient import Transient
 from incipient.forms import terms
+from incipient.mesh.domain import Domain
 from incipient.symmetric import solve_symmetric
+
+# Direct solution with kept factors, and mass matrices.
+
 
 ROWS = 40
 
@@ -230,3 +250,403 @@ def test_projection_onto_a_boundary() -> None:
     assert into.x.array == pytest.approx(
         np.where(points[:, 0] < 1e-9, 1 + points[:, 1], 0.0), abs=1e-10
     )
+
+
+# The iterative solver by blocks gives what the direct one gives, in a number of iterations that stays.
+
+
+RTOL = 1e-10
+STOKES = FlowModel(inertia=False)
+
+
+def stream(x: np.ndarray, t: float) -> np.ndarray:
+    return np.vstack([np.sin(2 * x[1]) + x[2], x[0] ** 2, 0 * x[0]])
+
+
+def lid(x: np.ndarray, t: float) -> np.ndarray:
+    return np.vstack([16 * x[0] * (1 - x[0]), 0 * x[0], 0 * x[0]])
+
+
+def channel(gdim: int) -> list[Condition]:
+    """An open channel between planes through which nothing flows, each along another axis."""
+    sides = [Slip("top", axis=1), *([Slip("back", axis=2)] if gdim == 3 else [])]
+    walls = [no_slip("bottom"), *([no_slip("front")] if gdim == 3 else [])]
+    return [Open("right"), *sides, Prescribed("left", stream), *walls]
+
+
+def box(gdim: int) -> list[Condition]:
+    """A closed box driven by its lid: the pressure has no level of its own."""
+    return [*(no_slip(name) for name in SIDES[: 2 * gdim] if name != "top"), Prescribed("top", lid)]
+
+
+def without_level(fluid: Fluid, state: np.ndarray) -> np.ndarray:
+    """The state with a mean pressure of zero where only its differences count."""
+    places = fluid.space.pressure_map
+    found = state.copy()
+    if fluid.constraints.closed:
+        found[places] -= found[places].mean()
+    return found
+
+
+def wall_motion(fluid: Fluid) -> np.ndarray:
+    """A state that is a translation of the bottom along itself: it lets nothing through."""
+    blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of("bottom"))
+    values = np.zeros_like(fluid.state.x.array)
+    values[fluid.space.velocity_map.reshape(-1, fluid.space.gdim)[blocks, 0]] = 1.0
+    return values
+
+
+def solved_by_blocks(
+    domain: Domain, model: FlowModel, conditions: list[Condition], reynolds: float = 10.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """The flow and a dual solution, pressures without a level."""
+    with Fluid(domain, model, conditions, reynolds) as fluid:
+        assert fluid.solve(RTOL).converged
+        fluid.correct()  # by the Jacobian of the solution
+        dual = fluid.dual(wall_motion(fluid))
+        return without_level(fluid, fluid.state.x.array), without_level(fluid, dual)
+
+
+def block(model: FlowModel) -> FlowModel:
+    return replace(model, solver="block")
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize("conditions", [channel, box])
+def test_steady_flow_with_inertia_and_its_dual_are_those_of_the_direct_solver(
+    conditions: Any, gdim: int
+) -> None:
+    """The transposed operator convects the other way; differences as in Stokes flow."""
+    domain, model = unit_box(gdim, 6 if gdim == 2 else 3), FlowModel(upwind=True)
+    direct, blocks = (
+        solved_by_blocks(domain, m, conditions(gdim), 20.0) for m in (model, block(model))
+    )
+    for one, other, tolerance in zip(direct, blocks, (1e-8, 1e-6), strict=True):
+        assert other == pytest.approx(one, abs=tolerance * np.abs(one).max())
+
+
+@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+@pytest.mark.parametrize("conditions", [channel, box])
+def test_steps_in_time_are_those_of_the_direct_solver(conditions: Any, convection: str) -> None:
+    """Three steps to a tolerance of 1e-9 each, in space."""
+    found = []
+    for solver in ("direct", "block"):
+        model = FlowModel(unsteady=True, convection=convection, solver=solver)
+        with Fluid(unit_box(3, 3), model, conditions(3), reynolds=20.0) as fluid:
+            for _ in Transient(fluid, tolerance=1e-9).march(0.3, 0.1):
+                pass
+            found.append(without_level(fluid, fluid.state.x.array))
+    for one in found[1:]:
+        assert one == pytest.approx(found[0], abs=1e-6 * np.abs(found[0]).max())
+
+
+def test_a_step_whose_linear_system_is_not_solved_is_taken_shorter() -> None:
+    """Of a step in which the flow crosses 30 cells GMRES solves no system within its iterations."""
+    model = FlowModel(unsteady=True, convection="extrapolated", solver="block")
+    with Fluid(unit_box(3, 3), model, channel(3), reynolds=1000.0) as fluid:
+        transient = Transient(fluid, tolerance=1e-4)
+        transient.advance(0.1)
+        taken = transient.advance(10.0)
+        assert taken.rejected > 0 and taken.length == pytest.approx(10.0 * 0.5**taken.rejected)
+        assert fluid.time == pytest.approx(0.1 + taken.length)
+
+
+@pytest.mark.parametrize("conditions", [channel, box])
+def test_the_projection_is_that_of_the_direct_solver(conditions: Any) -> None:
+    """Of a velocity with divergence onto those without; a closed box has no pinned pressure."""
+    found = []
+    for solver in ("direct", "block"):
+        with Fluid(
+            unit_box(3, 3), FlowModel(inertia=False, solver=solver), conditions(3), 10.0
+        ) as fluid:
+            fluid.constraints.update(0.0)
+            x = fluid.constraints.points
+            bump = np.prod(x * (1 - x), axis=1)
+            fluid.state.x.array[fluid.space.velocity_map.reshape(-1, 3)[:, 0]] = bump
+            with Projection(fluid) as projection:
+                projection.apply()
+            found.append(fluid.velocity.x.array.copy())
+    assert found[1] == pytest.approx(found[0], abs=1e-9)
+
+
+def test_iterations_with_inertia_grow_little_with_the_mesh() -> None:
+    """The commutator's error at walls lets them grow, by half at most on halved cells (docs/contribute/defaults.md)."""
+    model = block(FlowModel(upwind=True))
+    coarse, fine = (iterations(unit_box(3, n), model, channel(3)) for n in (3, 6))
+    assert fine <= 1.5 * coarse
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize("conditions", [channel, box])
+def test_stokes_flow_and_its_dual_are_those_of_the_direct_solver(
+    conditions: Any, gdim: int, order: int
+) -> None:
+    """Differences: residuals of 1e-11 and 1e-9 times the condition of these matrices, below 1e3."""
+    domain = unit_box(gdim, 6 if gdim == 2 else 5 - order)
+    direct = solved_by_blocks(domain, FlowModel(inertia=False, order=order), conditions(gdim))
+    blocks = solved_by_blocks(
+        domain, FlowModel(inertia=False, order=order, solver="block"), conditions(gdim)
+    )
+    for one, other, tolerance in zip(direct, blocks, (1e-8, 1e-6), strict=True):
+        assert other == pytest.approx(one, abs=tolerance * np.abs(one).max())
+
+
+def iterations(domain: Domain, model: FlowModel, conditions: list[Condition]) -> int:
+    with Fluid(domain, model, conditions, reynolds=10.0) as fluid:
+        fluid.solve(1e-7)
+        return fluid.solver.statistics.krylov_iterations
+
+
+def test_iterations_for_stokes_flow_do_not_grow_with_the_mesh() -> None:
+    """From 1.4 to 8.6 thousand unknowns; the bound of 20% is that of larger meshes, see docs/contribute/defaults.md."""
+    coarse, fine = (iterations(unit_box(3, n), block(STOKES), channel(3)) for n in (4, 8))
+    assert fine <= 1.2 * coarse
+
+
+def test_iterations_for_stokes_flow_do_not_depend_on_its_viscosity() -> None:
+    """The unknown pressure scales with it; the residual's tolerance counts momentum and volume together."""
+    found = []
+    for reynolds in (0.1, 10.0):
+        with Fluid(unit_box(2, 8), block(STOKES), box(2), reynolds) as fluid:
+            fluid.solve(RTOL)
+            found.append(fluid.solver.statistics.krylov_iterations)
+    assert abs(found[0] - found[1]) <= 2
+
+
+def test_the_prepared_operators_serve_while_the_matrix_stays() -> None:
+    with Fluid(unit_box(2, 6), block(STOKES), channel(2), reynolds=10.0) as fluid:
+        fluid.solve(RTOL)
+        fluid.dual(wall_motion(fluid))
+        fluid.solve(RTOL)
+        assert fluid.solver.statistics.factorisations == 1
+        assert fluid.solver.statistics.solves == 3
+
+
+def test_conditions_are_met_to_the_last_digit() -> None:
+    with Fluid(unit_box(3, 3), block(STOKES), channel(3), reynolds=10.0) as fluid:
+        fluid.solve(1e-4)
+        values = fluid.velocity.x.array.reshape(-1, 3)
+        places = fluid.constraints.points
+        inflow = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of("left"))
+        inside = inflow[
+            (places[inflow, 1:] > 1e-9).all(axis=1) & (places[inflow, 1:] < 1 - 1e-9).all(axis=1)
+        ]
+        assert values[inside] == pytest.approx(stream(places[inside].T, 0.0).T, abs=1e-14)
+
+
+def test_not_a_number_is_an_error_by_blocks() -> None:
+    with Fluid(unit_box(2, 4), block(STOKES), channel(2), reynolds=10.0) as fluid:
+        fluid.state.x.array[:] = np.nan
+        with pytest.raises(ConvergenceError, match="is not finite"):
+            fluid.solve(RTOL)
+
+
+@pytest.mark.parametrize("solver", ["direct", "block"])
+def test_a_matrix_that_is_not_finite_fails_the_step_alone(solver: str) -> None:
+    """A shorter one may have a matrix: the step is refused, and no error leaves the solution."""
+    model = FlowModel(unsteady=True, solver=solver)
+    with Fluid(unit_box(2, 2), model, channel(2), reynolds=20.0) as fluid:
+        fluid.rate[0].value = np.inf
+        report = fluid.solve(1e-6)
+        assert not report.converged and "is not finite" in report.failure
+
+
+@pytest.fixture
+def one_iteration() -> Iterator[None]:
+    """An option of the user's that lets GMRES do one iteration, which is not enough."""
+    options = PETSc.Options()
+    options["fluid_ksp_max_it"] = 1
+    yield
+    options.delValue("fluid_ksp_max_it")
+
+
+@pytest.mark.usefixtures("one_iteration")
+def test_options_of_the_user_hold() -> None:
+    """The error names PETSc's reason; in a closed box there is no LU factorisation instead."""
+    with (
+        Fluid(unit_box(2, 4), block(STOKES), box(2), reynolds=10.0) as fluid,
+        pytest.raises(ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"),
+    ):
+        fluid.solve(RTOL)
+
+
+@pytest.mark.usefixtures("one_iteration")
+def test_a_transposed_system_names_its_own_iterations() -> None:
+    """Of the solver of the transpose, while that of the flow has done none."""
+    model = FlowModel(upwind=True, solver="block")
+    with Fluid(unit_box(2, 4), model, box(2), reynolds=10.0) as fluid:
+        compat.matrix_of(fluid._jacobian, fluid.constraints.dirichlet, fluid._matrix)
+        with pytest.raises(
+            ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"
+        ):
+            fluid.dual(wall_motion(fluid))
+
+
+@pytest.mark.usefixtures("one_iteration")
+def test_a_steady_flow_that_gmres_does_not_solve_is_solved_by_factors() -> None:
+    domain, conditions = unit_box(2, 4), channel(2)
+    direct, blocks = (
+        solved_by_blocks(domain, m, conditions, 20.0) for m in (STOKES, block(STOKES))
+    )
+    for one, other in zip(direct, blocks, strict=True):
+        assert other == pytest.approx(one, abs=1e-9 * np.abs(one).max())
+
+
+def test_curved_cells_and_a_body() -> None:
+    domain = ball_in_box(0.6)
+    conditions = [
+        Prescribed("outer", lambda x, t: np.vstack([x[1], 0 * x[0], 0 * x[0]])),
+        no_slip("body"),
+    ]
+    found = []
+    for solver in ("direct", "block"):
+        with Fluid(
+            domain, FlowModel(inertia=False, solver=solver), conditions, reynolds=5.0
+        ) as fluid:
+            fluid.solve(RTOL)
+            found.append(without_level(fluid, fluid.state.x.array))
+    assert found[1] == pytest.approx(found[0], abs=1e-8 * np.abs(found[0]).max())
+
+
+@pytest.mark.parametrize("solver", ["direct", "block"])
+def test_a_wrong_pressure_is_no_converged_flow(solver: str) -> None:
+    """Twice the pressure of a solved flow: its velocity needs no correction, the pressure one of its own size."""
+    with Fluid(unit_box(3, 3), FlowModel(upwind=True, solver=solver), channel(3), 1.0) as fluid:
+        assert fluid.solve(1e-10).converged
+        fluid.state.x.array[fluid.space.pressure_map] *= 2.0
+        assert 0.3 < fluid.correction(True, 1e-10) < 1.1
+        assert fluid.correction(True, 1e-10) < 1e-8
+
+
+def test_from_creeping_flow_to_inertia_at_once() -> None:
+    """Its pressure falls by a factor of 1e7 on the way: with the old one the linear system is not solved."""
+    with Fluid(unit_box(3, 3), FlowModel(solver="block"), box(3), 1e-6) as fluid:
+        solve_steady(fluid, 1e-6)
+        fluid.reynolds = 10.0
+        (step,) = solve_steady(fluid, 1e-6, reached=1e-7)
+    assert step.share == 1.0 and step.report.iterations <= 4
+
+
+# Corrections by two levels: they solve the discrete flow of one order more, and a first one tells its forces.
+
+
+CENTRE = (0.6, 0.5, 0.5)
+REYNOLDS = 5.0
+
+
+def around_a_ball(inertia: bool, cell: float = 0.6) -> Fluid:
+    """In a closed box, whose pressure has no level; cells are curved."""
+    conditions = [Prescribed("outer", stream), no_slip("body")]
+    model = FlowModel(inertia=inertia, upwind=inertia, solver="block")
+    return Fluid(ball_in_box(cell), model, conditions, REYNOLDS)
+
+
+def load_of(fluid: Fluid) -> np.ndarray:
+    found = TractionProbe(fluid, "body", CENTRE).resultant()
+    return np.concatenate([found.force, found.torque])
+
+
+@pytest.mark.parametrize("inertia", [True, False])
+def test_a_first_correction_tells_the_load_of_one_order_more(inertia: bool) -> None:
+    """Three corrections make the assembled residual of that order vanish: the action is not asked for it.
+
+    Each leaves at most a twentieth of a residual, and Newton's method the square of what was wrong. The weighted
+    residual with the solution of the transposed system is the same error once more. Bounds: what is left of the
+    first residual is a twentieth, whose share of the load is not known beforehand.
+    """
+    with around_a_ball(inertia) as fluid:
+        assert fluid.solve(1e-8).converged
+        with GoalErrors(fluid, "body", CENTRE) as goals:
+            finer = goals.finer
+            assert isinstance(finer.solver, TwoLevel) and finer.space.order == 3
+            estimate = np.concatenate([goals.force, goals.torque])
+            along_it = estimate / np.linalg.norm(estimate)
+            by_shares = goals.shares(along_it).sum()
+            before = size_of_residual(finer, goals._before)
+            for _ in range(2):
+                finer.correct()
+            assert size_of_residual(finer, finer.state.x.array) < 2e-3 * before
+            error = load_of(fluid) - load_of(finer)
+        assert np.linalg.norm(estimate - error) < 0.2 * np.linalg.norm(error)
+        assert by_shares == pytest.approx(along_it @ error, rel=0.05)
+
+
+def size_of_residual(fluid: Fluid, state: np.ndarray) -> float:
+    """Of the equations where no condition holds."""
+    now = fluid.state.x.array.copy()
+    fluid.state.x.array[:] = state
+    residual = fluid.residual()
+    fluid.state.x.array[:] = now
+    return float(np.linalg.norm(residual[~fluid._equations().owned_held()]))
+
+
+def test_flow_of_higher_order_is_that_of_the_direct_solver() -> None:
+    """In creeping flow, from the flow of order two beside it, whose loads are left as they were."""
+    conditions = [Prescribed("outer", stream), no_slip("body")]
+    domain, model = ball_in_box(0.6), FlowModel(inertia=False, order=3, solver="two-level")
+    with (
+        build_fluid(domain, model, conditions, REYNOLDS) as fluid,
+        Fluid(domain, replace(model, solver="direct"), conditions, REYNOLDS) as direct,
+    ):
+        assert isinstance(fluid.solver, TwoLevel) and fluid.coarse is not None
+        (*_, last) = solve_steady(fluid, 1e-7)
+        direct.solve(1e-10)
+        assert last.report.converged and last.order == 3
+        assert np.abs(load_of(fluid) - load_of(direct)).max() < 1e-5 * np.abs(load_of(direct)).max()
+        assert fluid.coarse.space.order == 2 and load_of(fluid.coarse)[0] != load_of(fluid)[0]
+        fluid.reynolds = 0.5 * REYNOLDS
+        assert fluid.coarse.reynolds == 0.5 * REYNOLDS
+
+
+def test_upwinding_leaves_the_residual_of_a_correction() -> None:
+    """What it changes then is part of the estimate; at this speed the cells' Peclet numbers are above one."""
+    with around_a_ball(inertia=True) as fluid:
+        fluid.reynolds = 1e3
+        with enriched(fluid) as finer:
+            places = finer.space.velocity_map
+            finer.state.x.array[places] = np.linspace(1.0, 2.0, len(places))
+            w, q = ufl.TestFunctions(finer.space.mixed)
+            plain, upwinded = (
+                finer.assembled(compat.form(finer.residual_form(w, q, upwind=upwind)))
+                for upwind in (False, True)
+            )
+            found = finer.residual()
+    size = np.linalg.norm(found)
+    assert (
+        np.linalg.norm(found - plain) < 1e-12 * size
+        and np.linalg.norm(found - upwinded) > 1e-3 * size
+    )
+
+
+def test_what_is_not_found_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The estimate then is not there, and the flow's bars say so."""
+    monkeypatch.setattr(two_level, "MOST_CYCLES", 1)
+    with around_a_ball(inertia=False) as fluid:
+        fluid.solve(1e-8)
+        with pytest.raises(
+            ConvergenceError, match="a higher order did not converge in 5 iterations"
+        ):
+            GoalErrors(fluid, "body", CENTRE)
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_forces_of_pressures_are_those_of_the_action(transposed: bool) -> None:
+    """With upwinding, at the state taken last; the matrix spares an action at each step of the smoother."""
+    with around_a_ball(inertia=True) as fluid:
+        fluid.reynolds = 1e3
+        with enriched(fluid) as finer:
+            solver = finer.solver
+            assert isinstance(solver, TwoLevel)
+            places, held = finer.space.velocity_map, finer._equations().owned_held()
+            finer.state.x.array[places] = np.linspace(1.0, 2.0, len(places))
+            pressures = np.zeros(len(held))
+            pressures[finer.space.pressure_map] = np.sin(np.arange(len(finer.space.pressure_map)))
+            pressures[held] = 0.0
+            velocities = np.setdiff1d(places, np.flatnonzero(held))
+            for factor in (1.0, -0.5):
+                finer.state.x.array[places] *= factor
+                solver._pressure_force.renew()
+                exact = solver._times(pressures, transposed)[velocities]
+                found = solver._pressure_force.times(pressures, transposed)[velocities]
+                assert found == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())

@@ -1,8 +1,11 @@
-"""The natural bed of Shields' curve: pockets by geometry, weights, quantiles, and gusts over its mean profile."""
+"""Natural beds and flumes."""
 
 from __future__ import annotations
 
+import csv
+import json
 import math
+import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -13,8 +16,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+import incipient
+from incipient.cli import main
+from incipient.errors import SceneError
+from incipient.flumes import thresholds
+from incipient.flumes.scene import flume_scene
+from incipient.flumes.water import density_of_water, viscosity_of_water
 from incipient.setup.mean_profile import MeanProfile
+from incipient.setup.numbers import numbers_of
+from incipient.setup.setup import Setup
 from incipient.survey.deposition import Spheres
+
+pytestmark = pytest.mark.quick
+
+
+# The natural bed of Shields' curve: pockets by geometry, weights, quantiles, and gusts over its mean profile.
+
 
 BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
 
@@ -292,3 +309,172 @@ def test_a_moved_grain_lies_on_the_others(curve: ModuleType) -> None:
     touching = np.abs(gaps) < 1e-6
     assert gaps.min() > -1e-9 and touching.sum() >= 3
     assert (before.away(after.centres[-1])[touching, 2] > 0.0).any()
+
+
+# `incipient flume`: thresholds by published curves, observed beds and the stored natural bed.
+
+
+OBSERVED = Path(__file__).parents[2] / "benchmarks/reference/shields_flume.csv"
+QUARTZ = {"viscosity": 1e-6, "fluid_density": 1000.0}
+
+
+@pytest.mark.parametrize(
+    ("temperature", "density", "viscosity"),
+    [(0.0, 999.84, 1.7918e-3), (20.0, 998.21, 1.0016e-3), (25.0, 997.05, 0.8900e-3)],
+)
+def test_water_is_that_of_iapws(temperature, density, viscosity):
+    """Table of IAPWS R12-08 for the viscosity [Pa s] at 25 °C; Lide, CRC Handbook, for the others."""
+    assert density_of_water(temperature) == pytest.approx(density, rel=1e-5)
+    dynamic = viscosity_of_water(temperature) * density_of_water(temperature)
+    assert dynamic == pytest.approx(viscosity, rel=2e-4)
+
+
+def test_the_example_by_hand():
+    """u* d/nu = 0.03 * 0.002/1e-6, theta = 0.0009/(1.65 * 9.81 * 0.002), D* = 0.002 (1.65 * 9.81 * 1e12)^(1/3)."""
+    answer = incipient.flume(2e-3, shear_velocity=0.03, **QUARTZ)
+    assert answer.shear_reynolds == pytest.approx(60.0)
+    assert answer.shields == pytest.approx(0.027800, rel=1e-4)
+    assert answer.dimensionless_diameter == pytest.approx(50.59, rel=1e-3)
+    assert answer.bed_stress == pytest.approx(0.9)
+
+
+def test_uniform_flow_has_the_stress_of_its_slope():
+    answer = incipient.flume(2e-3, depth=0.2, slope=1e-3, gravity=9.8)
+    assert answer.shear_velocity == pytest.approx(math.sqrt(9.8 * 0.2 * 1e-3))
+
+
+def test_the_mean_velocity_is_that_of_the_rough_logarithmic_law():
+    """Keulegan (1938): U/u* = ln(h/k_s)/kappa + 8.5 - 1/kappa; the profile is within 0.3 of Nikuradse's."""
+    answer = incipient.flume(5e-3, depth=0.5, velocity=1.0, **QUARTZ)
+    law = math.log(100.0) / 0.41 + 8.5 - 1.0 / 0.41
+    assert answer.mean_velocity == pytest.approx(1.0)
+    assert 1.0 / answer.shear_velocity == pytest.approx(law, abs=0.3)
+
+
+def test_zanke_is_his_formula():
+    """theta = (1 - n) tan(phi/1.5) K/((1 + 1.8 r)^2 (1 + 0.4 (1.8 u'/u*)^2 tan(phi/1.5) K)), n 0.35, phi 35 degrees.
+
+    r = u'/u and u* d/nu as tabulated; K = 1 + 3e-8/((rho_s - rho) d^2); Zanke (2003).
+    """
+    tan = math.tan(math.radians(35.0 / 1.5))
+    for row in range(0, 14, 2):
+        size, reynolds, ratio, stored = (
+            thresholds._read("zanke_2003.csv")[name][row]
+            for name in ("D_m", "Re_star", "turbulence_ratio", "D_star")
+        )
+        damped = math.exp(-0.1 * reynolds)
+        fluctuation = 0.31 * reynolds * damped + 1.8 * (1.0 - damped)
+        cohesion = 1.0 + 3e-8 / (1650.0 * size**2)
+        below = (1.0 + 1.8 * ratio) ** 2 * (1.0 + 0.4 * (1.8 * fluctuation) ** 2 * tan * cohesion)
+        assert thresholds.zanke(stored) == pytest.approx(0.65 * tan * cohesion / below, rel=0.01)
+    assert thresholds.zanke(1.0) is None and thresholds.zanke(1200.0) is None
+
+
+def test_percentiles_of_observed_beds_are_those_of_the_compilation():
+    lines = [line for line in OBSERVED.read_text().splitlines() if not line.startswith("#")]
+    rows = [
+        {name: float(row[name]) for name in ("shields", "d50", "density")}
+        for row in csv.DictReader(lines)
+    ]
+    sizes = [
+        row["d50"] * (9.81 * (row["density"] / 1000.0 - 1.0) * 1e12) ** (1 / 3) for row in rows
+    ]
+    ratios = np.array([row["shields"] for row in rows]) / thresholds.soulsby_whitehouse(
+        np.array(sizes)
+    )
+    for percentile, ratio in thresholds.OBSERVED.items():
+        assert np.percentile(ratios, percentile) == pytest.approx(ratio, rel=2e-3)
+    assert thresholds.observed_fraction(0.92) == pytest.approx(0.5)
+    assert thresholds.observed_fraction(0.01) == pytest.approx(0.01)
+
+
+def test_the_natural_bed_is_that_of_the_stored_runs():
+    """Medians at u* d/nu = 10 as on docs/validation/shields.md; between places numbers lie between."""
+    bed = thresholds.natural_bed(10.0)
+    assert [round(bed.median(p), 4) for p in (0.001, 0.01, 0.05, 0.5)] == [
+        0.0098,
+        0.0147,
+        0.0207,
+        0.0435,
+    ]
+    for p in (0.001, 0.01, 0.05, 0.5):
+        assert bed.fraction_of_time(bed.median(p)) == pytest.approx(p)
+    assert bed.fraction_of_time(1e-4) == pytest.approx(0.001) and bed.fraction_of_time(
+        1.0
+    ) == pytest.approx(0.5)
+    assert bed.fraction_of_grains(bed.median(0.01), 0.01) == pytest.approx(0.5)
+    assert thresholds.natural_bed(60.0).median(0.01) == pytest.approx(0.01451, rel=1e-3)  # by hand
+    assert thresholds.natural_bed(0.0).median(0.5) == pytest.approx(0.0845, rel=1e-3)
+    assert thresholds.natural_bed(301.0) is None
+
+
+def test_beyond_the_computed_range_nothing_is_said_of_the_natural_bed():
+    answer = incipient.flume(10e-3, depth=0.3, velocity=1.0)
+    assert answer.natural_bed is None and answer.as_dict()["entrainment_probability"] is None
+    assert "beyond the computed range, 0 to 300" in answer.text()
+
+
+@pytest.mark.parametrize(
+    ("shear_velocity", "words"),
+    [
+        (0.01, "the bed stays at rest"),
+        (0.0256, "probably stays"),
+        (0.036, "near its threshold"),
+        (0.05, "probably moves"),
+        (0.07, "the bed moves"),
+    ],
+)
+def test_the_sentence_follows_the_observed_beds(shear_velocity, words):
+    assert words in incipient.flume(2e-3, shear_velocity=shear_velocity).sentence
+
+
+@pytest.mark.parametrize("shear_velocity", [0.0101, 0.04])
+def test_the_scene_has_the_shear_velocity_of_the_flume(shear_velocity):
+    """Laminar below the turbulent mean profile for fine sand; by the k-omega SST model for coarse sand."""
+    size = 2e-4 if shear_velocity < 0.02 else 2e-3
+    answer = incipient.flume(size, shear_velocity=shear_velocity, depth=0.1)
+    scene = incipient.scene.loads(flume_scene(answer))
+    numbers = numbers_of(Setup(scene))
+    assert numbers.shear_reynolds == pytest.approx(answer.shear_reynolds, rel=2e-3)
+    assert numbers.shields == pytest.approx(answer.shields, rel=4e-3)
+    assert (scene.effects.turbulence is True) == (size == 2e-3)
+
+
+def test_the_command_prints_json_and_writes_scene_and_picture(tmp_path, capsys):
+    scene, curve = tmp_path / "quartz.toml", tmp_path / "shields.png"
+    line = ["flume", "--diameter", "0.2mm", "--depth", "10cm", "--slope", "0.0001"]
+    assert main([*line, "--json"]) == 0
+    stored = json.loads(capsys.readouterr().out)
+    assert stored["shear_velocity"] == pytest.approx(math.sqrt(9.81 * 0.1 * 1e-4))
+    assert main([*line, "--scene", str(scene), "--curve", str(curve)]) == 0
+    assert tomllib.loads(scene.read_text())["units"]["diameter"] == pytest.approx(2e-4)
+    assert curve.read_bytes().startswith(b"\x89PNG")
+    assert main([*line, "--scene", str(scene)]) == 2
+    assert "already exists" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ({}, "flow"),
+        ({"depth": 1.0}, "flow"),
+        ({"velocity": 1.0}, "flow"),
+        ({"shear_velocity": 0.1, "slope": 0.1}, "flow"),
+        ({"shear_velocity": -0.1}, "shear_velocity"),
+        ({"shear_velocity": 0.1, "gravity": math.nan}, "gravity"),
+        ({"shear_velocity": 0.1, "density": 990.0}, "density"),
+        ({"shear_velocity": 0.1, "temperature": -3.0}, "temperature"),
+        ({"depth": 0.3, "velocity": 1e5}, "velocity"),
+        ({"depth": 0.3, "velocity": 1e-12}, "velocity"),
+    ],
+)
+def test_wrong_numbers_are_refused_by_name(options, key):
+    with pytest.raises(SceneError, match=f"^{key}: .*; give|^{key}: .* give"):
+        incipient.flume(2e-3, **options)
+
+
+def test_a_length_without_a_known_unit_is_refused(capsys):
+    assert main(["flume", "--diameter", "2inch", "--shear-velocity", "0.1"]) == 2
+    assert (
+        '"2inch" is not a length; give a number and one of um, mm, cm, m' in capsys.readouterr().err
+    )

@@ -1,22 +1,44 @@
-"""Agreement on failure."""
+"""Ranks, memory and the environment of processes."""
 
 from __future__ import annotations
 
 import json
+import multiprocessing
 import pickle
+import shutil
+import subprocess
+import sys
+import time
+from collections import namedtuple
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tomli_w
+from domains import curved_box, square_in_box
+from environment import environment, finished, on_ranks
 from kinds import every_grain_and_bed, write_files
 from mpi4py import MPI
+from ranks_script import box
 
-from incipient.errors import IncipientError, MeshError, OutputError
+from incipient import compat, form_cache
+from incipient.accuracy.dual import GoalErrors
+from incipient.coupled.tractions import TractionProbe
+from incipient.errors import ConvergenceError, IncipientError, MeshError, OutputError
+from incipient.fluid import FlowModel, Fluid
+from incipient.fluid.conditions import Entering
+from incipient.fluid.constraints import Entry
+from incipient.fluid.solvers.direct import Direct
+from incipient.fluid.space import taylor_hood
 from incipient.parallel import collectively
-from incipient.scene import Scene, load
+from incipient.scene import Scene, load, loads
 from incipient.scene.file import example
 from incipient.scene.messages import tag, variants
+from incipient.simulation.build import prepared
+
+# Agreement on failure.
+
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 COMM = MPI.COMM_WORLD
@@ -182,3 +204,326 @@ def test_children_of_a_rank_start_alone(mpirun: Any) -> None:
     """Also without the variables that the MPI library has set behind Python's back."""
     done = mpirun(1, LEAVING)
     assert done.stdout.split() == ["True", "[]", "1"], done.stderr
+
+
+# Two ranks give what one gives: forces, couples, norms; steady, unsteady, open and closed.
+
+
+SCRIPT = Path(__file__).with_name("ranks_script.py")
+# By what the iterations may leave: the direct solvers', and that of the solver by blocks.
+CLOSE = {
+    "open": 1e-9,
+    "closed": 1e-9,
+    "unsteady": 1e-9,
+    "in_time": 1e-9,
+    "cubic": 1e-9,
+    "three_dimensions": 1e-9,
+    "turned": 1e-9,
+}
+CLOSE["block"] = 1e-7
+
+
+@pytest.fixture(scope="module")
+def readings(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """What one rank and two find, by case: all cases in one start of the ranks, which takes longer than they do."""
+    found = []
+    for ranks in (1, 2):
+        command = [*on_ranks(ranks), sys.executable, SCRIPT, *CLOSE]
+        surroundings = environment() | {"PYTHONPATH": str(SCRIPT.parents[1])}
+        done = finished(command, 240, env=surroundings, cwd=tmp_path_factory.mktemp("ranks"))
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout))
+    return found
+
+
+@pytest.mark.parametrize("case", CLOSE)
+def test_two_ranks_agree_with_one(readings: list[dict[str, Any]], case: str) -> None:
+    alone, together = (dict(found[case]) for found in readings)
+    assert (alone.pop("ranks"), together.pop("ranks")) == (1, 2)
+    for name, value in alone.items():
+        close = {"rel": CLOSE[case], "abs": CLOSE[case] * np.abs(value).max()}
+        assert np.asarray(together[name]) == pytest.approx(np.asarray(value), **close), name
+
+
+# What fails while it is being made gives back the memory that PETSc has lent it.
+
+
+@pytest.fixture
+def destroyed(monkeypatch: pytest.MonkeyPatch) -> list[Fluid]:
+    """The fluids whose memory has been given back."""
+    given: list[Fluid] = []
+    destroy = Fluid.destroy
+
+    def noted(self: Fluid) -> None:
+        given.append(self)
+        destroy(self)
+
+    monkeypatch.setattr(Fluid, "destroy", noted)
+    return given
+
+
+def fail(*arguments: object) -> None:
+    raise ConvergenceError("no solution")
+
+
+def test_an_error_estimate_that_fails(
+    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The finer elements' memory goes, the flow itself stays."""
+    with Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0) as fluid:
+        monkeypatch.setattr(Fluid, "correct", fail)
+        with pytest.raises(ConvergenceError):
+            GoalErrors(fluid, "body", (0.8, 0.55))
+        (finer,) = destroyed
+        assert finer is not fluid and finer.space.order == 3
+    assert destroyed == [finer, fluid]
+
+
+def test_a_fluid_that_fails_while_it_is_made(
+    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Matrix and vectors, made before the solver, go."""
+    monkeypatch.setattr(Direct, "__init__", fail)
+    with pytest.raises(ConvergenceError):
+        Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0)
+    (half_made,) = destroyed
+    for lent in (
+        half_made._matrix,
+        half_made._vector,
+        half_made._correction,
+        half_made._state_view,
+    ):
+        assert not lent, "the handle of what has been destroyed is null"
+
+
+def test_a_run_that_fails_while_it_is_prepared(
+    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = loads(example(), overrides=["numerics.mesh_size=6"])
+    monkeypatch.setattr(TractionProbe, "__init__", fail)
+    with pytest.raises(ConvergenceError), prepared(scene, MPI.COMM_SELF):
+        raise AssertionError("prepared all the same")
+    assert len(destroyed) == 1
+
+
+# Processes that tests start leave nothing behind.
+
+
+# A rank that hangs and knows nothing of MPI, so that it does not notice that its `mpirun` is gone.
+HANGING = """
+import os, pathlib, sys, time
+pathlib.Path(sys.argv[1], f"{os.getpid()}.rank").touch()
+time.sleep(300)
+"""
+
+
+def lives(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_ranks_that_hang_are_ended_with_their_mpirun(mpirun: Any, tmp_path: Path) -> None:
+    with pytest.raises(subprocess.TimeoutExpired):
+        mpirun(2, HANGING, tmp_path, timeout=3)
+    ranks = [int(path.stem) for path in tmp_path.glob("*.rank")]
+    time.sleep(0.2)
+    assert len(ranks) == 2
+    assert not any(lives(rank) for rank in ranks)
+
+
+# Folders of compiled forms: whole or not there, whoever is killed, whatever is damaged.
+
+
+COMM_OF_CACHE, NAME = MPI.COMM_SELF, "0123456789"
+
+
+class Compiler:
+    """Stands for the form compiler: writes a file where there is none, and reads it where there is."""
+
+    def __init__(self, code: str = "code"):
+        self.code, self.built, self.loaded = code, 0, 0
+
+    def __call__(self, folder: Path) -> str:
+        made = folder / "form.so"
+        if made.exists():
+            self.loaded += 1
+            if made.read_text() != self.code:
+                raise ImportError("invalid ELF header")
+        else:
+            self.built += 1
+            made.write_text(self.code)
+        return made.read_text()
+
+
+def test_a_form_is_compiled_once_and_then_loaded(tmp_path: Path) -> None:
+    build = Compiler()
+    found = [form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) for _ in range(3)]
+    assert found == ["code"] * 3 and (build.built, build.loaded) == (1, 2)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [NAME, "locks"]
+
+
+@pytest.mark.parametrize("damage", ["co", "junk", "co\0\0"])
+def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str) -> None:
+    """Without being loaded first: a library that was cut short ends the process (SIGBUS)."""
+    form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler())
+    (tmp_path / NAME / "form.so").write_text(damage)
+    build = Compiler()
+    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code"
+    assert (build.built, build.loaded) == (1, 0)
+    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code" and build.built == 1
+
+
+def test_a_form_that_cannot_be_loaded_is_compiled_anew(tmp_path: Path) -> None:
+    """As one of another version of Python, whole as it is."""
+    form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler("other"))
+    build = Compiler()
+    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code"
+    assert (build.built, build.loaded) == (1, 1)
+    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code" and build.built == 1
+
+
+def test_an_interrupted_compilation_leaves_nothing(tmp_path: Path) -> None:
+    def interrupted(folder: Path) -> str:
+        (folder / "form.c").touch()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, interrupted)
+    assert [path.name for path in tmp_path.iterdir()] == ["locks"]
+
+
+def test_what_a_killed_process_leaves_is_removed(tmp_path: Path) -> None:
+    (tmp_path / f"{NAME}.left").mkdir()
+    (tmp_path / f"{NAME}.left" / "form.so").write_text("half")
+    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler()) == "code"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [NAME, "locks"]
+
+
+def test_without_rights_the_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(
+        OutputError, match=r"^/proc/forms: compiled forms cannot be kept .*set XDG_CACHE_HOME"
+    ):
+        form_cache.compiled(Path("/proc/forms"), NAME, COMM_OF_CACHE, Compiler())
+
+
+def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: Any) -> None:
+    def failing(folder: Path) -> str:
+        raise RuntimeError("gcc failed with exit code 1")
+
+    with pytest.raises(RuntimeError, match="gcc"):
+        form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, failing)
+    usage = namedtuple("usage", "total used free")(2**30, 2**30, 0)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
+    with pytest.raises(OutputError, match=f"^{tmp_path}: the disk is full, .* XDG_CACHE_HOME"):
+        form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, failing)
+
+
+def compiled_slowly(root: Path, log: Path) -> None:
+    def build(folder: Path) -> None:
+        if not (folder / "form.so").exists():
+            with log.open("a") as lines:
+                lines.write("built\n")
+            (folder / "form.so").write_text("c")
+            time.sleep(0.3)
+            (folder / "form.so").write_text("code")
+        assert (folder / "form.so").read_text() == "code"
+
+    form_cache.compiled(root, NAME, COMM_OF_CACHE, build)
+
+
+def test_of_four_at_once_one_compiles_and_the_others_wait(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    them = [
+        multiprocessing.get_context("fork").Process(
+            target=compiled_slowly, args=(tmp_path / "forms", log)
+        )
+        for _ in range(4)
+    ]
+    for one in them:
+        one.start()
+    for one in them:
+        one.join(60)
+    assert [one.exitcode for one in them] == [0] * 4
+    assert log.read_text() == "built\n"
+
+
+RANKS_OF_CACHE = """
+import os
+from pathlib import Path
+from mpi4py import MPI
+
+rank, base = MPI.COMM_WORLD.rank, Path("CACHE")
+os.environ["XDG_CACHE_HOME"] = str(base / ("no_directory/of_rank" if rank == 2 else "cache"))
+import dolfinx, ufl
+from incipient import compat
+
+if rank == 0:
+    (base / "no_directory").touch()
+space = compat.space(dolfinx.mesh.create_unit_square(MPI.COMM_WORLD, 4, 4), ("Lagrange", 1))
+compat.form(ufl.TestFunction(space) * ufl.dx)
+if rank == 0:
+    print(sorted(path.name for path in base.iterdir()), len(list((base / "cache").rglob("*.so"))))
+"""
+
+
+@pytest.mark.slow
+def test_ranks_with_caches_of_their_own_use_the_first(mpirun: Any, tmp_path: Path) -> None:
+    """The cache of one rank of three cannot be written: forms are compiled, and loaded, where the first rank says.
+
+    Once compiled, they were looked for in each rank's own cache, and two ranks waited for the third without end.
+    """
+    (tmp_path / "caches").mkdir()
+    said = set()
+    for _ in range(2):
+        done = mpirun(3, RANKS_OF_CACHE.replace("CACHE", str(tmp_path / "caches")), timeout=60)
+        assert done.returncode == 0, done.stderr
+        said.add(done.stdout)
+    assert len(said) == 1  # the second time nothing is compiled
+
+
+def test_a_folder_that_one_rank_cannot_write_is_refused_before_it_is_built(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="set XDG_CACHE_HOME to a directory that can be written"):
+        form_cache._require_writable(tmp_path / "file" / NAME)
+
+
+# What enters a channel below a free surface: the discharge asked for, whatever the depth.
+
+
+@pytest.fixture
+def entry():
+    """An end of the unit square with a parabola that changes in time, above a bottom at which the fluid sticks."""
+    domain = curved_box(2, 3, 2)
+
+    def velocity(x, t):
+        return (1.0 + t) * x[1] * (2.0 - x[1])
+
+    return domain, Entry(
+        domain, taylor_hood(domain.mesh, 2), Entering("left", 0, velocity, 0.4), ("bottom",)
+    )
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.25, -0.5])
+def test_the_discharge_is_that_through_the_end_as_it_was_made(entry, rise):
+    domain, made = entry
+    domain.mesh.geometry.x[:, 1] *= 1.0 + rise
+    made.update(0.5)
+    assert made.influx == pytest.approx(1.5 * 2.0 / 3.0, rel=1e-14)
+    on = compat.nodes_on(made.space, domain.facets_of("left"))
+    height = made.space.tabulate_dof_coordinates()[on, 1] / (1.0 + rise)
+    assert made.values.x.array[on] == pytest.approx(
+        1.5 / (1.0 + rise) * height * (2.0 - height), abs=1e-14
+    )
+
+
+def test_a_profile_whose_discharge_vanishes_is_stretched_likewise(entry):
+    domain, made = entry
+    made._velocity = lambda x, t: np.cos(np.pi * x[1])
+    made.update(0.0)
+    whole = made.influx
+    domain.mesh.geometry.x[:, 1] *= 1.25
+    made.update(0.0)
+    assert made.influx == pytest.approx(whole, rel=1e-13)
+    assert np.abs(made.values.x.array).max() == pytest.approx(1.0 / 1.25)

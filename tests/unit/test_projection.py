@@ -1,9 +1,9 @@
-"""The nearest discretely divergence-free velocity, on a mesh to which a flow was transferred."""
+"""Coupling of bodies and flow."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import dolfinx
@@ -11,12 +11,24 @@ import numpy as np
 import pytest
 import ufl
 from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
+from floating import Floats, box_around, floating
 
 from incipient import compat
-from incipient.fluid import Condition, FlowModel, Fluid, Open, Prescribed, Slip, no_slip
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Freedom, Inertia
+from incipient.coupled.coupling import Coupling
+from incipient.coupled.rigid import RigidPart
+from incipient.errors import ConvergenceError
+from incipient.fluid import Carried, Condition, FlowModel, Fluid, Open, Prescribed, Slip, no_slip
 from incipient.fluid.projection import Projection
+from incipient.fluid.transient import Transient
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.grains import Disc
 from incipient.mesh.domain import Domain
+from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.transfer import Transfer
+
+# The nearest discretely divergence-free velocity, on a mesh to which a flow was transferred.
 
 
 def flow(domain: Domain, conditions: Sequence[Condition], order: int = 2) -> Fluid:
@@ -250,3 +262,207 @@ def test_two_ranks_agree_with_one(mpirun: Any) -> None:
         found.append(json.loads(done.stdout))
     assert [ranks for ranks, _ in found] == [1, 2]
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-8, abs=1e-10)
+
+
+# Two parts that move in one flow and on one mesh: the inner and the outer disc of a ring.
+
+
+INNER, OUTER = 0.5, 1.0
+CENTRE = Placement((0.0, 0.0))
+STEP, STEPS = 0.05, 4
+
+
+def rate(t: float) -> float:
+    """Spin of the outer disc, begun smoothly."""
+    return float(np.sin(np.pi * min(t, 0.5)) ** 2)
+
+
+def nodes_at(domain: Domain, radius: float) -> np.ndarray:
+    """Numbers of the mesh's nodes on a circle, where the mesh was made."""
+    return np.flatnonzero(np.abs(np.linalg.norm(domain.mesh.geometry.x, axis=1) - radius) < 1e-9)
+
+
+def test_each_part_moves_its_own_boundary() -> None:
+    domain = ring(INNER, OUTER, 16, 2)
+    motion, made = MeshMotion(domain), domain.mesh.geometry.x.copy()
+    inner, outer = (
+        RigidDisplacement(domain, name, CENTRE, turning=True) for name in ("inner", "outer")
+    )
+    at = {radius: nodes_at(domain, radius) for radius in (INNER, OUTER)}
+    motion.move(inner.at(Placement((0.05, 0.0))), outer.at(Placement((0.0, -0.03), 0.1)))
+    moved = domain.mesh.geometry.x
+    turned = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
+    assert moved[at[INNER]] == pytest.approx(made[at[INNER]] + [0.05, 0.0, 0.0], abs=1e-12)
+    expected = made[at[OUTER], :2] @ turned.T + [0.0, -0.03]
+    assert moved[at[OUTER], :2] == pytest.approx(expected, abs=1e-12)
+    assert 0.0 < motion.quality().worst < 1.0
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[RigidPart, RigidPart, Transient]]:
+    """The outer disc turns as it is told, the inner one as the flow lets it; neither has mass."""
+    model = FlowModel(unsteady=True, moving_mesh=True)
+    domain = ring(INNER, OUTER, 24, 2)
+    with Fluid(domain, model, [Carried("inner"), Carried("outer")], 0.1) as fluid:
+        freedoms = {
+            "inner": Freedom((False, False, True)),
+            "outer": Freedom.none(2, lambda t: [0.0, 0.0, rate(t)]),
+        }
+        parts = [
+            RigidPart(
+                fluid,
+                RigidBody(Inertia(0.0, np.zeros(1)), freedom),
+                BodyState.at(CENTRE),
+                RigidDisplacement(domain, name, CENTRE, turning=True),
+                lambda state: np.zeros(3),
+            )
+            for name, freedom in freedoms.items()
+        ]
+        coupling = Coupling(fluid, parts, MeshMotion(domain))
+        yield parts[0], parts[1], Transient(fluid, 2, 1e-9, interface=coupling)
+
+
+def test_two_parts_turn_in_one_flow(pair: tuple[RigidPart, RigidPart, Transient]) -> None:
+    """Viscous fluid drags the inner disc along, all but at once; it has no mass, so that no couple is left on it."""
+    inner, outer, transient = pair
+    for _ in range(STEPS):
+        report = transient.advance(STEP).report
+        assert report.residuals[-1] <= 1e-9 and report.corrected <= 3  # type: ignore[attr-defined]
+    assert outer.state.spin[0] == pytest.approx(rate(STEP * STEPS), rel=1e-12)
+    assert 0.7 * outer.state.spin[0] < inner.state.spin[0] < outer.state.spin[0]
+    couples = [abs(part.end.flow_load[2]) for part in (inner, outer)]
+    assert couples[0] < 1e-6 * couples[1]
+    assert inner.state.place == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+# The linear answer of the flow to motions of a body: from the cells at the body only, yet the whole traction.
+#
+# The reference is the residual itself, differenced along the answer: the program assembles the derivative, not that.
+
+
+DISC, PLACE = Disc(0.3), Placement((0.55, 0.6))
+NUDGE = 1e-6
+
+
+def lid(x: Floats, t: float) -> Floats:
+    """Of the unit cavity, slow in the corners."""
+    return np.vstack([16 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
+
+
+def differenced(fluid: Fluid, way: Floats) -> Floats:
+    """The change of the residual along a change of the state, by central differences."""
+    at = fluid.state.x.array.copy()
+    ends = []
+    for size in (NUDGE, -NUDGE):
+        fluid.state.x.array[:] = at + size * way
+        ends.append(fluid.residual())
+    fluid.state.x.array[:] = at
+    return (ends[0] - ends[1]) / (2 * NUDGE)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_traction_answers_as_the_whole_residual_does(axis: int) -> None:
+    domain = box_around(DISC, PLACE, cell=0.1, far=0.2)
+    conditions = [Prescribed("top", lid), *(no_slip(name) for name in ("left", "right", "bottom"))]
+    with floating(domain, DISC, PLACE, conditions, 10.0) as found:
+        found.transient.advance(0.05)
+        fluid, blocks = found.fluid, found.part._blocks
+        fluid.renew_factors()
+        fluid.solve(1e-12)
+        at_body = fluid.space.velocity_map.reshape(-1, 2)[blocks]
+        motion = np.zeros_like(fluid.state.x.array)
+        motion[at_body[:, axis]] = 1.0
+        change, traction = fluid.response(motion, np.zeros_like(fluid.residual()))
+        residual = differenced(fluid, change)
+        held = np.concatenate(
+            [condition.dof_indices()[0] for condition in fluid.constraints.dirichlet]
+        )
+    largest = np.abs(residual).max()
+    assert change[at_body[:, axis]] == pytest.approx(1.0)
+    assert traction[at_body] == pytest.approx(residual[at_body], abs=1e-7 * largest)
+    assert (
+        np.abs(np.delete(residual, held)).max() < 1e-7 * largest
+    )  # the flow itself stays in balance
+
+
+# A ball in three dimensions: the same coupling as in the plane, with six degrees of freedom.
+
+
+RADIUS, CENTRE_IN_SPACE = 0.25, (0.6, 0.5, 0.5)
+
+
+def shear(x: np.ndarray, t: float) -> np.ndarray:
+    """Sheared along the vertical, started smoothly."""
+    return np.vstack([(0.5 + x[2]) * np.sin(np.pi * min(t, 0.5)) ** 2, 0 * x[0], 0 * x[0]])
+
+
+def released(fluid: Fluid, ratio: float) -> tuple[RigidPart, Coupling]:
+    """A ball of a density ratio, at rest."""
+    mass = ratio * 4 / 3 * np.pi * RADIUS**3
+    body = RigidBody(Inertia(mass, np.full(3, 0.4 * mass * RADIUS**2)))
+    placement = Placement(CENTRE_IN_SPACE)
+    displacement = RigidDisplacement(fluid.domain, "body", placement, turning=False)
+    part = RigidPart(fluid, body, BodyState.at(placement), displacement, lambda state: np.zeros(6))
+    return part, Coupling(fluid, [part], MeshMotion(fluid.domain))
+
+
+@pytest.fixture(params=[0.0, pytest.param(1.0, marks=pytest.mark.slow)])
+def ball(request: pytest.FixtureRequest):
+    model = FlowModel(unsteady=True, moving_mesh=True)
+    conditions = [Prescribed("outer", shear), Carried("body")]
+    with Fluid(ball_in_box(0.35), model, conditions, 20.0) as fluid:
+        part, coupling = released(fluid, request.param)
+        yield part, Transient(fluid, 2, 1e-9, interface=coupling)
+
+
+def test_a_ball_is_carried_along_and_turns_with_the_shear(
+    ball: tuple[RigidPart, Transient],
+) -> None:
+    """It follows the stream at its centre, rolls about the axis across it, and feels no side."""
+    part, transient = ball
+    corrected = []
+    for _ in range(8):  # until the stream has nearly its full strength
+        report = transient.advance(0.05).report
+        assert report.residuals[-1] <= 1e-9
+        corrected.append(report.corrected)
+    assert max(corrected) <= 4 and np.mean(corrected) <= 3
+    state = part.state
+    stream = float(shear(np.array([[0.6], [0.5], [0.5]]), state.time)[0, 0])
+    assert 0.5 * stream < state.velocity[0] < 1.5 * stream
+    assert state.spin[1] > 0.0  # the upper side is carried faster, along x: a turn from z to x
+    # 580 unstructured cells break the symmetry: 4e-4 of the stream and, with two versions of gmsh, a fiftieth and a
+    # tenth of the spin. Earlier on, while the spin is small, its share is larger.
+    assert (
+        abs(state.velocity[1]) < 1e-3 * stream
+        and np.abs(state.spin[[0, 2]]).max() < 0.15 * state.spin[1]
+    )
+    assert abs(np.linalg.norm(state.orientation) - 1.0) < 1e-14
+
+
+def test_a_ball_goes_by_blocks_as_it_goes_by_factors() -> None:
+    """Without mass, by six modes; GMRES leaves of each step no more than its tolerance."""
+    found = []
+    for solver in ("direct", "block"):
+        model = FlowModel(unsteady=True, moving_mesh=True, solver=solver)
+        conditions = [Prescribed("outer", shear), Carried("body")]
+        with Fluid(ball_in_box(0.5), model, conditions, 20.0) as fluid:
+            part, coupling = released(fluid, 0.0)
+            transient = Transient(fluid, 2, 1e-8, interface=coupling)
+            corrected = [transient.advance(0.1).report.corrected for _ in range(3)]
+            assert max(corrected) <= 4
+            found.append(part.state.velocities * [1, 1, 1, RADIUS, RADIUS, RADIUS])
+    for one in found[1:]:
+        assert np.abs(one - found[0]).max() < 1e-6 * np.abs(found[0]).max()
+
+
+def test_a_mesh_that_folds_stops_the_run_by_name() -> None:
+    """Steps so long that the ball leaves its box: every halving still folds cells."""
+    model = FlowModel(unsteady=True, moving_mesh=True, inertia=False)
+    conditions = [Prescribed("outer", shear), Carried("body")]
+    with Fluid(ball_in_box(0.35), model, conditions, 20.0) as fluid:
+        part, coupling = released(fluid, 1.0)
+        part.state = BodyState.at(Placement(CENTRE_IN_SPACE), [1e6, 0, 0, 0, 0, 0])
+        part.past = [part.state]
+        with pytest.raises(ConvergenceError, match="fold over: use a larger"):
+            Transient(fluid, 2, 1e-9, interface=coupling).advance(1.0)
+        assert np.allclose(fluid.domain.mesh.geometry.x, coupling.places[0])

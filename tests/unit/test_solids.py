@@ -1,31 +1,60 @@
-"""Grains in space: surfaces, level functions, volumes and inertia, by closed formulae and by counting."""
+"""Grains: outlines, solids and grids of heights."""
 
 from __future__ import annotations
 
+import math
+import pickle
+import tracemalloc
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
 
+import every_shape
 import numpy as np
 import pytest
 import trimesh
-from allocated import allocated
+from domains import rectangle
 from every_shape import SOLIDS, TORUS, solids, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scenes import message
 from scipy.spatial import cKDTree
 
+import incipient
+from incipient import load
+from incipient.accuracy.first_mesh import planned
 from incipient.errors import SceneError
 from incipient.geometry import (
+    Arc,
     Box,
+    Discs,
+    Ellipse,
     Ellipsoid,
+    Flat,
+    HalfDiscs,
+    Placement,
     Plane,
+    Polygon,
     Polyhedron,
+    Rectangle,
+    Sinusoidal,
     Sphere,
     Spheres,
+    Spline,
+    Star,
+    Superellipse,
     Superquadric,
     Triangulated,
+    clearance,
     rest,
 )
+from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry.closest import touching
+from incipient.geometry.plane.curves import Line
+from incipient.geometry.plane.grains import meeting_sides
+from incipient.geometry.shape import largest_distance
 from incipient.geometry.space.remeshing import Draft, ExactSurface, Topology, remeshed, summed
 from incipient.geometry.space.surfaces import (
     Surface,
@@ -37,7 +66,29 @@ from incipient.geometry.space.surfaces import (
     sphere,
     vector_areas,
 )
+from incipient.mesh.sampling import sample
+from incipient.meshes import Grid, graded_ends
+from incipient.meshes.grids import grid_cells
+from incipient.meshes.model import meshed
 from incipient.meshes.surfaces import on_level
+from incipient.planning.cells import layer_ends
+from incipient.scene import Domain, Fluid, Lid, Numerics, Scene
+
+# Grains in space: surfaces, level functions, volumes and inertia, by closed formulae and by counting.
+
+
+@contextmanager
+def allocated() -> Iterator[Callable[[], float]]:
+    """Yields what gives the largest sum of allocations within the block [MiB], during it or after."""
+    tracemalloc.start()
+    peaks: list[float] = []
+    try:
+        yield lambda: max(
+            [*peaks, tracemalloc.get_traced_memory()[1] / 2**20 if not peaks else 0.0]
+        )
+    finally:
+        peaks.append(tracemalloc.get_traced_memory()[1] / 2**20)
+        tracemalloc.stop()
 
 
 def counted_moments(solid, count=60):
@@ -471,3 +522,434 @@ def test_sums_by_number() -> None:
     rows = [[3.0, 4.0], [0.0, 0.0], [6.1, 8.2], [0.0, 0.0]]
     assert summed(of, values, 4) == pytest.approx(np.array(rows), rel=1e-15)
     assert summed(of, values[:, 0], 4) == pytest.approx([3.0, 0.0, 6.1, 0.0], rel=1e-15)
+
+
+# Outlines of very many vertices: the same answers as by brute force, in memory that lets one plan.
+
+
+Floats = NDArray[np.float64]
+SCENE = """\
+[domain]
+length = 8
+height = 4
+[fluid]
+reynolds = 20
+scale = "grain"
+[flow]
+kind = "shear"
+[body]
+shape = "polygon"
+file = "grain.csv"
+x = 4
+density = 2.65
+[bed]
+kind = "flat"
+[gravity]
+acceleration = 1
+[contact]
+friction = 0.5
+"""
+
+
+def written_scene(directory: Path, count: int, settle: bool) -> Path:
+    """A scene file with a pebble of so many vertices in a file of its own."""
+    points = pebble(count)
+    np.savetxt(
+        directory / "grain.csv", np.vstack([points, points[:1]]), delimiter=",", header="x,y"
+    )
+    path = directory / "scene.toml"
+    path.write_text(SCENE.replace("density", f"settle = {str(settle).lower()}\ndensity"))
+    return path
+
+
+def pebble(count: int) -> Floats:
+    """Vertices of a smooth outline that is nowhere convex for long."""
+    a = 2.0 * np.pi * np.arange(count) / count
+    r = 0.5 * (
+        1.0 + 0.15 * np.cos(3.0 * a + 1.0) + 0.08 * np.sin(5.0 * a) + 0.02 * np.cos(17.0 * a)
+    )
+    return np.column_stack([r * np.cos(a), r * np.sin(a)])
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5, 30, 300])
+def test_the_diameter_is_the_largest_distance(count: int) -> None:
+    random = np.random.default_rng(count)
+    clouds = [random.normal(size=(count, 2)) * [1.0, scale] for scale in (1.0, 0.01)]
+    square = np.array([[x, y] for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0, 2.0)])
+    for points in (*clouds, square, pebble(count + 2)):
+        brute = np.linalg.norm(points[:, None] - points[None], axis=2).max()
+        assert largest_distance(points) == pytest.approx(brute, rel=1e-14)
+
+
+def met(corners: Sequence[Sequence[float]]) -> tuple[int, int] | None:
+    """The first two sides that meet, by looking at every pair."""
+
+    def side(a: Sequence[float], b: Sequence[float], p: Sequence[float]) -> float:
+        return float(np.sign((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])))
+
+    n = len(corners)
+    for i in range(n):
+        for j in range(i + 2, n - (i == 0)):
+            a, b, c, d = corners[i], corners[i + 1], corners[j], corners[(j + 1) % n]
+            boxes = all(
+                max(a[k], b[k]) >= min(c[k], d[k]) and max(c[k], d[k]) >= min(a[k], b[k])
+                for k in (0, 1)
+            )
+            if boxes and side(a, b, c) * side(a, b, d) <= 0 and side(c, d, a) * side(c, d, b) <= 0:
+                return i, j
+    return None
+
+
+def test_sides_that_meet_are_found() -> None:
+    random = np.random.default_rng(5)
+    found = set()
+    for _ in range(60):
+        corners = random.integers(0, 7, size=(random.integers(4, 9), 2)).astype(float)
+        found.add(met(corners.tolist()))
+        assert meeting_sides(corners) == met(corners.tolist())
+    assert None in found and len(found) > 5
+    many = pebble(3000)
+    assert meeting_sides(many) is None
+    many[[700, 701]] = many[[701, 700]]
+    assert meeting_sides(many) == (699, 701)
+
+
+@pytest.mark.parametrize(
+    "bed",
+    [
+        Flat(),
+        Sinusoidal(0.1, 0.7),
+        HalfDiscs(0.2, 0.45),
+        PolylineBed([(-3.0, 0.0), (-0.2, 0.3), (0.1, -0.2), (3.0, 0.4)]),
+    ],
+    ids=lambda bed: type(bed).__name__,
+)
+@pytest.mark.parametrize("count", [7, 60, 900])
+def test_a_grain_comes_down_where_its_points_first_meet_the_bed(bed: Flat, count: int) -> None:
+    grain = Polygon(pebble(count))
+    x, angle = 0.13, 0.4
+    placement = rest(grain, bed, x, angle)
+    corners = Placement((x, 0.0), angle).to_scene(grain.vertices)
+    s = np.linspace(0.0, 1.0, 4000 // count + 2)[:, None, None]
+    points = ((1.0 - s) * corners + s * np.roll(corners, -1, axis=0)).reshape(-1, 2)
+    lowest = float((points[:, 1] - bed.height(points[:, 0])).min())
+    assert placement.centre[1] == pytest.approx(-lowest, abs=2e-3)
+    assert placement.centre[1] >= -lowest - 1e-12  # no sample goes deeper than the resting grain
+    assert clearance(grain, placement, bed)[0] == pytest.approx(0.0, abs=1e-10)
+
+
+def test_an_outline_of_many_points_is_drawn_as_curves_between_its_corners() -> None:
+    s = np.linspace(-0.5, 0.5, 500, endpoint=False)
+    edge = np.column_stack([s, np.full(500, -0.5)])
+    square = np.vstack(
+        [edge @ np.array([[c, d], [-d, c]]) for c, d in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    )
+    drawn = Polygon(square).drawn()
+    assert sorted((round(c.start[0], 9), round(c.start[1], 9)) for c in drawn) == [
+        (-0.5, -0.5),
+        (-0.5, 0.5),
+        (0.5, -0.5),
+        (0.5, 0.5),
+    ]
+    assert len(Polygon(pebble(2000)).drawn()) <= 8
+    few = Polygon(pebble(40))
+    assert all(isinstance(curve, Line) for curve in few.drawn()) and len(few.drawn()) == 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settle", [False, True])
+def test_an_outline_of_ten_thousand_points_is_planned_without_tables_of_pairs(
+    tmp_path: Path, settle: bool
+) -> None:
+    """A number for every pair of vertices takes 800 MB, and minutes; a coarse outline has about as many cells.
+
+    Measured: 17 MiB.
+    """
+    path = written_scene(tmp_path, 10_000, settle)
+    with allocated() as most:
+        scene = load(path)
+        plan = planned(scene)
+    assert most() < 100.0
+    assert scene.body is not None and len(scene.body.vertices) == 10_000  # type: ignore[union-attr]
+    assert plan.geometry_order == plan.order == 3
+    assert plan.estimate is not None and 500 < plan.estimate.cells < 3000
+
+
+def test_files_of_points_have_a_limit(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    text = SCENE.replace('kind = "flat"', 'kind = "polyline"\nfile = "/dev/zero"')
+    (tmp_path / "grain.csv").write_text("0,0\n1,0\n0,1\n")
+    (tmp_path / "scene.toml").write_text(text)
+    found = message(lambda: load(tmp_path / "scene.toml"))
+    assert "bed.file: /dev/zero is a pipe or a device; give the name of a CSV" in found
+    (tmp_path / "grain.csv").write_text("1,0\n" * 100_001)
+    found = message(lambda: load(tmp_path / "scene.toml"))
+    assert (
+        "body.file: " in found
+        and "grain.csv has 100001 points; give three or more points, 100000" in found
+    )
+    assert "/dev/zero: is a pipe or a device; give" in message(lambda: load("/dev/zero"))
+    with (tmp_path / "large.toml").open("wb") as stream:
+        stream.truncate(17 << 20)
+    said = message(lambda: load(tmp_path / "large.toml"))
+    assert "large.toml: cannot be read (it is larger than 16 MiB); give the name of a scene" in said
+
+
+# Grains and curves of the plane: Green's theorem, elementary geometry, and every grain by the same questions.
+
+
+GRAINS = {
+    **every_shape.GRAINS,
+    "superellipse": Superellipse((0.7, 0.3), 4.0),
+    "rounder superellipse": Superellipse((0.5, 0.5), 2.5),
+    "star": Star(0.5, (0.1, 0.2, 0.05), (0.0, 0.1)),
+    "turned star": Star(0.5, (0.0, 0.0, 0.2 * np.cos(1.0)), (0.0, 0.0, -0.2 * np.sin(1.0))),
+    "discs": Discs([(0, 0), (0.7, 0.2), (-0.3, 0.6)], [0.5, 0.3, 0.4]),
+}
+HEXAGON = [(np.cos(k * np.pi / 3), np.sin(k * np.pi / 3)) for k in range(6)]
+S = np.linspace(0.0, 1.0, 401)
+grains = pytest.mark.parametrize("grain", GRAINS.values(), ids=GRAINS.keys())
+CURVES = (
+    Line((0.0, 1.0), (2.0, -1.0)),
+    Arc((1.0, 0.0), (0.0, 0.0), (0.0, 1.0)),
+    Arc((0.0, 1.0), (0.0, 0.0), (1.0, 0.0)),
+    Arc((2.0, 0.0), (0.0, 0.0), (0.0, 1.0), (2.0, 0.0)),
+    Arc((1.0, 0.0), (0.0, 0.0), (0.0, -3.0), (0.0, -3.0)),
+    Spline(np.column_stack([S, np.sin(S)])),
+    Superellipse((0.5, 0.3), 5.0).outline()[1],
+    Star(0.5, (0.0, 0.1)).outline()[2],
+)
+
+
+@pytest.mark.parametrize("curve", CURVES, ids=lambda curve: type(curve).__name__)
+def test_curves_have_ends_and_tangents_and_move_with_their_points(curve):
+    """Also as another rank gets them, by pickling; tangents by differences."""
+    assert curve.point([0.0, 1.0]) == pytest.approx(np.array([curve.start, curve.end]), abs=1e-14)
+    inner, h = S[1:-1] + 1e-4, 1e-6
+    chord = curve.point(inner + h) - curve.point(inner - h)
+    chord /= np.linalg.norm(chord, axis=1, keepdims=True)
+    assert curve.tangent(inner) == pytest.approx(chord, abs=1e-7)
+    first, second = Placement((0.3, -2.0), 0.7), Placement((-0.5, 0.1), 0.4)
+    moved = pickle.loads(pickle.dumps(curve.moved(first).moved(second)))
+    there = second.to_scene(first.to_scene(curve.point(S)))
+    assert moved.point(S) == pytest.approx(there, abs=1e-14)
+    turned = Placement((0.0, 0.0), 1.1).to_scene(curve.tangent(S))
+    # Splines have slopes by differences of points 1/4096 apart: round-off times 4096, at their ends a few times.
+    assert moved.tangent(S) == pytest.approx(turned, abs=1e-11)
+
+
+def test_arcs_go_the_short_way_round_and_keep_their_ellipse():
+    middle = Arc((1.0, 0.0), (0.0, 0.0), (0.0, -1.0)).point([0.5])
+    assert middle == pytest.approx(np.array([[np.sqrt(0.5), -np.sqrt(0.5)]]))
+    a, b, angle = 2.0, 0.5, np.array([0.3, 1.1])
+    start, end = np.column_stack([a * np.cos(angle), b * np.sin(angle)])
+    x, y = Arc(tuple(start), (0.0, 0.0), tuple(end), (a, 0.0)).point(S).T
+    assert (x / a) ** 2 + (y / b) ** 2 == pytest.approx(np.ones(len(S)), abs=1e-13)
+
+
+@grains
+def test_area_centroid_and_polar_moment(grain):
+    """Green's theorem along the exact outline, which is closed, Gauss rule on parts of each curve."""
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    total, h, outline = np.zeros(4), 1e-5, grain.outline()
+    for curve, following in zip(outline, (*outline[1:], outline[0]), strict=True):
+        assert curve.end == pytest.approx(following.start, abs=1e-14)
+        s = ((np.arange(16)[:, None] + 0.5 * (nodes + 1.0)) / 16.0).ravel()
+        x, y = curve.point(s).T
+        rates = (curve.point(s + h) - curve.point(s - h)) / (2.0 * h)
+        dx, dy = rates.T * np.tile(weights, 16) / 32.0
+        total[:3] += (x * dy - y * dx).sum() / 2, (x * x * dy).sum() / 2, -(y * y * dx).sum() / 2
+        total[3] += ((x**3 * dy - y**3 * dx) / 3.0).sum()
+    assert total == pytest.approx([grain.volume, 0.0, 0.0, grain.inertia[2, 2]], abs=1e-8)
+
+
+@grains
+def test_level_normal_and_size(grain):
+    """Zero on the outline and a distance across it; the size is the largest distance of two points."""
+    s = np.linspace(0.0, 1.0, 101)
+    points = np.vstack([curve.point(s) for curve in grain.outline()])
+    assert grain.level(points) == pytest.approx(0.0, abs=1e-14)
+    apart = np.linalg.norm(points[:, None] - points, axis=2).max()
+    assert apart <= grain.size * (1.0 + 1e-12)
+    assert apart == pytest.approx(grain.size, rel=1e-3)
+    for curve in grain.outline():
+        inner, tangents = curve.point(s[1:-1]), curve.tangent(s[1:-1])
+        outward = np.column_stack([tangents[:, 1], -tangents[:, 0]])
+        assert grain.normal(inner) == pytest.approx(outward, abs=1e-9)
+        for step in (1e-3, -1e-3):
+            assert grain.level(inner + step * outward) == pytest.approx(step, abs=1e-12)
+
+
+def test_distances_from_boxes_and_polygons_and_the_bisector_at_corners():
+    square, corner = Polygon([(0, 0), (1, 0), (1, 1), (0, 1)]), [[0.5, -0.5]]
+    bisector = np.array([[np.sqrt(0.5), -np.sqrt(0.5)]])
+    assert Rectangle(1.0, 1.0).normal(corner) == pytest.approx(bisector)
+    assert square.normal(corner) == pytest.approx(bisector)
+    assert Rectangle(2.0, 1.0, 0.2).level([[2.0, 0.0], [0.0, 0.0]]) == pytest.approx([1.0, -0.5])
+    assert square.level([[3.5, 4.5], [0.0, 0.1]]) == pytest.approx([5.0, -0.4])
+    arrow = GRAINS["clockwise arrow"]  # inside, nearest to the corner that points inwards
+    (notch,) = [x for x in arrow.vertices if np.hypot(*x) < 0.6]
+    assert arrow.level([np.add(notch, [0.1, 0.0])]) == pytest.approx(-0.1)
+
+
+def test_ellipses_and_discs_as_special_cases():
+    """Two unit discs a distance 1 apart: each loses a segment of 2 pi/3, of area (2 pi/3 - sin(2 pi/3))/2."""
+    grain, ellipse = Superellipse((0.7, 0.3), 2.0), Ellipse((0.7, 0.3))
+    assert grain.size == ellipse.size
+    assert grain.volume == pytest.approx(ellipse.volume)
+    assert grain.inertia == pytest.approx(ellipse.inertia)
+    single, double = Discs([(3.0, 1.0)], [0.5]), Discs([(0, 0), (1, 0)], [1, 1])
+    assert (single.volume, single.inertia[2, 2]) == pytest.approx((np.pi / 4.0, np.pi / 32.0))
+    segment = 0.5 * (2.0 * np.pi / 3.0 - np.sin(2.0 * np.pi / 3.0))
+    assert double.volume == pytest.approx(2.0 * np.pi - 2.0 * segment)
+    starts = np.array([curve.start for curve in double.outline()])
+    for corner in ((0.0, np.sqrt(0.75)), (0.0, -np.sqrt(0.75))):
+        assert np.linalg.norm(starts - corner, axis=1).min() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["superellipse", "rounder superellipse", "star", "turned star"])
+def test_splines_for_meshes_keep_to_the_outline(name):
+    """Where a mesh generator draws a cubic through the given points it errs by less than 1e-6 of the size."""
+    grain = GRAINS[name]
+    for curve in grain.drawn():
+        assert (
+            np.abs(grain.level(curve.point(np.linspace(0.0, 1.0, 4001)))).max() < 1e-6 * grain.size
+        )
+
+
+@pytest.mark.parametrize("exponent", [6.0, 12.5, 20.0])
+def test_blunt_corners_are_drawn_in_pieces_on_the_outline(exponent):
+    grain = Superellipse((0.5, 0.3), exponent)
+    pieces = grain.drawn()
+    assert len(pieces) > 12
+    for piece, following in pairwise((*pieces, pieces[0])):
+        assert piece.end == pytest.approx(following.start, abs=1e-12)
+        assert np.abs(grain.level(piece.point(np.linspace(0.0, 1.0, 500)))).max() < 1e-6
+        first, last = piece.tangent([0.0, 1.0])
+        assert np.arccos(np.clip(first @ last, -1.0, 1.0)) < np.radians(30.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: Polygon([(0, 0), (1, 0), (2, 0)]), "no area"),
+        (lambda: Polygon([(0, 0), (1, 0), (1, 0), (0, 1)]), "twice"),
+        (lambda: Polygon([(0, 0), (1, 1), (1, 0), (0, 1.5)]), "vertices 0 and 2 meet"),
+        (lambda: Superellipse((1.0, 1.0), 1.9), "exponent 1.9"),
+        (lambda: Superellipse((0.5, 0.3), 50.0), r"exponent 50 .* too sharp .* use a rectangle"),
+        (lambda: Star(1.0, (2.0,)), "-1 at 180 degrees"),
+        (lambda: Discs([(0, 0), (3, 0)], [1, 1]), "number 1 .* does not overlap"),
+        (lambda: Discs([(0, 0), (0.1, 0)], [1, 0.5]), "disc 1 .* lies within"),
+        (lambda: Discs(HEXAGON, [0.55] * 6), "hole"),
+    ],
+)
+def test_bad_grains_are_refused(make, reason):
+    with pytest.raises(SceneError, match=reason) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+# Grids of rectangles and boxes: what they fill, where cells end, names, and that pressures are determined on them.
+
+
+NAMES = ("upstream", "downstream", "right", "left", "bottom", "top")
+BOX = ((-1.0, 2.0), (0.0, 1.0), (0.5, 1.0))
+
+
+def grid_of_heights(counts: tuple[int, ...], half: bool = False, parallel: bool = False) -> Grid:
+    """A grid of the first axes of a box."""
+    ends = tuple(layer_ends(n, 0.3, half and axis == 1) for axis, n in enumerate(counts))
+    names = (*NAMES[:2], "symmetry", *NAMES[3:]) if half else NAMES
+    return Grid(BOX[: len(counts)], ends, names[: 2 * len(counts)], half, parallel)
+
+
+def sizes(corners: np.ndarray) -> np.ndarray:
+    """Lengths, areas or volumes of simplices (m, k, gdim), by Gram's determinant."""
+    sides = corners[:, 1:] - corners[:, :1]
+    gram = np.linalg.det(sides @ sides.transpose(0, 2, 1))
+    return np.sqrt(gram) / math.factorial(sides.shape[1])
+
+
+@pytest.mark.parametrize(
+    ("counts", "half", "measure", "of_sides"),
+    [
+        ((4, 3), False, 3.0, [1.0, 1.0, 3.0, 3.0]),
+        ((2, 2, 2), False, 1.5, [0.5, 0.5, 1.5, 1.5, 3.0, 3.0]),
+        ((4, 3, 5), True, 1.5, [0.5, 0.5, 1.5, 1.5, 3.0, 3.0]),
+    ],
+)
+@pytest.mark.parametrize("parallel", [False, True])
+def test_cells_fill_the_box_and_facets_cover_its_sides(counts, half, parallel, measure, of_sides):
+    """Volume and sides of the box by hand; every facet has two cells, or one and a name."""
+    shape = grid_of_heights(counts, half, parallel)
+    made = grid_cells(shape)
+    assert len(made.cells) == shape.cells
+    corners = made.points[made.cells]
+    assert (np.linalg.det(corners[:, 1:] - corners[:, :1]) > 0.0).all()
+    assert sizes(corners).sum() == pytest.approx(measure, rel=1e-12)
+    found = {name: sizes(made.points[facets]).sum() for name, facets in made.sides.items()}
+    assert found == pytest.approx(dict(zip(shape.sides, of_sides, strict=True)), rel=1e-12)
+    facets = np.concatenate([np.delete(made.cells, k, axis=1) for k in range(len(counts) + 1)])
+    _, shared = np.unique(np.sort(facets, axis=1), axis=0, return_counts=True)
+    assert set(shared) == {1, 2}
+    assert (shared == 1).sum() == sum(map(len, made.sides.values()))
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_no_tetrahedron_has_all_of_its_corners_on_walls(half):
+    made = grid_cells(grid_of_heights((4, 3, 5), half))
+    on_walls = np.zeros(len(made.points), dtype=bool)
+    for name, triangles in made.sides.items():
+        on_walls[triangles] = on_walls[triangles] | (name != "symmetry")
+    assert not on_walls[made.cells].all(axis=1).any()
+
+
+@pytest.mark.parametrize("grading", [1.0, 0.2, 0.05])
+def test_cells_are_graded_towards_both_ends(grading):
+    """Spacing at the ends over that in the middle, of so many cells that it is that at a point; symmetric."""
+    spacing = np.diff([0.0, *graded_ends(2001, grading)])
+    assert spacing.sum() == pytest.approx(1.0) and spacing == pytest.approx(spacing[::-1], rel=1e-6)
+    assert spacing[0] / spacing[1000] == pytest.approx(grading, rel=0.02)
+
+
+def test_cells_end_where_they_are_told_to():
+    columns, rows = (0.2, 0.3, 0.6, 1.0), (0.1, 1.0)
+    made = grid_cells(Grid(((1.0, 3.0), (0.0, 1.0)), (columns, rows), NAMES[:2] + NAMES[4:]))
+    for name in NAMES[4:]:
+        abscissae = np.unique(made.points[made.sides[name]][..., 0])
+        assert abscissae == pytest.approx((1.0, 1.4, 1.6, 2.2, 3.0))
+    for name in NAMES[:2]:
+        assert np.unique(made.points[made.sides[name]][..., 1]) == pytest.approx((0.0, *rows))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_grid_has_cells_of_an_order(order):
+    """3 by 2 rectangles with `order` nodes along each of their sides, in facets of the same order."""
+    mesh = meshed(rectangle((1.0, -1.0), 2.0, 1.0, 3, 2), order=order)
+    assert len(mesh.points) == (3 * order + 1) * (2 * order + 1)
+    assert sorted(mesh.sides) == ["bottom", "left", "right", "top"]
+    right = np.unique(mesh.sides["right"])
+    assert len(right) == 2 * order + 1
+    assert mesh.points[right, 0] == pytest.approx(np.full(len(right), 3.0))
+
+
+def cube(symmetric: bool) -> Scene:
+    """A lid-driven cube on few cells, whole or halved."""
+    return Scene(
+        domain=Domain(kind="box", length=1.0, width=1.0, height=1.0, symmetric=symmetric),
+        fluid=Fluid(reynolds=20.0, scale="flow"),
+        flow=Lid(),
+        numerics=Numerics(order=2, mesh_size=4.0, tolerance=1e-12, error_bars=False),
+    )
+
+
+def test_half_a_box_has_the_flow_of_the_whole():
+    half, whole = (incipient.run(cube(symmetric)) for symmetric in (True, False))
+    assert 2 * half.cost["cells"] == whole.cost["cells"]
+    points = np.array([[0.3, 0.7, 0.8], [0.6, 0.9, 0.2], [0.5, 0.5, 0.5]])
+    mirrored = points * [1.0, -1.0, 1.0] + [0.0, 1.0, 0.0]
+    velocity = sample(whole.velocity, points)
+    assert np.abs(velocity).max() > 0.05
+    assert sample(half.velocity, points) == pytest.approx(velocity, abs=1e-8)
+    assert sample(whole.velocity, mirrored) * [1.0, -1.0, 1.0] == pytest.approx(velocity, abs=1e-8)
+    for name, extreme in whole.centrelines.items():
+        assert half.centrelines[name].value == pytest.approx(extreme.value, abs=1e-8), name

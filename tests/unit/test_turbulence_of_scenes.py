@@ -1,10 +1,18 @@
-"""What a scene may say of turbulence, and what its plan warns of or refuses."""
+"""Turbulence of scenes: plans, the law of the wall, profiles of mean velocity."""
 
+import csv
+from pathlib import Path
+
+import numpy as np
 import pytest
-from scenes import message
-from turbulent import channel, grain
+from one_dimensional import law_of_the_wall
+from scenes import message, scene
+from turbulent import channel, grain, inflow_at
 
 from incipient import make_plan
+from incipient.errors import SceneError
+from incipient.planning.meshing import lay_out
+from incipient.results.si import in_si
 from incipient.scene import (
     Contact,
     Disc,
@@ -13,16 +21,28 @@ from incipient.scene import (
     Flat,
     Fluid,
     Gravity,
+    HalfDiscs,
     LogLaw,
     Numerics,
     OpenChannel,
     Poiseuille,
     Polyline,
+    Scene,
+    Sinusoidal,
     Sphere,
     Time,
     Turbulence,
     Uniform,
 )
+from incipient.scene.file import loads
+from incipient.setup.driving_force import sustaining_force
+from incipient.setup.mean_profile import KAPPA, MeanProfile
+from incipient.setup.numbers import numbers_of
+from incipient.setup.setup import Setup
+from incipient.turbulence.wall_law import WallLaw, shift
+
+# What a scene may say of turbulence, and what its plan warns of or refuses.
+
 
 TO_THE_WALL = {"model": "k-omega-sst"}
 MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
@@ -261,3 +281,414 @@ def test_turbulence_is_never_there_unless_asked_for():
     plan = make_plan(channel(effects=Effects()))
     (found,) = [one for one in plan.effects if one.name == "turbulence"]
     assert not found.present and "set effects.turbulence = true" in found.reason
+
+
+# The law of the wall, smooth or rough, at any distance, and how far from walls meshes end.
+
+
+FLUID = Fluid(reynolds=1e6, scale="flow")
+
+
+def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_its_own_law():
+    """tau_b = (factor V)^2 (u*/V)^2, u*/V at the larger Reynolds number."""
+    scene = grain(0.2)
+    twice = Setup(scene).faster(2.0).scene
+    assert twice.viscosity == pytest.approx(0.5 * scene.viscosity)
+    once, faster = Setup(scene).bed_stress(), Setup(scene).bed_stress(2.0)
+    assert faster == pytest.approx(4.0 * Setup(twice).walls.shear_velocity ** 2)
+    assert 2.0 * once < faster < 4.0 * once
+
+
+def test_the_law_of_the_wall():
+    """u+ = ln(y+)/0.41 + 5.2; on rough walls ln(y/k_s)/0.41 + 8.5 (Nikuradse 1933); u* from the speed and back."""
+    smooth, rough = WallLaw(), WallLaw(roughness=0.2)
+    assert smooth.velocity(1.0, 0.01, 1.0) == pytest.approx(np.log(100) / 0.41 + 5.2)
+    assert rough.velocity(1.0, 1e-5, 1.0) == pytest.approx(np.log(5) / 0.41 + 8.5, rel=1e-12)
+    for law in (smooth, rough, WallLaw(roughness=1e-3)):
+        speeds = np.array([0.3, 1.0, 30.0])
+        found = law.shear_velocity(speeds, 1e-4, 0.3)
+        assert found * law.velocity(found, 1e-4, 0.3) == pytest.approx(speeds, rel=1e-7)
+
+
+def test_between_smooth_and_rough_walls_the_law_is_nikuradse_s():
+    """As `tests/one_dimensional.py` has it from the source: sand is not felt up to u* k/nu of 2.25, rough from 90."""
+    sand = np.array([1.0, 2.25, 5.0, 20.0, 60.0, 90.0, 1000.0])
+    found = [float(WallLaw(roughness=1e-3 * one).velocity(1.0, 1e-3, 2.0)) for one in sand]
+    assert found == pytest.approx([float(law_of_the_wall(2000.0, one)) for one in sand], abs=2e-3)
+    assert found[1] == pytest.approx(np.log(2000.0) / 0.41 + 5.2)
+
+
+def test_in_the_viscous_sublayer_friction_is_that_of_a_linear_profile():
+    """u+ = y+ below 11.06: u*^2 = nu U/y, whatever k says there (exact); u* from the speed and back."""
+    law, viscosity, y = WallLaw(), 1e-3, 2e-3
+    speeds = np.array([0.1, 1.0, 10.0])
+    u = law.shear_velocity(speeds, viscosity, y)
+    assert (u * y / viscosity < 11.06).all()
+    assert u**2 == pytest.approx(viscosity * speeds / y, rel=1e-12)
+    assert law.velocity(u, viscosity, y) * u == pytest.approx(speeds, rel=1e-12)
+    assert law.drag(speeds, 0.0, viscosity, y) == pytest.approx(viscosity / y, rel=2e-3)
+
+
+@pytest.mark.parametrize("k", [5e-4, 0.005, 0.05])
+def test_rough_walls_are_as_far_as_they_are_high(k):
+    """The default is the larger of 50 nu/u* and the roughness; a grain is smooth."""
+    rough = Turbulence(wall="rough", roughness=k)
+    walls = Setup(channel(turbulence=rough, fluid=FLUID)).walls
+    assert walls.nearest == pytest.approx(max(50.0 * walls.unit, k))
+    with_grain = Setup(grain(0.5, 1e6).model_copy(update={"turbulence": rough})).walls
+    assert with_grain.law("body").roughness == 0.0 and with_grain.law("bed").roughness == k
+    assert with_grain.distance("body") == pytest.approx(50.0 * with_grain.unit)
+
+
+@pytest.mark.parametrize("sand", [3.0, 11.0, 40.0, 300.0])
+def test_a_rough_wall_in_the_viscous_sublayer_is_a_smooth_one_farther_away(sand):
+    """Where u+ is what Nikuradse's roughness takes away: none below u* k/nu = 5, 8.5 at 32.6ths of the roughness."""
+    lost = 5.2 - 8.5 + np.log(sand) / 0.41
+    if sand < 90.0:
+        lost *= np.sin(0.4258 * (np.log(sand) - 0.811))
+    y = shift(sand)
+    bent = 1.0 - np.exp(-y / 11.0) - y / 11.0 * np.exp(-y / 3.0)
+    reichardt = np.log1p(0.41 * y) / 0.41 + (5.2 - np.log(0.41) / 0.41) * bent
+    assert reichardt == pytest.approx(max(lost, 0.0), abs=2e-3)
+    rough = Turbulence(model="k-omega-sst", wall="rough", roughness=sand / 2000.0)
+    walls = Setup(channel(fluid=Fluid(reynolds=35000, scale="flow"), turbulence=rough)).walls
+    beyond = walls.from_origin("bottom") - walls.nearest
+    assert beyond == pytest.approx(shift(walls.roughness / walls.unit) * walls.unit)
+    assert walls.law("bottom").roughness == 0.0
+
+
+def test_walls_are_never_farther_than_a_part_of_the_depth_a_grain_and_forms():
+    """However slow the flow is: a fifth of the depth, half a grain, twice the smallest length of forms."""
+    slow = Fluid(reynolds=500, scale="flow")
+    bed = Sinusoidal(amplitude=0.004, wavelength=0.04)
+    assert Setup(channel(fluid=slow)).walls.nearest == pytest.approx(0.2)
+    assert Setup(grain(0.05, 500.0)).walls.distance("body") == pytest.approx(0.025)
+    found = Setup(channel(fluid=slow, bed=bed))
+    assert found.walls.nearest == pytest.approx(2.0 * found.scene.bed_shape.feature)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"turbulence": {"wall_distance": 0.3}},
+            r"wall_distance: is 0.3, at most 0.2 in this depth",
+        ),
+        (
+            {"turbulence": {"wall": "rough", "roughness": 0.3}},
+            "roughness: is 0.3, 30% of the depth",
+        ),
+    ],
+)
+def test_walls_that_are_too_far_or_too_rough_are_refused(changes, words):
+    with pytest.raises(SceneError, match=words):
+        make_plan(channel(fluid=FLUID, **changes))
+    with pytest.raises(SceneError, match=r"roughness: is 0\.1, 50% of the depth or the grain"):
+        make_plan(
+            grain(0.2).model_copy(update={"turbulence": Turbulence(wall="rough", roughness=0.1)})
+        )
+
+
+@pytest.mark.parametrize("bed", [None, Flat()])
+@pytest.mark.parametrize("model", ["k-epsilon", "k-omega-sst"])
+@pytest.mark.parametrize("flow", [OpenChannel(velocity=3.0), Poiseuille(velocity=3.0)])
+def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, model, bed):
+    """With what flows between the mesh and plane walls, by the law."""
+    found = channel(flow=flow, turbulence=Turbulence(model=model), bed=bed)
+    walls = Setup(found).walls
+    inner = np.linspace(walls.nearest, 1 - (walls.number - 1) * walls.nearest, 20001)
+    y = (np.arange(20000) + 0.5) / 20000 * walls.nearest
+    u = walls.shear_velocity
+    below = walls.number * walls.nearest * u * WallLaw().velocity(u, found.viscosity, y).mean()
+    speeds, k, second = inflow_at(found, 0.5 * (inner[1:] + inner[:-1]))
+    assert speeds.mean() * (inner[-1] - inner[0]) + below == pytest.approx(3.0, rel=1e-4)
+    assert (k > 0).all() and (second > 0).all()
+
+
+# The mean profile of a turbulent stream against published ones, and what a scene and a plan make of it.
+
+
+DNS = Path(__file__).parents[1] / "reference" / "channel_dns.csv"
+
+
+def in_wall_units(roughness=0.0, depth=1e5):
+    return MeanProfile(1.0, 1.0, roughness, depth)
+
+
+def test_a_smooth_bed_has_the_profile_of_direct_simulations():
+    """Lee & Moser (2015, J. Fluid Mech. 774, 395), Re_tau 5186, up to where the channel's middle is felt."""
+    with DNS.open(newline="") as file:
+        rows = csv.DictReader(line for line in file if not line.startswith("#"))
+        found = [
+            (float(row["y_plus"]), float(row["U_plus"]))
+            for row in rows
+            if row["re_tau"].startswith("518")
+        ]
+    y, u = np.transpose([pair for pair in found if pair[0] < 500])
+    assert len(y) > 10
+    assert in_wall_units().speed(y) == pytest.approx(u, rel=0.05)
+
+
+def test_a_smooth_bed_has_a_viscous_sublayer_and_the_logarithmic_law():
+    """u = y at the bed; van Driest's own constant above is 5.24 with 0.4 and 26 (J. Aeronaut. Sci. 23, 1007)."""
+    smooth = in_wall_units()
+    assert smooth.speed(np.array([1e-3, 1.0])) == pytest.approx([1e-3, 1.0], rel=3e-3)
+    y = np.array([300.0, 1000.0, 5000.0])
+    # Found: 5.287, 5.280 and 5.278 with a kappa of 0.41, where his is 0.40.
+    assert smooth.speed(y) - np.log(y) / KAPPA == pytest.approx(5.24, abs=0.1)
+
+
+@pytest.mark.parametrize("k", [70.0, 200.0, 500.0])
+def test_a_rough_bed_has_the_law_of_nikuradse(k):
+    """u = ln(y/k)/kappa + 8.5 (Nikuradse 1933, VDI-Forschungsheft 361)."""
+    y = np.array([20.0, 100.0]) * k
+    # Cebeci and Chang's shift with van Driest's damping gives 8.74, 8.55 and 8.72.
+    assert in_wall_units(k).speed(y) - np.log(y / k) / KAPPA == pytest.approx(8.5, abs=0.3)
+
+
+def test_the_profile_in_the_scene_s_units():
+    """Lengths over nu/u*, speeds over u*; it starts at the datum, and its top is the domain's."""
+    flow = LogLaw(shear_velocity=2.0, roughness=0.3, datum=0.1)
+    found = scene(
+        flow=flow, bed=HalfDiscs(radius=0.5, spacing=1.2), fluid=Fluid(reynolds=50, scale="grain")
+    )
+    assert found.reference_velocity == 2.0 and found.viscosity == pytest.approx(2.0 / 50)
+    heights = np.array([0.05, 0.1, 0.6, 6.0])
+    points = np.vstack([np.zeros(4), heights, np.zeros(4)])
+    expected = 2.0 * in_wall_units(0.3 * 50).speed(np.maximum(heights - 0.1, 0.0) * 50)
+    speed = Setup(found).base_flow.velocity(points, 0.0)
+    assert speed[0] == pytest.approx(expected, rel=1e-7) and not speed[1].any()
+    assert found.top == "stream"
+
+
+def test_in_si_units_the_velocity_is_that_of_shear():
+    """Sand of 1 mm below u* = 2 cm/s in water: Re* = 20, and a stress of rho u*^2 = 0.4 Pa."""
+    units = {"diameter": 1e-3, "velocity": 0.02, "viscosity": 1e-6, "fluid_density": 1000.0}
+    text = '[domain]\nlength=12\nheight=6\n[flow]\nkind="log-law"\n[bed]\nkind="flat"\n[body]\nx=4\nshape="disc"\n'
+    text += 'diameter=1\n[fluid]\nscale="grain"\n[units]\n'
+    found = loads(text + "".join(f"{key}={value}\n" for key, value in units.items()))
+    assert found.fluid.reynolds == pytest.approx(20.0)
+    told = in_si(found)
+    assert told["bed_stress"] == pytest.approx(0.4) and told["shear_velocity"] == pytest.approx(
+        0.02
+    )
+
+
+def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():
+    """Over the height it adds up to u*^2 less the viscous stress on top, that at a smooth bed being u*^2."""
+    import dolfinx
+    import ufl
+    from mpi4py import MPI
+
+    from incipient import compat
+
+    found = scene(flow=LogLaw(shear_velocity=2.0), fluid=Fluid(reynolds=30, scale="flow"))
+    mesh = dolfinx.mesh.create_rectangle(
+        MPI.COMM_SELF,
+        [np.array([0.0, 0.0]), np.array([1.0, 6.0])],
+        [1, 100],
+        dolfinx.mesh.CellType.quadrilateral,
+    )
+    measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 8})
+    force = sustaining_force(
+        Setup(found).base_flow.mean_profile, Setup(found).base_flow.datum, found.up
+    )(ufl.SpatialCoordinate(mesh), None)
+    whole = dolfinx.fem.assemble_scalar(compat.form(force[0] * measure))
+    top = MeanProfile(2.0, found.viscosity, 0.0, 6.0).speed(np.array([6.0 - 1e-4, 6.0]))
+    assert whole == pytest.approx(4.0 - found.viscosity * (top[1] - top[0]) / 1e-4, rel=1e-5)
+    assert force[1] == 0
+
+
+def test_the_plan_tells_what_the_stream_is():
+    found = scene(flow=LogLaw(roughness=1.0), fluid=Fluid(reynolds=20, scale="grain"))
+    numbers, text = numbers_of(Setup(found)), make_plan(found).text()
+    assert numbers.shear_reynolds == pytest.approx(20.0)
+    assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
+    assert (
+        "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
+        in text
+    )
+    assert (
+        "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically"
+        in text
+    )
+    assert "between smooth and rough, u* k_s/nu = 20" in text and "channels are laminar" not in text
+    slow = scene(flow=LogLaw(), fluid=Fluid(reynolds=30, scale="flow"))
+    assert (
+        "hydraulically smooth" in make_plan(slow).text()
+        and "laminar to 650" in make_plan(slow).text()
+    )
+
+
+def test_cells_at_the_bed_follow_the_profile():
+    """Ten wall units: 10/20; below a stream of another kind there are none."""
+    found = scene(flow=LogLaw(), fluid=Fluid(reynolds=20, scale="grain"))
+    (near,) = [
+        one for one in lay_out(Setup(found), make_plan(found)).sizes.near if one.boundary == "bed"
+    ]
+    assert near.size == pytest.approx(0.5)
+    other = scene(flow=Uniform())
+    assert not [
+        one for one in lay_out(Setup(other), make_plan(other)).sizes.near if one.boundary == "bed"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"flow": {"kind": "log-law", "roughness": -1}}, "flow.roughness: is -1"),
+        (
+            {"flow": LogLaw(roughness=30.0)},
+            "flow.roughness: is 600 times nu/u*; the mean profile is known up to 500",
+        ),
+        (
+            {"flow": LogLaw(), "domain": Domain(length=12, height=6, top="wall")},
+            'domain.top: "wall" contradicts the flow "log-law"; use "auto", "slip" or "stream"',
+        ),
+        (
+            {"flow": LogLaw(), "domain": Domain(length=12, height=6, kind="box")},
+            'flow.kind: "log-law" needs open ends but a box is closed',
+        ),
+        ({"flow": LogLaw(datum=0.7), "bed": HalfDiscs(radius=0.5, spacing=1.2)}, "flow.datum: "),
+    ],
+)
+def test_what_a_scene_with_it_may_not_be(changes, words):
+    assert words in message(lambda: scene(**changes))
+
+
+# A measured profile that enters between walls: rows of developed flow give that flow back.
+
+
+MODELS = pytest.mark.parametrize("model", ["k-omega-sst", "k-epsilon"])
+ROWS = [[0.1, 0.8], [0.5, 1.0], [0.9, 1.1]]
+
+
+def scene_with_profile(turbulence, flow=None, reynolds=20000.0):
+    return Scene(
+        domain=Domain(length=6.0, height=1.0),
+        fluid=Fluid(reynolds=reynolds, scale="flow"),
+        flow=flow or OpenChannel(),
+        effects=Effects(turbulence=True),
+        turbulence=turbulence,
+    )
+
+
+def asked(rows, **changes):
+    kind = {"model": "k-omega-sst", "inflow": "profile", "profile": rows}
+    return Turbulence(**{**kind, "intensity": 1e-6, "length": 0.1, **changes})
+
+
+@pytest.mark.parametrize("sand", [0.0, 0.02])
+@pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
+def test_rows_of_developed_flow_give_it_back(flow, sand):
+    """u* within 6%: at y+ = 30 the law is not the model's own; omega by the mixing length at the rows."""
+    wall = {"wall": "rough", "roughness": sand} if sand else {}
+    developed = scene_with_profile(Turbulence(model="k-omega-sst", **wall), flow)
+    heights = np.array([0.03, 0.06, 0.1, 0.15, 0.25, 0.4, 0.6, 0.8])
+    if flow.kind == "poiseuille":
+        heights = np.concatenate([heights[:6], 1.0 - heights[5::-1]])
+    speed, k, _ = inflow_at(developed, heights)
+    rows = np.column_stack([heights, speed, k])
+    found, was = scene_with_profile(asked(rows.tolist(), **wall), flow), Setup(developed).walls
+    assert Setup(found).walls.shear_velocity == pytest.approx(was.shear_velocity, rel=0.06)
+    places = np.geomspace(was.nearest, 0.45, 40)
+    fast, _, _ = inflow_at(found, places)
+    in_developed, _, _ = inflow_at(developed, places)
+    outer = places > 0.03
+    assert fast[outer] == pytest.approx(in_developed[outer], rel=2e-2)
+    assert np.abs(fast - in_developed).max() < 0.15 * in_developed.max()
+    _, k, omega = inflow_at(found, heights)
+    away = np.minimum(heights, 1.0 - heights) if flow.kind == "poiseuille" else heights
+    length = np.minimum(0.41 * away, 0.1)
+    by_length = np.sqrt(k) / (0.09**0.25 * length)
+    assert omega[1:-1] == pytest.approx(by_length[1:-1], rel=0.04)
+
+
+@MODELS
+def test_rows_of_the_law_of_the_wall_give_k_in_equilibrium(model):
+    """k = u*^2/C_mu^(1/2) in the logarithmic layer, where damping is none; a third column is k itself."""
+    y = np.geomspace(0.02, 0.98, 9)
+    law = 0.04 * (np.log(0.04e5 * y) / 0.41 + 5.2)
+    rows = np.column_stack([y, law]).tolist()
+    flow = scene_with_profile(asked(rows, model=model, length=1.0), reynolds=1e5)
+    near = np.array([0.05, 0.1])
+    speed, k, second = inflow_at(flow, near)
+    assert speed == pytest.approx(0.04 * (np.log(0.04e5 * near) / 0.41 + 5.2), rel=2e-3)
+    assert k == pytest.approx(0.04**2 / 0.3, rel=0.02)
+    omega = np.sqrt(k) / (0.09**0.25 * 0.41 * near)
+    assert second == pytest.approx(omega if model == "k-omega-sst" else 0.09 * k * omega, rel=0.01)
+    third = scene_with_profile(asked([[*row, 0.01] for row in rows], model=model), reynolds=1e5)
+    assert inflow_at(third, near)[1] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_below_the_rows_the_bed_upstream_may_be_rough():
+    """The law of sand holds down to smooth walls, u* is the one of rough walls."""
+    rough = Setup(scene_with_profile(asked(ROWS, wall="rough", roughness=0.02))).walls
+    flow = scene_with_profile(asked(ROWS)).model_copy(
+        update={"turbulence": asked(ROWS, upstream_roughness=0.02)}
+    )
+    found = Setup(flow).walls
+    assert found.roughness == 0.0 and found.is_resolved
+    assert found.shear_velocity == pytest.approx(rough.shear_velocity, rel=1e-8)
+
+
+@pytest.mark.parametrize("over_sand", [5.0, 20.0])
+def test_a_row_over_rough_sand_has_the_shear_velocity_of_the_law_of_nikuradse(over_sand):
+    """1/0.41 ln(y/k_s) + 8.5 (Schlichting & Gersten 2017, section 17.1.2), where u* k_s/nu is 300."""
+    speed = 0.05 * (np.log(over_sand) / 0.41 + 8.5)
+    rows = [[0.01 * over_sand, speed], [0.9, 1.1]]
+    walls = Setup(
+        scene_with_profile(asked(rows, wall="rough", roughness=0.01), reynolds=300.0 / 0.01 / 0.05)
+    ).walls
+    assert walls.shear_velocity == pytest.approx(0.05, rel=1e-6)
+
+
+@MODELS
+@pytest.mark.parametrize("flow", [OpenChannel(velocity=3.0), Poiseuille(velocity=3.0)])
+def test_a_uniform_flow_enters_beyond_thin_layers_at_walls(flow, model):
+    """Its mean is V, its k 3/2 of the square of the intensity, its mixing length as given or kappa y."""
+    given = Turbulence(model=model, inflow="given", intensity=0.05, length=0.1)
+    made = scene_with_profile(given, flow, reynolds=2e5)
+    y = (np.arange(4001) + 0.5) / 4001
+    speed, k, second = inflow_at(made, y)
+    assert speed.mean() == pytest.approx(3.0, rel=5e-3)
+    beyond = (y > 0.1) & (y < 0.9)
+    assert np.ptp(speed[beyond]) < 0.01 * 3.0
+    assert k[2000] == pytest.approx(1.5 * 0.15**2, rel=0.05)
+    omega = second[2000] if model == "k-omega-sst" else second[2000] / (0.09 * k[2000])
+    assert k[2000] ** 0.5 / omega / 0.09**0.25 == pytest.approx(0.1, rel=1e-3)
+    developed = scene_with_profile(Turbulence(model=model), flow, reynolds=2e5)
+    assert Setup(made).bed_stress() == pytest.approx(Setup(developed).bed_stress(), rel=1e-9)
+
+
+def test_rows_beyond_a_wall_are_refused():
+    for rows, words in (
+        ([*ROWS[:2], [1.2, 1.0]], "has a row at 1.2"),
+        ([*ROWS[:2], [1.0, 1.0]], "has a row at 1, the wall on top is 1 above that below"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            make_plan(scene_with_profile(asked(rows), Poiseuille()))
+
+
+@pytest.mark.filterwarnings("error")
+@MODELS
+def test_a_row_at_the_water_surface_is_a_row_like_others(model):
+    """There is no wall to take a u* of; speeds between rows are the ones with a row just below it."""
+    heights = np.array([0.3, 0.7, 0.95])
+    found = [
+        inflow_at(
+            scene_with_profile(asked([[0.1, 0.7], [0.5, 0.9], [top, 1.0]], model=model)), heights
+        )[0]
+        for top in (1.0, 1.0 - 1e-9)
+    ]
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+@MODELS
+def test_the_stress_on_the_bed_is_that_of_the_lower_row(model):
+    """Between walls, below a profile that is fast at the upper one; cells are made for the larger u*."""
+    rows = [[0.1, 0.5], [0.5, 1.0], [0.9, 1.0]]
+    between = Setup(scene_with_profile(asked(rows, model=model), Poiseuille(), reynolds=2e5))
+    below = Setup(scene_with_profile(asked(rows, model=model), reynolds=2e5))
+    assert between.bed_stress() == pytest.approx(below.bed_stress(), rel=0.02)
+    assert between.walls.shear_velocity**2 > 2.0 * between.bed_stress()

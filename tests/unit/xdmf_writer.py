@@ -1,4 +1,4 @@
-"""Writes series of fields on however many ranks there are, for test_xdmf.py: `xdmf_writer.py TASK DIRECTORY`."""
+"""Writes series of fields on however many ranks there are, for test_sampling.py: `xdmf_writer.py TASK DIRECTORY`."""
 
 import json
 import resource

@@ -1,0 +1,402 @@
+"""Beds: curves, profiles and heights."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from every_shape import BEDS, dense, terrains
+from scenes import CHANNEL, message, scene
+from scipy.spatial import cKDTree
+
+from incipient.errors import SceneError
+from incipient.geometry import Arc, Curved, Flat, HeightMap, Line, Sphere, SphereBed, Spline, rest
+from incipient.geometry import HalfDiscs as HalfDiscsBed
+from incipient.geometry import Polyline as PolylineBed
+from incipient.geometry import Sinusoidal as SinusoidalBed
+from incipient.geometry.plane.beds import effective_level
+from incipient.geometry.space.beds import LOWEST
+from incipient.scene import HalfDiscs, Poiseuille, Polyline, Shear, Sinusoidal, Uniform
+from incipient.scene.example import grain_in_pocket
+from incipient.scene.terrains import HeightMapBed
+from incipient.setup.setup import Setup
+
+# Beds of the plane: brute force and elementary geometry; the level plane that one acts as in shear, published.
+
+
+beds = pytest.mark.parametrize("bed", BEDS.values(), ids=BEDS.keys())
+
+
+class TestBeds:
+    @beds
+    def test_curves_join_and_lie_on_the_bed(self, bed):
+        x0, x1 = -2.3, 3.1
+        curves = bed.curves(x0, x1)
+        assert (curves[0].start[0], curves[-1].end[0]) == (x0, x1)
+        for curve, following in pairwise(curves):
+            assert curve.end == following.start
+        points = dense(curves, 301)
+        # Only the spline of the wavy beds is an approximation: to 1e-6 of the wavelength, which is at most 1.
+        assert bed.height(points[:, 0]) == pytest.approx(points[:, 1], abs=1e-6)
+
+    @beds
+    def test_normals_by_differences(self, bed):
+        x, h = np.linspace(-2.0, 2.0, 173) + 1e-3, 1e-7
+        smooth = np.abs(np.subtract(*bed.side_normals(x))).max(axis=1) == 0.0
+        slope = (bed.height(x + h) - bed.height(x - h)) / (2.0 * h)
+        normal = np.column_stack([-slope, np.ones(len(x))]) / np.hypot(slope, 1.0)[:, None]
+        steep = np.abs(slope) > 5.0
+        assert bed.normal(x)[smooth & ~steep] == pytest.approx(normal[smooth & ~steep], abs=1e-5)
+
+    @beds
+    def test_nearest_point_against_brute_force(self, bed):
+        generator = np.random.default_rng(1)
+        x = generator.uniform(-2.0, 2.0, 60)
+        points = np.column_stack([x, bed.height(x) + generator.uniform(0.0, 1.5, 60)])
+        track = np.linspace(-5.0, 5.0, 400001)
+        track = np.column_stack([track, bed.height(track)])
+        brute, _ = cKDTree(track, balanced_tree=False).query(points)
+        feet = bed.nearest(points)
+        assert bed.height(feet[:, 0]) == pytest.approx(feet[:, 1], abs=1e-7)
+        # Brute force can only be too large, by its spacing of 2.5e-5 on the steepest flank.
+        assert np.all(bed.distance(points) <= np.array(brute) + 1e-12)
+        assert bed.distance(points) == pytest.approx(brute, abs=2e-4)
+
+    def test_distance_is_negative_below(self):
+        assert Flat(1.0).distance([[0.0, 0.4], [0.0, 1.4]]) == pytest.approx([-0.6, 0.4])
+
+    def test_half_discs(self):
+        bed = HalfDiscsBed(0.5, 2.0, 0.25, 1.0)
+        assert bed.height([0.25, 0.75, 1.25, 2.25]) == pytest.approx([1.5, 1.0, 1.0, 1.5])
+        assert bed.corners(0.0, 2.0) == pytest.approx([0.75, 1.75])
+        kinds = [type(curve) for curve in bed.curves(0.25, 2.25)]
+        assert kinds == [Arc, Line, Arc]
+        assert [type(c) for c in HalfDiscsBed(0.5, 1.0).curves(-0.5, 1.5)] == [Arc] * 4
+
+    def test_half_disc_cut_at_its_foot_has_no_sliver(self):
+        for x0 in (-0.5 - 1e-13, -0.5, -0.5 + 1e-13):
+            curves = HalfDiscsBed(0.5, 2.0).curves(x0, 0.0)
+            assert len(curves) == 1
+            assert curves[0].start == (x0, 0.0)
+
+    def test_spline_error_is_below_a_millionth_of_the_wavelength(self):
+        for amplitude in (0.01, 0.1, 0.5):
+            bed = SinusoidalBed(amplitude, 2.0, 1.0)
+            (curve,) = bed.curves(0.3, 4.9)
+            x, y = curve.point(np.linspace(0.0, 1.0, 20011)).T
+            assert np.abs(bed.height(x) - y).max() < 1e-6 * 2.0
+
+
+def test_the_nearest_place_on_a_long_smooth_curve_is_found():
+    """Two hundred waves, for which its lines are long: distances as from four million points on it."""
+    x = np.linspace(0.0, 400.0, 1601)
+    bed = Curved(np.column_stack([x, 0.1 * np.cos(np.pi * x)]))
+    above, dense = np.array([[150.3, 0.35], [201.12, 0.02]]), np.linspace(149.0, 203.0, 4_000_001)
+    away = [np.hypot(dense - one[0], bed.height(dense) - one[1]).min() for one in above]
+    assert np.linalg.norm(above - bed.nearest(above), axis=1) == pytest.approx(away, abs=1e-9)
+
+
+def test_a_smooth_curve_through_points_of_a_circle_is_that_circle():
+    """Radius 2 between two level stretches: as high as the circle to 1e-4, and its radius found from the points."""
+    x = np.linspace(-1.0, 1.0, 41)
+    arc = np.column_stack([x, np.sqrt(4.0 - x**2) - np.sqrt(3.0)])
+    bed = Curved([(-4.0, 0.0), *arc, (4.0, 0.0)])
+    within = np.linspace(-0.9, 0.9, 301)
+    assert bed.height(within) == pytest.approx(np.sqrt(4.0 - within**2) - np.sqrt(3.0), abs=1e-4)
+    assert bed.nearest([[0.5, 1.0]]) == pytest.approx(
+        np.array([[0.5, 1.0 + 3.0**0.5]]) * 2.0 / np.hypot(0.5, 1.0 + 3.0**0.5) - [0.0, 3.0**0.5],
+        abs=2e-3,
+    )
+    assert Curved(arc).feature == pytest.approx(2.0, rel=1e-3)
+    assert [type(one) for one in bed.curves(-3.0, 3.0)] == [Line, Spline, Line]
+    assert not np.isfinite(Curved([(0.0, 0.0), (1.0, 0.5), (3.0, 1.5)]).feature)
+
+
+def test_a_polyline_may_step_vertically():
+    """The x of the step belongs to its right side; it is a line of the bed, and it has no part in the mean."""
+    bed = PolylineBed([(0, 1), (2, 1), (2, 0), (6, 0)])
+    assert bed.feature == 1.0 and bed.mean(0, 6) == pytest.approx(2 / 6)
+    assert bed.height([1.9, 2.0, 2.1]) == pytest.approx([1, 0, 0])
+    assert [(line.start, line.end) for line in bed.curves(1, 6)] == [
+        ((1, 1), (2, 1)),
+        ((2, 1), (2, 0)),
+        ((2, 0), (6, 0)),
+    ]
+    assert bed.nearest([(2.5, 0.7)]) == pytest.approx(np.array([[2.0, 0.7]]))
+    assert bed.corners(0, 6) == pytest.approx([0, 2, 6])
+
+
+# Beds, Reynolds number of shear rate 1 on the length 1, and the effective height found in one period with P2-P1
+# elements and inertia (cells of 1/20, on ripples 1/25 of the wavelength); how far that may be off.
+MEASURED = [
+    (HalfDiscs(radius=0.5, spacing=1.2), 1e-9, 0.44680, 1e-4),
+    (HalfDiscs(radius=0.5, spacing=2.0), 1e-9, 0.39354, 1e-4),
+    (HalfDiscs(radius=0.5, spacing=6.0), 1e-9, 0.19362, 6e-4),
+    (HalfDiscs(radius=0.5, spacing=1.05), 20.0, 0.45678, None),
+    (HalfDiscs(radius=0.5, spacing=1.2), 20.0, 0.44802, None),
+    (HalfDiscs(radius=0.5, spacing=1.2), 60.0, 0.45065, None),
+    (HalfDiscs(radius=0.5, spacing=1.2), 1000.0, 0.46464, None),
+    (HalfDiscs(radius=0.5, spacing=3.0), 60.0, 0.37395, None),
+    (HalfDiscs(radius=0.5, spacing=6.0), 20.0, 0.24613, None),
+    (HalfDiscs(radius=0.5, spacing=6.0), 1000.0, 0.39328, None),
+    (Sinusoidal(amplitude=0.5, wavelength=4.0), 20.0, 0.32522, None),
+    (Sinusoidal(amplitude=0.5, wavelength=4.0), 1000.0, 0.41175, None),
+]
+
+
+@pytest.mark.parametrize("amplitude", [0.005, 0.01, 0.02])
+def test_low_ripples(amplitude):
+    """d = a^2 k + O(a^4 k^3): u = y - a sin(kx) (1 - ky) exp(-ky) + u_2, and the mean of u_2 on the bed is -a^2 k."""
+    k = 2.0 * np.pi
+    found = effective_level(SinusoidalBed(amplitude, 1.0, 0.3, 7.0))
+    assert found == pytest.approx(amplitude**2 * k, rel=(amplitude * k) ** 2 + 1e-3)
+
+
+def test_where_a_bed_begins_does_not_matter():
+    rows = [HalfDiscsBed(0.5, 1.2, offset, base) for offset, base in ((0, 0), (0.7, 0), (1e4, 1e3))]
+    assert len({effective_level(row) for row in rows}) == 1
+
+
+@pytest.mark.parametrize("spacing", [1.0, 1.0001, 1.01, 1.2, 60.0])
+def test_between_base_and_crests(spacing):
+    """It falls with the distance of the half-discs, and touching ones leave little below the crests."""
+    found = effective_level(HalfDiscsBed(0.5, spacing))
+    farther = effective_level(HalfDiscsBed(0.5, 1.1 * spacing))
+    assert 0.0 < farther < found < 0.4592
+
+
+@pytest.mark.parametrize(("forms", "reynolds", "height", "error"), MEASURED)
+def test_against_finite_elements(forms, reynolds, height, error):
+    """With inertia within the uncertainty that is said; without the panels' error."""
+    found = Setup(
+        scene(bed=forms, fluid={"reynolds": reynolds, "scale": "grain"})
+    ).base_flow.effective_height
+    assert found.height == pytest.approx(height, abs=error or found.uncertainty)
+    assert found.height >= found.creeping
+
+
+def test_the_datum_is_the_effective_height_where_a_stream_shears_a_row_of_forms():
+    row = HalfDiscs(radius=0.5, spacing=1.2)
+    assert (
+        Setup(scene(bed=row)).base_flow.datum
+        == Setup(scene(bed=row)).base_flow.effective_height.height
+    )
+    slow = {"reynolds": 20, "scale": "grain", "inertia": False}
+    assert Setup(scene(bed=row, fluid=slow)).base_flow.datum == pytest.approx(0.4468, abs=1e-4)
+    between_walls = scene(bed=row, flow=Poiseuille(velocity=1.0))  # sheared at 6 V over the depth
+    same = scene(
+        bed=row, flow=Shear(rate=6 / 5.5), fluid={"reynolds": 20 * 6 / 5.5, "scale": "grain"}
+    )
+    assert Setup(between_walls).base_flow.datum == pytest.approx(
+        Setup(same).base_flow.datum, rel=1e-12
+    )
+    for crests in (
+        {"flow": Uniform()},
+        {"bed": Sinusoidal(amplitude=0.5, wavelength=CHANNEL.length)},
+    ):
+        assert Setup(scene(**{"bed": row, **crests})).base_flow.datum == pytest.approx(0.5)
+    points = [(0.6 * k, 0.5 * (k % 2)) for k in range(21)]
+    assert Setup(scene(bed=Polyline(points=points))).base_flow.datum == 0.5
+    flow = Shear(datum="effective")
+    asked = message(lambda: Setup(scene(bed=Polyline(points=points), flow=flow)).base_flow.datum)
+    assert asked.startswith('flow.datum: is "effective" over a Polyline bed')
+
+
+def test_in_space_it_is_refused():
+    assert Setup(grain_in_pocket()).base_flow.datum == grain_in_pocket().bed_shape.crest
+    asked = {**grain_in_pocket().model_dump(), "flow": {"kind": "shear", "datum": "effective"}}
+    found = message(lambda: type(grain_in_pocket())(**asked))
+    assert 'flow.datum: is "effective" in 3-D, where it is not computed; use "auto"' in found
+
+
+# Beds in 3-D: slopes by differences, nearest points by brute force, height maps from files, layers of spheres.
+
+
+class TestTerrains:
+    @terrains
+    def test_gradients_normals_and_hessians_by_differences(self, bed):
+        x, h = np.random.default_rng(2).uniform(-2.0, 2.0, (80, 2)), 1e-6
+        slope = np.column_stack(
+            [(bed.height(x + h * e) - bed.height(x - h * e)) / (2 * h) for e in np.eye(2)]
+        )
+        gentle = np.abs(slope).max(axis=1) < 5.0
+        assert bed.gradient(x)[gentle] == pytest.approx(slope[gentle], abs=1e-5)
+        expected = np.column_stack([-slope, np.ones(len(x))])
+        expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+        assert bed.normal(x)[gentle] == pytest.approx(expected[gentle], abs=1e-5)
+        if hasattr(bed, "shape"):
+            rows = [
+                (bed.gradient(x + h * e) - bed.gradient(x - h * e)) / (2 * h) for e in np.eye(2)
+            ]
+            error = np.abs(np.stack(rows, axis=2) - bed.shape(x)[2]).max(axis=(1, 2))
+            assert np.median(error) < 1e-6  # that of the map jumps between cells
+
+    @terrains
+    def test_nearest_point_against_brute_force(self, bed):
+        generator = np.random.default_rng(3)
+        x = generator.uniform(-2.0, 2.0, (30, 2))
+        points = np.column_stack([x, bed.height(x) + generator.uniform(0.0, 0.3, 30)])
+        # No farther than straight below; they lie 5e-3 apart.
+        along = np.linspace(-0.3, 0.3, 121)
+        offsets = np.stack(np.meshgrid(along, along), -1).reshape(-1, 2)
+        brute = []
+        for point in points:
+            around = point[:2] + offsets
+            brute.append(
+                np.sqrt(
+                    ((around - point[:2]) ** 2).sum(1) + (bed.height(around) - point[2]) ** 2
+                ).min()
+            )
+        distance, feet = bed.distance(points), bed.nearest(points)
+        assert bed.height(feet[:, :2]) == pytest.approx(feet[:, 2], abs=1e-7)
+        # Brute force can only be too large, by its spacing of 5e-3 on the steepest flank.
+        assert (distance <= np.array(brute) + 1e-12).all()
+        assert distance == pytest.approx(brute, abs=5e-3)
+        assert (bed.distance(points - [0, 0, 0.5]) < 0.0).any()
+
+    def test_neighbours_of_the_arrays(self):
+        """Square: 4 neighbours at the spacing; triangular: 6."""
+        for arrangement, count in (("square", 4), ("triangular", 6)):
+            bed = SphereBed.array(0.5, 1.3, arrangement, (0.2, 0.1))
+            centres = bed.near((0.2, 0.1), 0.81)[1]
+            away = np.linalg.norm(centres[:, :2] - [0.2, 0.1], axis=1)
+            assert np.sort(away) == pytest.approx([0.0] + [1.3] * count)
+            assert bed.height(centres[:, :2]) == pytest.approx(0.5)
+
+    def test_a_map_reproduces_its_points_and_parabolas(self):
+        # Cubic convolution is exact for polynomials of second degree (Keys 1981), away from the edges.
+        x, y = np.meshgrid(np.arange(8.0), 2.0 * np.arange(9.0))
+        bed = HeightMap(1.0 + x * y - 0.3 * x**2 + 0.1 * y**2, (1.0, 2.0), (10.0, 20.0, 5.0))
+        inner = np.random.default_rng(1).uniform([11.0, 22.0], [16.0, 34.0], (50, 2))
+        u, v = (inner - [10.0, 20.0]).T
+        assert bed.height(inner) == pytest.approx(6.0 + u * v - 0.3 * u**2 + 0.1 * v**2)
+        assert bed.gradient(inner)[:, 0] == pytest.approx(v - 0.6 * u)
+        assert bed.height([[13.0, 26.0]]) == pytest.approx(5.0 + bed.heights[3, 3])
+        assert bed.extent == ((10.0, 17.0), (20.0, 36.0))
+        # Beyond the edge it goes on level.
+        assert bed.height([[5.0, 26.0]]) == pytest.approx(bed.height([[10.0, 26.0]]))
+        assert bed.gradient([[5.0, 26.0]])[0, 0] == 0.0
+
+    def test_maps_from_files(self, tmp_path):
+        from PIL import Image
+
+        heights = np.arange(12.0).reshape(3, 4)
+        np.save(tmp_path / "map.npy", heights)
+        assert HeightMap.from_file(tmp_path / "map.npy", (0.1, 0.1), 2.0).heights == pytest.approx(
+            2.0 * heights
+        )
+        # Images and ESRI grids begin with the northern row; whole numbers are parts of the largest.
+        Image.fromarray((heights[::-1] * 20).astype(np.uint8)).save(tmp_path / "map.png")
+        Image.fromarray((heights[::-1] * 4000).astype(np.uint16)).save(tmp_path / "fine.png")
+        Image.fromarray(heights[::-1].astype(np.float32)).save(tmp_path / "map.tif")
+        for name, relief in (
+            ("map.png", 255.0 / 20.0),
+            ("fine.png", 65535.0 / 4000.0),
+            ("map.tif", 1.0),
+        ):
+            found = HeightMap.from_file(tmp_path / name, (0.1, 0.1), relief)
+            assert found.heights == pytest.approx(heights, abs=1e-6), name
+        rows = "\n".join(" ".join(str(h) for h in row) for row in heights[::-1])
+        head = "ncols 4\nnrows 3\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -9999\n"
+        (tmp_path / "map.asc").write_text(head + rows + "\n")
+        grid = HeightMap.from_file(tmp_path / "map.asc")
+        assert grid.heights == pytest.approx(heights)
+        # Cells are 2 wide, so that the first height stands one in from the corner.
+        assert (grid.cell, grid.origin) == ((2.0, 2.0), (11.0, 21.0, 0.0))
+
+    def test_bad_maps(self, tmp_path):
+        (tmp_path / "map.asc").write_text(
+            "ncols 2\nnrows 2\ncellsize 1\nNODATA_value -9\n1 2\n3 -9\n"
+        )
+        (tmp_path / "short.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2 3\n")
+        (tmp_path / "bare.asc").write_text("1 2\n3 4\n")
+        (tmp_path / "hole.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2\n3 -9999\n")
+        np.save(tmp_path / "hole.npy", np.where(np.eye(3) > 0.0, -32768.0, 1.0))
+        (tmp_path / "map.png").write_text("no image")
+        np.save(tmp_path / "map.npy", np.zeros((3, 3)))
+        for name, reason in [
+            ("missing.png", "No such file or directory"),
+            ("map.asc", "cells without data"),
+            ("short.asc", "3 heights instead of 2 x 2"),
+            ("bare.asc", "lacks ncols"),
+            ("hole.asc", "is -9999 in 1 cells, the first in row 0, column 1: that seems to stand"),
+            ("map.png", "cannot be read"),
+            ("map.npy", "give cell"),
+        ]:
+            with pytest.raises(SceneError, match=reason) as caught:
+                HeightMap.from_file(tmp_path / name)
+            assert "\n" not in str(caught.value)
+        with pytest.raises(SceneError, match="is -32768 in 3 cells"):
+            HeightMap.from_file(tmp_path / "hole.npy", (1.0, 1.0))
+        # A relief in thousandths that passes through such a value is data.
+        np.save(tmp_path / "deep.npy", np.arange(-11999.0, 1.0).reshape(100, 120))
+        assert HeightMap.from_file(tmp_path / "deep.npy", (1.0, 1.0)).heights.min() == -11999.0
+
+    def test_offset_is_where_the_first_height_is(self, tmp_path):
+        """The corner of a grid in metres of a map is far from any domain; a cell's middle is half a cell from it."""
+        head = "ncols 3\nnrows 2\nxllcorner 340620\nyllcorner 3917730\ncellsize 2\n"
+        (tmp_path / "map.asc").write_text(head + "1 1 1\n1 1 1\n")
+        asc = {"kind": "height-map", "file": "map.asc"}
+        for given, place in (({}, (340621.0, 3917731.0)), ({"offset": (-1.0, 4.0)}, (-1.0, 4.0))):
+            bed = HeightMapBed.model_validate(
+                {**asc, **given}, context={"directory": str(tmp_path)}
+            )
+            assert bed.offset == place
+            low = [side[0] for side in bed.terrain(0.0).extent]
+            assert tuple(low) == place
+
+    @pytest.mark.parametrize(
+        ("make", "reason"),
+        [
+            (lambda: HeightMap(np.zeros(3), (1.0, 1.0)), "rows and columns"),
+            (lambda: HeightMap([[0.0, np.nan], [0.0, 0.0]], (1.0, 1.0)), "row 0, column 1"),
+        ],
+    )
+    def test_bad_beds_are_refused(self, make, reason):
+        with pytest.raises(SceneError, match=reason):
+            make()
+
+
+@pytest.mark.parametrize(
+    ("arrangement", "rise"), [("square", 0.5**0.5), ("triangular", (2.0 / 3.0) ** 0.5)]
+)
+def test_layers_lie_in_pockets_and_touch(arrangement, rise):
+    """Spheres that touch: the height of a pyramid on a square, and on a triangle, with equal edges."""
+    bed = SphereBed.array(0.5, 1.0, arrangement, layers=3)
+    centres = bed.near((0.0, 0.0), 5.50)[1]
+    assert np.unique(centres[:, 2].round(9)) == pytest.approx([0.0, rise, 2 * rise])
+    apart = np.linalg.norm(centres[:, None] - centres, axis=2) + 9.0 * np.eye(len(centres))
+    assert apart.min() == pytest.approx(1.0)
+    assert (
+        bed.crest
+        == pytest.approx(2 * rise + 0.5)
+        == pytest.approx(float(bed.height(centres[:, :2]).max()))
+    )
+
+
+def test_disorder_is_the_same_wherever_it_is_looked_at_and_keeps_spheres_apart():
+    bed = SphereBed.array(0.5, 1.2, "random", seed=3)
+    whole = bed.near((0.0, 0.0), 14.50)[1]
+    part = bed.near((4.0, -3.0), 1.50)[1]
+    assert all((np.abs(whole - one).max(axis=1) < 1e-12).any() for one in part)
+    apart = np.linalg.norm(whole[:, None, :2] - whole[:, :2], axis=2) + 9.0 * np.eye(len(whole))
+    assert 1.0 <= apart.min() < 1.05
+    assert -LOWEST * 0.5 <= whole[:, 2].min() < -0.2 and whole[:, 2].max() <= 0.0
+    assert not np.allclose(
+        whole[:5], SphereBed.array(0.5, 1.2, "random", seed=4).near((0.0, 0.0), 14.50)[1][:5]
+    )
+
+
+def test_a_sphere_rests_on_disorder():
+    bed = SphereBed.array(0.5, 1.2, "random", seed=3, layers=2)
+    grain = Sphere(1.0)
+    placement = rest(grain, bed, (0.2, 0.1))
+    centres = bed.near((0.2, 0.1), 3.50)[1]
+    assert np.linalg.norm(centres - placement.centre, axis=1).min() == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"), [({"layers": 0}, "none"), ({"spacing": 4.0, "layers": 2}, "so far apart")]
+)
+def test_what_is_no_packing_is_refused(keys, words):
+    with pytest.raises(SceneError, match=words):
+        SphereBed.array(**{"radius": 0.5, "spacing": 1.0, **keys})
