@@ -308,13 +308,11 @@ def test_a_large_wake_is_found():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True, reason="does not converge since walls take any first cell; the run says so"
-)
-def test_a_flow_that_changes_for_ever_at_a_contact_is_taken():
-    """A stone at u* d/nu = 800 with the default gap: not found in 300 steps where k in its dead water goes around.
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_flow_with_dead_water_at_a_contact_converges(order):
+    """A stone at u* d/nu = 800 with the default gap: an earlier version did not find it in 300 steps.
 
-    Its loads lie between those at u* d/nu = 430 and 1300, to 1%, whose flows are steady.
+    Its loads lie between those at u* d/nu = 430 and 1300, to 1%.
     """
     loads = []
     for reynolds in (45_000.0, 90_000.0, 150_000.0):
@@ -324,9 +322,10 @@ def test_a_flow_that_changes_for_ever_at_a_contact_is_taken():
             "contact": Contact(friction=0.6),
             "domain": Domain(length=6.0, height=1.0),
         }
-        found = incipient.run(channel(reynolds, mesh_size=2.0, **grain))
+        numerics = Numerics(mesh_size=2.0, order=order, error_bars=False)
+        found = incipient.run(channel(reynolds, numerics=numerics, **grain))
         loads.append(found.force.flow[:2])
-        assert found.turbulence.spread < 0.01
+        assert found.turbulence.converged and len(found.turbulence.iteration.changes) < 60
     slow, asked, fast = loads
     assert (asked > 0.99 * np.minimum(slow, fast)).all()
     assert (asked < 1.01 * np.maximum(slow, fast)).all()
