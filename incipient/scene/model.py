@@ -287,7 +287,7 @@ class Scene(Section):
 
     @cached_property
     def grain(self) -> Any:
-        return None if self.body is None else self.body.grain()
+        return None if self.body is None else self.body.grain
 
     @property
     def mass(self) -> float | None:
@@ -341,11 +341,11 @@ class Scene(Section):
             down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
             friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
-            placement = rested(body.grain(), bed, start, down, friction, self.domain.length)
+            placement = rested(body.grain, bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion
             placement = rest(
-                body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
+                body.grain, bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
             )
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
 
