@@ -258,7 +258,7 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
     The row survives a crash of the machine only after `sync`. On a full disk an incomplete row is removed. Raises
     OutputError, also for a file with other columns.
     """
-    header, line = _csv_line(row.keys()), _csv_line(row.values())
+    header, line = csv_text([*row], [plain(row)]).encode().splitlines(keepends=True)
     require_own(path)
     own(path)
     with reported(path), path.open("a+b", buffering=0) as file:
@@ -305,9 +305,3 @@ def write_fully(file: io.RawIOBase, data: bytes) -> None:
     """Write unbuffered: a buffer would be written again on closing after a failure."""
     while data:
         data = data[file.write(data) or 0 :]
-
-
-def _csv_line(values: Any) -> bytes:
-    line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow([plain(value) for value in values])
-    return line.getvalue().encode()

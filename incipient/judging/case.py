@@ -319,7 +319,7 @@ def _outward(case: Case) -> Iterator[Problem]:
 def _on_surface(case: Case) -> Iterator[Problem]:
     if case.body is None:
         return
-    shape, contacts = case.body.grain(), case.to_contacts()
+    shape, contacts = case.body.grain, case.to_contacts()
     points = case.placement.to_body(contacts.points[:, : case.gdim])
     for index, level in enumerate(shape.level(points)):
         if abs(level) > ROUNDING * shape.size:

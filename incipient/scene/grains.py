@@ -64,7 +64,7 @@ class BodySection(Section):
         Rule("x", lambda s: s.x is not None and s.centre is not None, "both x and centre are given", "leave one out"),
         Rule("settle", lambda s: s.settle and s.x is None, "a grain with a given centre does not settle",
              "give x instead of centre, or leave settle out"),
-        Rule("{s.shape_key}", lambda s: s.grain() is None),  # which its geometry may refuse
+        Rule("{s.shape_key}", lambda s: s.grain is None),  # which its geometry may refuse
     )  # fmt: skip
 
     x: float | None = key(
@@ -117,11 +117,8 @@ class BodySection(Section):
     def placed(self, centre: Sequence[float]) -> Placement:
         raise NotImplementedError
 
-    def grain(self) -> Any:
-        return self._grain
-
     @cached_property  # an outline of many points takes time to check
-    def _grain(self) -> Shape:
+    def grain(self) -> Any:
         return self.new_grain()
 
     def new_grain(self) -> Shape:

@@ -21,21 +21,29 @@ BETWEEN: LiteralString = "contradiction_between_sections"
 
 MOST_SHOWN = 4  # problems besides the first
 
-# By pydantic's type of error, with its context.
-_REMEDIES = {
-    "float_type": "give a number",
-    "finite_number": "give a finite number",
-    "int_type": "give a whole number",
-    "int_from_float": "give a whole number",
-    "bool_type": "give true or false",
-    "string_type": 'give text in "quotes"',
-    "tuple_type": "give a list in [brackets]",
-    "greater_than": "give a number greater than {gt:g}",
-    "greater_than_equal": "give a number of at least {ge:g}",
-    "less_than": "give a number less than {lt:g}",
-    "less_than_equal": "give a number of at most {le:g}",
+# Reason and remedy by pydantic's type of error, with its context and the words of `_problem`.
+_WORDS = {
+    **dict.fromkeys((WITHIN, BETWEEN), ("{why}", "{remedy}")),
+    "missing": ("is missing", "add {what}"),
+    "too_short": ("has {items}", "give {min_length} or more"),
+    "too_long": ("has {items}", "give {max_length} at most"),
+    "literal_error": ("{value} is not known", "use {choices}"),
+    "union_tag_not_found": ("is missing", "use {kinds}"),
+    "union_tag_invalid": ("{value} is not known", "{nearest}"),
+    "float_type": ("is {value}", "give a number"),
+    "finite_number": ("is {value}", "give a finite number"),
+    "int_type": ("is {value}", "give a whole number"),
+    "int_from_float": ("is {value}", "give a whole number"),
+    "bool_type": ("is {value}", "give true or false"),
+    "string_type": ("is {value}", 'give text in "quotes"'),
+    "tuple_type": ("is {value}", "give a list in [brackets]"),
+    "greater_than": ("is {value}", "give a number greater than {gt:g}"),
+    "greater_than_equal": ("is {value}", "give a number of at least {ge:g}"),
+    "less_than": ("is {value}", "give a number less than {lt:g}"),
+    "less_than_equal": ("is {value}", "give a number of at most {le:g}"),
     **dict.fromkeys(
-        ("model_type", "model_attributes_type", "dict_type"), "write a section [{key}]"
+        ("model_type", "model_attributes_type", "dict_type"),
+        ("is {value}", "write a section [{key}]"),
     ),
 }
 _NAME = re.compile("'([^']*)'")
@@ -81,7 +89,7 @@ def counted(number: int, thing: str) -> str:
 def either(names: Sequence[str]) -> str:
     """``"a", "b" or "c"``."""
     quoted = [f'"{name}"' for name in names]
-    return " or ".join([*([", ".join(quoted[:-1])] if quoted[1:] else []), quoted[-1]])
+    return " or ".join(filter(None, (", ".join(quoted[:-1]), *quoted[-1:])))
 
 
 def refusal(*problems: Problem, between: bool = False) -> ValidationError:
@@ -186,36 +194,30 @@ def _problem(
     detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None
 ) -> Problem:
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
-    field = section.model_fields.get(str(key[-1])) if section else None
+    name = str(key[-1]) if key else ""
+    field = section.model_fields.get(name) if section else None
     models = variants(field.annotation) if field else ()
     fitting = [m for m in models if gdim is None or gdim in getattr(m, "gdims", (gdim,))]
     if kind.startswith("union_tag"):
         key, value = (*key, context["discriminator"].strip("'")), context.get("tag")
     if remedy := retired.VALUES.get((_dotted(key), str(value))):
         return Problem(key, f"{shown(value)} is retired", remedy)
-    why, remedy = f"is {shown(value)}", detail["msg"][:1].lower() + detail["msg"][1:]
-    match kind:
-        case "contradiction" | "contradiction_between_sections":
-            why, remedy = context["why"], context["remedy"]
-        case "missing":
-            why, remedy = "is missing", f"add {_what_to_add(str(key[-1]), field)}"
-        case "too_short":
-            why = f"has {counted(context['actual_length'], 'item')}"
-            remedy = f"give {context['min_length']} or more"
-        case "too_long":
-            why = f"has {counted(len(value), 'item')}"
-            remedy = f"give {context['max_length']} at most"
-        case "literal_error":
-            why = f"{shown(value)} is not known"
-            remedy = f"use {either(_NAME.findall(context['expected']))}"
-        case "union_tag_not_found" | "union_tag_invalid":
-            close = _closest(str(value), [str(tag(m)) for m in models])
-            choices = f"use {either([str(tag(m)) for m in fitting])}"
-            why = "is missing" if value is None else f"{shown(value)} is not known"
-            remedy = f'did you mean "{close}"?' if close else choices
-        case _ if kind in _REMEDIES:
-            remedy = _REMEDIES[kind].format(**{**context, "key": key_text(key)})
-    return Problem(key, why, remedy, between=kind == BETWEEN)
+    kinds = either([str(tag(m)) for m in fitting])
+    close = _closest(str(value), [str(tag(m)) for m in models])
+    items = len(value) if isinstance(value, list | tuple) else 0
+    words = {
+        "key": key_text(key),
+        "value": shown(value),
+        "what": _what_to_add(name, field),
+        "items": counted(context.get("actual_length", items), "item"),
+        "choices": either(_NAME.findall(str(context.get("expected")))),
+        "kinds": kinds,
+        "nearest": f'did you mean "{close}"?' if close else f"use {kinds}",
+        "msg": detail["msg"][:1].lower() + detail["msg"][1:],
+        **context,
+    }
+    why, remedy = _WORDS.get(kind, ("is {value}", "{msg}"))
+    return Problem(key, why.format(**words), remedy.format(**words), between=kind == BETWEEN)
 
 
 def _what_to_add(name: str, field: FieldInfo | None) -> str:

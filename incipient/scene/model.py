@@ -35,10 +35,8 @@ from .units import OF_UNITS, WITHOUT_UNITS, Scales, Units, derived, scales_of
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
 
-_DEFAULT_GAP = 0.01
 # Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
-_DEFAULT_TOLERANCE = 1e-6
 
 
 class Fluid(Section):
@@ -74,9 +72,9 @@ class Contact(Section):
     gap: Positive = key(
         "Gap that represents contact in the flow, 0.1 at most; in turbulent 2-D flow past a fixed grain the "
         "width up to which the space next to contacts is closed [grain sizes]",
-        _DEFAULT_GAP,
+        0.01,
     )
-    tolerance: Positive = key("Distance that counts as contact [grain sizes]", _DEFAULT_TOLERANCE)
+    tolerance: Positive = key("Distance that counts as contact [grain sizes]", 1e-6)
     kinetic_friction: NotNegative | None = key(
         "Coefficient of kinetic friction; default: that of static friction [-]",
         None,
@@ -278,12 +276,8 @@ class Scene(Section):
         return self.effects.turbulence is True
 
     @property
-    def has_wall_layer(self) -> bool:
-        return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)
-
-    @property
     def resolves_walls(self) -> bool:
-        return self.is_averaged and not self.has_wall_layer
+        return self.is_averaged and not (self.turbulence or Turbulence()).has_wall_functions
 
     @property
     def resolves_uneven_walls(self) -> bool:
@@ -293,7 +287,7 @@ class Scene(Section):
 
     @cached_property
     def grain(self) -> Any:
-        return None if self.body is None else self.body.grain()
+        return None if self.body is None else self.body.grain
 
     @property
     def mass(self) -> float | None:
@@ -317,7 +311,8 @@ class Scene(Section):
 
         Laminar flow through a gap is so slow that loads are near their limit.
         """
-        return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
+        has_wall_functions = self.is_averaged and not self.resolves_walls
+        return self.gdim == 2 and has_wall_functions and self.rests and not self.moves
 
     @cached_property
     def bed_shape(self) -> Any:
@@ -346,11 +341,11 @@ class Scene(Section):
             down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
             friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
-            placement = rested(body.grain(), bed, start, down, friction, self.domain.length)
+            placement = rested(body.grain, bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion
             placement = rest(
-                body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
+                body.grain, bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
             )
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
 
@@ -373,9 +368,8 @@ class Scene(Section):
     @property
     def gravity_vector(self) -> np.ndarray:
         """Gravitational acceleration (gdim,), zero without gravity."""
-        felt = self.gravity is not None and self.effects.gravity is not False
-        acceleration = self.gravity.acceleration if felt and self.gravity else 0.0
-        return acceleration * self.gravity_direction
+        felt = None if self.effects.gravity is False else self.gravity
+        return (felt.acceleration if felt else 0.0) * self.gravity_direction
 
     @property
     def gravity_direction(self) -> np.ndarray:
@@ -388,16 +382,16 @@ class Scene(Section):
     @property
     def contact_gap(self) -> float:
         """Gap [length] that represents contact in the flow; zero without a grain."""
-        return self._of_grain_size(self.contact.gap if self.contact else _DEFAULT_GAP)
+        return 0.0 if self.grain is None else self._contact.gap * self.grain.size
 
     @property
     def contact_tolerance(self) -> float:
         """Distance [length] that counts as contact; zero without a grain."""
-        return self._of_grain_size(self.contact.tolerance if self.contact else _DEFAULT_TOLERANCE)
+        return 0.0 if self.grain is None else self._contact.tolerance * self.grain.size
 
-    def _of_grain_size(self, fraction: float) -> float:
-        grain = self.grain
-        return 0.0 if grain is None else fraction * grain.size
+    @cached_property
+    def _contact(self) -> Contact:
+        return self.contact or Contact(friction=0.0)
 
 
 def _require(problems: list[Problem]) -> None:

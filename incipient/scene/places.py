@@ -1,7 +1,6 @@
 """Rules of a scene `s` on sizes and positions of domain, bed, grain and surface; each needs the earlier ones."""
 
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -70,9 +69,8 @@ def _short(s: Any) -> list[Any]:
 
 
 def _steps_at_ends(s: Any) -> list[float]:
-    steps = [after for (before, _), (after, _) in pairwise(s.bed.points) if before == after]
     (ends,) = s.domain.spans
-    return [x for x in steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
+    return [x for x in s.bed.steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
 
 
 def _heights(s: Any) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from .expression import Expression
@@ -89,11 +88,6 @@ def _accurate(s: Scene) -> bool:
 
 def _verdict(s: Scene) -> bool:
     return s.numerics.accuracy == "verdict"
-
-
-def _steps(s: Scene) -> list[float]:
-    points = s.bed.points if s.bed is not None and s.bed.kind == "polyline" else ()
-    return [left for (left, _), (right, _) in pairwise(points) if left == right]
 
 
 def _too_rough(s: Scene) -> float:
@@ -408,7 +402,7 @@ RULES: tuple[Rule, ...] = (
              "is not simulated between walls across the width", 'set domain.sides = "slip" or "stream"'),
     ),
     # Contact is computed on beds that are graphs.
-    Rule("bed.points", lambda s: s.body is not None and _steps(s)[:1],
+    Rule("bed.points", lambda s: s.body and s.bed and s.bed.kind == "polyline" and s.bed.steps[:1],
          "has a vertical step at x = {v:g}, and grains over steps are not simulated",
          "give the step a width, or leave the grain out"),
 )  # fmt: skip

@@ -129,7 +129,9 @@ class Rule:
             values = self.broken(s)
         except SceneError as error:
             return [problem(self.key.format(s=s), *split(str(error)))]
-        values = values if isinstance(values, list) else [values] if values else []
+        if not values:
+            return []
+        values = values if isinstance(values, list) else [values]
         texts = (self.key, self.why, self.remedy)
         return [problem(*(text.format(s=s, v=value) for text in texts)) for value in values]
 

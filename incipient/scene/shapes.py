@@ -237,7 +237,7 @@ class Polyline(FromFile, BedSection):
     rules = (
         Rule("points", _disorder, "has x = {v[0]:g} after x = {v[1]:g}",
              "sort the points by ascending x, each place once"),
-        Rule("smooth", lambda s: s.smooth and any(left[0] == right[0] for left, right in pairwise(s.points)),
+        Rule("smooth", lambda s: s.smooth and s.steps,
              "is true, but points have a step, the same x twice", "leave it out"),
     )  # fmt: skip
     kind: Literal["polyline"] = key("Kind of bed", "polyline")
@@ -249,6 +249,11 @@ class Polyline(FromFile, BedSection):
         (),
     )
     smooth: bool = key("A smooth curve through the points instead of straight lines", False)
+
+    @property
+    def steps(self) -> list[float]:
+        """Abscissae that are given twice."""
+        return [left[0] for left, right in pairwise(self.points) if left[0] == right[0]]
 
     def shape(self, base: float, corner: Sequence[float]) -> Any:
         curve = geometry.Curved if self.smooth else geometry.Polyline

@@ -148,7 +148,7 @@ def test_scenes_of_python_have_units_too() -> None:
     ],
 )
 def test_nominal_diameters(grain: Any, diameter: float) -> None:
-    assert nominal_diameter(grain.grain()) == pytest.approx(diameter)
+    assert nominal_diameter(grain.grain) == pytest.approx(diameter)
 
 
 @pytest.mark.parametrize(
