@@ -21,7 +21,6 @@ _LONGEST = 0.75  # arrow of a traction, in grain sizes
 # Per cent of the nodes with a traction below the last colour: traction is large in gaps.
 _LARGEST = 98.0
 _UPWARD = 0.1  # least rise of a normal that points up
-_OFF_SURFACE = 0.01  # of a facet's length: into the fluid
 
 
 def traction(run: StoredRun) -> Figure:
@@ -44,8 +43,12 @@ def _around(run: StoredRun) -> tuple[np.ndarray, ...]:
     start, end, middle = run.surface.cells.T
     points = run.surface.points[:, :2]
     normals = quarter_turned(points[end] - points[start])
-    inside = run.plane.at(points[middle] + _OFF_SURFACE * normals, "velocity").mask[:, :1]
-    normals = np.where(inside, -normals, normals) / np.linalg.norm(normals, axis=1)[:, None]
+    assert run.place is not None
+    grain, beside = run.model.grain, 0.01 * normals
+    (out, into) = (
+        grain.level(run.place.to_body(points[middle] + side)) for side in (beside, -beside)
+    )
+    normals *= (np.sign(out - into) / np.linalg.norm(normals, axis=1))[:, None]
     centre = run.value("grain", "centre", points.mean(axis=0))[:2]
     angles = np.degrees(np.arctan2(*(points[middle] - centre).T[::-1])) % 360
     order = np.argsort(angles)
