@@ -22,7 +22,6 @@ from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, ST
 
 # Of the view: from across the flow, above the horizontal.
 _TURNED, _RAISED = np.radians([24.0, 17.0])
-_PIXELS = 1320  # of the height of a rendering
 # Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arcs of the
 # torque and of the turn, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
 _STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _OUTSIDE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.6, 0.09
@@ -97,7 +96,7 @@ def render(
     """Render a grain's surface, points (n, 3) and triangles (m, 3), and its bed into the axes' limits."""
     pyvista = pyvista_off_screen()
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    shape = [round(_PIXELS * (x1 - x0) / (y1 - y0)), _PIXELS]
+    shape = [round(1320 * (x1 - x0) / (y1 - y0)), 1320]
     plotter = pyvista.Plotter(off_screen=True, window_size=shape, lighting="three lights")
     plotter.background_color = "white"
     plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them

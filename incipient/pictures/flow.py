@@ -18,7 +18,6 @@ from .style import FLOW, GROUND, INK, PUSH, View, headline, panels
 
 _CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds the colour bar
 _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: vorticity is greatest in thin layers
-_ISOBARS = 18
 _AROUND = (0, 3, 1, 4, 2, 5)  # nodes of a quadratic triangle in order
 
 
@@ -82,7 +81,7 @@ def _paint(plane: Plane, values: np.ndarray, axes: Axes, view: View, shown: Show
         )
     ]  # fmt: skip
     if shown is PRESSURE:
-        levels = np.linspace(norm.vmin or 0.0, norm.vmax or 0.0, _ISOBARS + 1)[1:-1]
+        levels = np.linspace(norm.vmin or 0.0, norm.vmax or 0.0, 19)[1:-1]
         isobars = axes.tricontour(
             triangles, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid",
             alpha=0.6,

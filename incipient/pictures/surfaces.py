@@ -17,14 +17,10 @@ from .plane import pyvista_off_screen
 from .record import StoredRun
 from .style import FLOW, INK, PULL, PUSH, headline, panels
 
-_ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
 # Per cent of the nodes with a traction below the last colour: traction is large in gaps.
 _LARGEST = 98.0
 _UPWARD = 0.1  # least rise of a normal that points up
-_OFF_SURFACE = 0.05  # of a facet's length: into the fluid
-_LEVELS = 24  # colours
-_LINES, _PLACES = 7, 201  # of equal height of the bed; in each direction at which that is known
 
 
 def traction(run: StoredRun) -> Figure:
@@ -47,8 +43,12 @@ def _around(run: StoredRun) -> tuple[np.ndarray, ...]:
     start, end, middle = run.surface.cells.T
     points = run.surface.points[:, :2]
     normals = quarter_turned(points[end] - points[start])
-    inside = run.plane.at(points[middle] + _OFF_SURFACE * normals, "velocity").mask[:, :1]
-    normals = np.where(inside, -normals, normals) / np.linalg.norm(normals, axis=1)[:, None]
+    assert run.place is not None
+    grain, beside = run.model.grain, 0.01 * normals
+    (out, into) = (
+        grain.level(run.place.to_body(points[middle] + side)) for side in (beside, -beside)
+    )
+    normals *= (np.sign(out - into) / np.linalg.norm(normals, axis=1))[:, None]
     centre = run.value("grain", "centre", points.mean(axis=0))[:2]
     angles = np.degrees(np.arctan2(*(points[middle] - centre).T[::-1])) % 360
     order = np.argsort(angles)
@@ -66,7 +66,7 @@ def _show_arrows(
     for grain in run.plane.grains:
         draw_grain(axes, grain)
     way = np.cumsum(np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1))
-    chosen = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], _ARROWS)))
+    chosen = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], 64)))
     points, tractions, normals = points[chosen], tractions[chosen], normals[chosen]
     strength = np.linalg.norm(tractions, axis=1)
     longest = float(np.percentile(strength, 95)) or 1.0
@@ -150,7 +150,7 @@ def elevation(run: StoredRun) -> Figure:
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)
-    levels = np.linspace(-largest, largest, _LEVELS + 1)
+    levels = np.linspace(-largest, largest, 25)
     drawn = axes.tricontourf(
         points[:, 0], points[:, 1], triangles, above, levels=levels, cmap="RdBu_r"
     )
@@ -180,8 +180,8 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
 def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:
     if bed is None or not np.isfinite(bed.feature):
         return False
-    x, y = (np.linspace(*sides, _PLACES) for sides in ((domain.left, domain.right), domain.across))
+    x, y = (np.linspace(*sides, 201) for sides in ((domain.left, domain.right), domain.across))
     places = np.stack(np.meshgrid(x, y), axis=-1)
-    heights = bed.height(places.reshape(-1, 2)).reshape(_PLACES, _PLACES)
-    axes.contour(x, y, heights, _LINES, colors=INK, linewidths=0.5)
+    heights = bed.height(places.reshape(-1, 2)).reshape(201, 201)
+    axes.contour(x, y, heights, 7, colors=INK, linewidths=0.5)
     return True

@@ -36,7 +36,6 @@ from .record import StoredRun, scene_of
 from .sheet import panel, sheet, write_numbers
 from .style import FLOW, INK, MOTION, explain
 
-_COEFFICIENTS = ("drag", "lift", "moment")
 _CRITICAL = {
     "flow over that of the scene": "factor",
     "Shields number, largest diameter": "shields",
@@ -144,7 +143,10 @@ def _flow_rows(run: StoredRun) -> dict[str, Any]:
     closed = bool(run.value("gap", "closed"))
     gap = "closed where narrower than" if closed else "gap representing contact"
     rows = {
-        **{f"{key} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS},
+        **{
+            f"{key} coefficient": run.value("coefficients", key)
+            for key in ("drag", "lift", "moment")
+        },
         "Reynolds number": run.setting("fluid", "reynolds"),
         gap: run.value("gap", "width"),
         "cells across the gap": None if closed else run.value("gap", "cells"),

@@ -17,9 +17,7 @@ from ..style import INK, explain
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}
-_LAW, _GRID, _DOUBT = "#858585", "#e2e2e2", "#f1efe9"
 _PANELS = (("cpu", "CPU time [s]"), ("peak_mib", "peak memory [MiB]"))
-_BELOW = "within the error of the reference"
 Runs = Sequence[dict[str, Any]]
 
 
@@ -35,7 +33,9 @@ def figure(stored: dict[str, Any], directory: Path) -> Figure:
     for axes, (key, label) in zip(panels, _PANELS, strict=True):
         _show(axes, stored["judged"], key)
         if doubt := stored["reference"]["doubt"]:
-            axes.axhspan(1e-300, doubt, color=_DOUBT, zorder=0, label=_BELOW)
+            axes.axhspan(
+                1e-300, doubt, color="#f1efe9", zorder=0, label="within the error of the reference"
+            )
         axes.set_xlabel(label)
     _name_frontier(panels[0], stored["judged"])
     if stored["law"]:
@@ -76,7 +76,7 @@ def _show(axes: Axes, runs: Runs, key: str) -> None:
     lowest = min(errors + [0.1 * run["error"] for run in own])
     axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 2.0 * max(errors)))
     axes.margins(x=0.2)
-    axes.grid(color=_GRID, lw=0.5)
+    axes.grid(color="#e2e2e2", lw=0.5)
     many = max(errors) > 100.0 * lowest
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if many else (1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda error, _: percent(error)))
@@ -98,5 +98,7 @@ def _draw_law(axes: Axes, law: CostLaw, runs: Runs) -> None:
     (low, high), limits = axes.get_xlim(), axes.get_ylim()
     errors = np.geomspace(*limits, 60)
     times = [law.time(error) for error in errors]
-    axes.plot(times, errors, "--", color=_LAW, lw=1.2, label="law along the frontier", zorder=1)
+    axes.plot(
+        times, errors, "--", color="#858585", lw=1.2, label="law along the frontier", zorder=1
+    )
     axes.set(xlim=(low, high), ylim=limits)

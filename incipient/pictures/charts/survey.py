@@ -20,15 +20,13 @@ from ...files import replaced
 from .. import style
 from ..record import table
 
-_SIZE = (10.0, 7.6)  # inches
-_ROUND = 16  # points around a sphere for ParaView
 _DARKEST = 0.55  # shade of the lowest spheres
 
 
 def figure(stored: dict[str, Any], directory: Path) -> Figure:
     """The bed from above and its distributions. Raises OutputError for damaged tables."""
     grains, spheres = _tables(directory)
-    sheet = Figure(figsize=_SIZE, layout="constrained")
+    sheet = Figure(figsize=(10.0, 7.6), layout="constrained")
     sides = sheet.subplots(2, 2)
     _map(sheet, sides[0, 0], stored, grains, spheres)
     _pivots(sides[0, 1], stored, grains)
@@ -177,7 +175,7 @@ def for_paraview(directory: Path) -> Path:
         if name in grains:
             values[grains["number"].astype(int)] = grains[name]
         centres[name] = values
-    ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
+    ball = pyvista.Sphere(radius=0.5, theta_resolution=16, phi_resolution=16)
     balls = centres.glyph(scale="diameter", orient=False, geom=ball)
     path = directory / "survey.vtp"
     with replaced(path, path.with_suffix(".part.vtp")) as part:
