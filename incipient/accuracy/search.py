@@ -24,16 +24,15 @@ from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
-from ..simulation.beside import Beside
 from ..simulation.build import prepared
 from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
-from ..simulation.simulate import hand_over, loads_of
+from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from . import next_mesh
 from .coarse_runs import changed
-from .errorbars import coarse_scenes, error_bars, loads_of_run
+from .errorbars import error_bars, loads_of_run
 from .finish import finished
 from .goal import Goal, Quantity, relative
 from .modelling import (
@@ -228,10 +227,9 @@ class Search(ABC):
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
         kept, certain = self.record(run), self.numerics.accuracy == "verdict"
         scene = None if certain else self.wished(run.scene)
-        solve = Beside(run, lambda own: coarse_scenes(scene or own), loads_of)
         force, torque = (None, None) if run.probe is None else loads(run, surface=False)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
-            self.bars = error_bars(run, force, torque, solve, scene=scene)
+            self.bars = error_bars(run, force, torque, scene)
         if certain:
             return self._for_verdict(attempt, estimate, self.bars)
         return self._for_all(attempt, estimate, loads_of_run(run, force, torque), self.bars)

@@ -21,7 +21,6 @@ from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
 from ..scene.model import WIDEST_GAP
 from ..setup.setup import Setup
-from ..simulation.beside import moves_mesh
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
@@ -31,6 +30,7 @@ from .coarse_runs import (
     coarse,
     comparisons,
     farther,
+    moves_mesh,
     on_another_mesh,
     on_coarser_mesh,
     order_in_time,
