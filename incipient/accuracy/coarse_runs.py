@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError, MeshError
+from ..geometry.plane.beds import Flat
 from ..planning.discretisation import order_of
 from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
@@ -182,6 +183,14 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         looser = min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE)
         steps["tolerance"] = max(looser, time.tolerance)
     return changed(scene, numerics=numerics, time=steps, **sections)
+
+
+def moves_mesh(scene: Scene) -> bool:
+    """Whether the mesh of a run is moved to other gaps and domains: in 2-D over a flat bed, unless it is a search's."""
+    if scene.time is not None or scene.is_averaged or scene.body is None:
+        return False
+    flat = scene.bed_shape is None or isinstance(scene.bed_shape, Flat)
+    return scene.gdim == 3 or (flat and scene.numerics.accuracy is None)
 
 
 def is_coarse(scene: Scene) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import dolfinx
@@ -23,9 +24,15 @@ from ..fluid import Fluid
 from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
+from ..parallel import Comm
+from ..planning.layout import coarse_sizes
 from ..results.errorbars import Loads
+from ..scene import Scene
+from ..simulation.build import prepared
+from ..simulation.steady import loads_at, unit_of
 from .terms import SAFETY
 
+COARSER_CELLS = 1.5  # factor on the cells of the run with improved loads
 LEAST_TORQUE = (
     0.1  # of the force change times the boundary's radius: smaller changes of torque are ignored
 )
@@ -145,3 +152,15 @@ class GoalErrors:
             function.interpolate(part)
             part.interpolate(function)
             weight.x.array[mine] -= part.x.array
+
+
+def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
+    """Force and torque of a steady flow on coarser cells, less their estimated errors. Collective."""
+    sizing = partial(coarse_sizes, COARSER_CELLS, None)
+    with prepared(scene, comm, sizing=sizing, speed=speed) as run:
+        loads_at(run, speed)
+        assert run.layout.placement is not None
+        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
+            if goals.is_upwinded:
+                goals.correct_again()
+            return goals.loads(unit_of(run, speed))

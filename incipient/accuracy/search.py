@@ -24,16 +24,15 @@ from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
-from ..simulation.beside import Beside
 from ..simulation.build import prepared
 from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
-from ..simulation.simulate import hand_over, loads_of
+from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from . import next_mesh
 from .coarse_runs import changed
-from .errorbars import coarse_scenes, error_bars, loads_of_run
+from .errorbars import error_bars, loads_of_run
 from .finish import finished
 from .goal import Goal, Quantity, relative
 from .modelling import (
@@ -106,6 +105,8 @@ class Search(ABC):
         self.scene = scene
         self.comm, self.recorder, self.voice = comm, recorder, voice
         self.numerics, self.trials = scene.numerics, list[Trial]()
+        accuracy = scene.numerics.accuracy
+        self.accuracy = accuracy if isinstance(accuracy, float | int) else 0.0  # 0 for a verdict
         self.accounts = Accounts(spent=self.spent, described=self.described)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal: Quantity = Goal.of(scene)
@@ -179,8 +180,7 @@ class Search(ABC):
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
-        accuracy = self.numerics.accuracy
-        wanted = SOLVER_SHARE * (accuracy if isinstance(accuracy, float | int) else CRITICAL)
+        wanted = SOLVER_SHARE * (self.accuracy or CRITICAL)
         order = order or order_of(scene)
         tolerance = float(np.clip(wanted, *TOLERANCES))
         return changed(scene, numerics={"order": order, "tolerance": tolerance})
@@ -226,13 +226,12 @@ class Search(ABC):
                 return None
             return self.within_budget(attempt, estimate, self.target(estimate))
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
-        kept, certain = self.record(run), self.numerics.accuracy == "verdict"
-        scene = None if certain else self.wished(run.scene)
-        solve = Beside(run, lambda own: coarse_scenes(scene or own), loads_of)
+        kept = self.record(run)
+        scene = self.wished(run.scene) if self.accuracy else None
         force, torque = (None, None) if run.probe is None else loads(run, surface=False)
         with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
-            self.bars = error_bars(run, force, torque, solve, scene=scene)
-        if certain:
+            self.bars = error_bars(run, force, torque, scene)
+        if not self.accuracy:
             return self._for_verdict(attempt, estimate, self.bars)
         return self._for_all(attempt, estimate, loads_of_run(run, force, torque), self.bars)
 
@@ -260,8 +259,7 @@ class Search(ABC):
     def _for_all(
         self, attempt: Attempt, estimate: Estimate, computed: Loads, bars: ErrorBars
     ) -> Attempt | None:
-        accuracy, scene = self.numerics.accuracy, attempt.scene
-        assert isinstance(accuracy, float | int)
+        accuracy, scene = self.accuracy, attempt.scene
         self.reached = None if bars.failed else relative(self.goal, computed, bars.total)
         if self.reached is not None and self.reached <= accuracy:
             self.conclude(estimate.doubt)
@@ -317,10 +315,7 @@ class Search(ABC):
     @property
     def allowed(self) -> float:
         """Allowed relative error of the discretisation; none for a verdict."""
-        accuracy = self.numerics.accuracy
-        if not isinstance(accuracy, float | int):
-            return 0.0
-        return SHARE * accuracy if self.includes_all else accuracy
+        return SHARE * self.accuracy if self.includes_all else self.accuracy
 
     def conclude(self, doubt: str = "") -> None:
         """Record whether the accuracy is reached; with a `doubt` it is not."""
@@ -329,7 +324,7 @@ class Search(ABC):
             unseen = {name: why for name, why in left_out if why.startswith("not estimated")}
             doubt = doubt or _unknown(self.bars.failed | unseen)
         unmet = f"not known to be reached: {doubt}" if doubt else ""
-        if self.reached is not None and self.reached > self.numerics.accuracy:
+        if self.reached is not None and self.reached > self.accuracy:
             unmet = f"not reached: {self._unmet or 'all errors together are larger'}"
         self.reason, self.met = unmet or "reached", not unmet
 
@@ -338,18 +333,19 @@ class Search(ABC):
         assert accuracy is not None
         reached, reason = best and best[1].error, self.reason or UNFINISHED
         record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, tuple(self.trials))
-        if not isinstance(accuracy, float | int):
+        if not self.accuracy:
             return record
         if best is not None and self.bars is not None:
             includes = tuple(term.name for term in self.bars.terms)
             keys = keys_of(best[0].scene, self.scene).items()
             changes = tuple(f"{key} = {now} instead of {before}" for key, (now, before) in keys)
             return replace(record, reached=self.reached, includes=includes, changes=changes)
-        bars = result and result.error_bars
-        if result is None or bars is None:
+        if result is None or result.error_bars is None:
             return record
-        computed = result.loads_at_end()
-        return replace(record, beside=remedies(self.scene, accuracy, self.goal, computed, bars))
+        computed, bars = result.loads_at_end(), result.error_bars
+        return replace(
+            record, beside=remedies(self.scene, self.accuracy, self.goal, computed, bars)
+        )
 
     def elapsed(self) -> float:
         return float(self.comm.bcast(self.ledger.total(), root=0))

@@ -22,11 +22,10 @@ from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.simulate import loads_of, solved
 from ..simulation.state import Accounts, Run
-from ..simulation.steady import loads_at
+from ..simulation.steady import loads_at, unit_of
 from . import next_mesh
 from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
-from .errorbars import unit_of
 from .goal import relative
 from .next_mesh import (
     AIM,
@@ -51,7 +50,7 @@ from .terms import (
 
 CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
-# Fraction left of an estimated error on cells smaller by `finish.COARSER_CELLS`: 1.5^-4.
+# Fraction left of an estimated error on cells smaller by `dual.COARSER_CELLS`: 1.5^-4.
 COMPARED = 0.2
 # The search ends after so many meshes with a smaller reduction of the error.
 LOOKED_AT, LEAST_FALL = 3, 0.8

@@ -20,7 +20,6 @@ from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
 from ..scene.model import WIDEST_GAP
 from ..setup.setup import Setup
-from ..simulation.beside import moves_mesh
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
@@ -30,6 +29,7 @@ from .coarse_runs import (
     coarse,
     comparisons,
     farther,
+    moves_mesh,
     on_another_mesh,
     on_coarser_mesh,
     order_in_time,
@@ -419,15 +419,23 @@ def no_gap(scene: Scene) -> str:
 
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or ""."""
-    if (scene.is_averaged and scene.body is None) or scene.has_separation:
-        return "does not apply: the length of the channel and its inflow belong to the scene"
-    if scene.domain.kind == "box":
-        return "does not apply: the domain is closed by walls"
-    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
-        return "not estimated: the bed is known only as far as its points reach"
-    if scene.has_surface and scene.surface is not None and scene.surface.outflow == "wall":
-        return "does not apply: the channel is closed by a wall"
-    return ""
+    bed, surface = scene.bed, scene.surface
+    reasons = (
+        (
+            (scene.is_averaged and scene.body is None) or scene.has_separation,
+            "does not apply: the length of the channel and its inflow belong to the scene",
+        ),
+        (scene.domain.kind == "box", "does not apply: the domain is closed by walls"),
+        (
+            bed is not None and bed.kind in ("polyline", "height-map", "mesh"),
+            "not estimated: the bed is known only as far as its points reach",
+        ),
+        (
+            scene.has_surface and surface is not None and surface.outflow == "wall",
+            "does not apply: the channel is closed by a wall",
+        ),
+    )
+    return next((reason for applies, reason in reasons if applies), "")
 
 
 def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:

@@ -23,6 +23,7 @@ from ..results.errorbars import Loads
 from ..scene import Scene
 from ..setup.setup import Setup
 from .state import Run
+from .steady import unit_of
 
 # Tolerance of the flows, whose loads differ by per cents.
 TOLERANCE = 1e-5
@@ -80,8 +81,7 @@ class MovedMesh:
                 resultant = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
         finally:
             places[:] = before
-        # The fluid's unit of speed is close to `speed` except in Stokes flow.
-        unit = speed * run.fluid.reynolds / run.plan.reynolds
+        unit = unit_of(run, speed)
         return Loads(unit * resultant.force, unit * resultant.torque, moved=True)
 
     def _follow(self, fluid: Fluid, other: Fluid) -> None:

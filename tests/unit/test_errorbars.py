@@ -49,8 +49,8 @@ from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.setup.setup import Setup
-from incipient.simulation.beside import Beside
 from incipient.simulation.build import prepared
+from incipient.simulation.moved_mesh import MovedMesh
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of, solved
 from incipient.simulation.state import Accounts
@@ -394,10 +394,10 @@ def test_a_boundary_layer_that_no_cell_resolves_is_in_the_bars() -> None:
 
 
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(beside: Beside, scene: Scene) -> Loads:
+    def fail(moved: MovedMesh, speed: float) -> Loads:
         raise ConvergenceError("no steady flow found")
 
-    monkeypatch.setattr(Beside, "__call__", fail)
+    monkeypatch.setattr(MovedMesh, "loads", fail)
     scene = example("numerics.mesh_size=2", "output.fields=false")
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None

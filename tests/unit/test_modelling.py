@@ -12,7 +12,7 @@ from scenes import SETTLED, on_bed, sphere_on_plane
 
 import incipient
 from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, farther
-from incipient.accuracy.errorbars import coarse_scenes
+from incipient.accuracy.errorbars import coarse_scenes, nearby
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.modelling import SMALLEST_GAP, irreducible, remedies, slowly_falling
 from incipient.accuracy.search import Attempt, Estimate, Search
@@ -37,8 +37,8 @@ from incipient.scene import (
     loads,
 )
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation.beside import Beside
 from incipient.simulation.build import prepared
+from incipient.simulation.moved_mesh import moved_meshes
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
 from incipient.simulation.steady import solve_steadily
@@ -351,10 +351,6 @@ def on_plane(**changes: Any) -> Scene:
     return sphere_on_plane(**{**given, **changes})
 
 
-def never(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
-    raise AssertionError("the mesh of the run serves")
-
-
 @pytest.mark.slow
 def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     """With four times the gap the exact loads, to the error of such cells (1.1%, docs/contribute/defaults.md)."""
@@ -363,15 +359,14 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         before, own = run.domain.mesh.geometry.x.copy(), run.probe.resultant()
-        found = [
-            Beside(run, coarse_scenes, never)(each) for each in (one, two, four, farther, farthest)
-        ]
+        found = [nearby(run, scene, 1.0)(each) for each in (one, two, four, farther, farthest)]
         assert np.array_equal(run.domain.mesh.geometry.x, before)
-        faster = Beside(run, coarse_scenes, never, speed=3.0)(one)
+        faster = nearby(run, scene, 3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
     assert found[0].force == pytest.approx(own.force) and found[0].torque == pytest.approx(
         own.torque
     )
+    assert all(one.moved for one in found)
     assert faster.force == pytest.approx(3.0 * own.force)  # creeping: in proportion to the speed
     units = 6 * pi * scene.viscosity * 0.5 * 0.55, 4 * pi * scene.viscosity * 0.125
     assert found[2].force[0] / units[0] == pytest.approx(AT_FIVE_PERCENT[0], rel=0.015)
@@ -390,8 +385,8 @@ def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:
     others = coarse_scenes(scene)
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
-        beside = Beside(run, coarse_scenes, never)
-        moved = [beside(other) for other in others]
+        solve = nearby(run, scene, 1.0)
+        moved = [solve(other) for other in others]
     assert len(others) == 5 and all(one.moved for one in moved)
     for other, found in zip(others, moved, strict=True):
         own = solved(changed(other, numerics={"order": 3, "mesh_size": 1.0}))
@@ -434,11 +429,12 @@ def test_far_sides_are_found_with_inertia() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         own = run.probe.resultant().force[0]
-        drags = [Beside(run, coarse_scenes, never)(each).force[0] for each in (farther, farthest)]
+        loads_ = [nearby(run, scene, 1.0)(each) for each in (farther, farthest)]
+    drags = [one.force[0] for one in loads_ if one.moved]
     assert drags == pytest.approx([own, own], rel=0.01) and len({own, *drags}) == 3
 
 
-def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
+def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its spheres would be stretched with the domain; then no scene is computed on the mesh of the run."""
     scene = on_plane(
         domain=Domain(length=4.0, width=4.0, height=3.0),
@@ -453,10 +449,11 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
         asked.append(speed)
         return Loads(np.zeros(3), np.zeros(3))
 
+    monkeypatch.setattr("incipient.simulation.simulate.loads_of", noted)
     with prepared(scene, MPI.COMM_SELF) as run:
-        beside = Beside(run, coarse_scenes, noted, speed=2.0)
+        solve = nearby(run, scene, 2.0)
         for each in coarse_scenes(scene):
-            beside(each)
+            solve(each)
     assert asked == [2.0] * 5
 
 
@@ -471,8 +468,8 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
     )
     here, *larger = coarse_scenes(scene)
     with prepared(scene, MPI.COMM_SELF) as run:
-        beside = Beside(run, coarse_scenes, never)
-        assert all(beside.serves(each.model_dump_json()) for each in (here, *larger))
+        served = {*moved_meshes(run, coarse_scenes(scene))}
+    assert served == {each.model_dump_json() for each in (here, *larger)}
     assert len(larger) == 2 and larger[1].domain.bottom < larger[0].domain.bottom < 0.0
 
 
