@@ -21,9 +21,7 @@ def collected(run: Run) -> Checkpoint:
     transient, coupling = run.march.transient, run.march.coupling
     fluid = transient.fluid
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
-    parts = dict(
-        chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts)
-    )
+    parts = dict(chain.from_iterable(part.stored(transient).items() for part in run.parts))
     motion = None
     if coupling is not None:
         nodes = numbered_nodes(fluid.domain.mesh)
