@@ -15,7 +15,6 @@ from ..results.quantity import OutputQuantity
 from ..setup.setup import Setup
 
 if TYPE_CHECKING:
-    from ..coupled.coupling import Coupling
     from ..coupled.part import Part
     from ..fluid import FlowModel, Fluid
     from ..fluid.transient import TimeStep, Transient
@@ -56,14 +55,14 @@ class RunPart:
 
     # -- output and checkpoints -------------------------------------------------------------------
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+    def columns(self, step: TimeStep) -> dict[str, Any]:
         return {}
 
     def reported(self) -> dict[str, Any]:
         """Fields of `results.result.Result` by name."""
         return {}
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+    def stored(self, transient: Transient) -> dict[str, Any]:
         """Fields of `restart.Checkpoint` by name."""
         return {}
 

@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, spatial
-from ..coupled.coupling import Coupling
 from ..coupled.energy import EnergyBudget
 from ..coupled.surface import SurfacePart
 from ..errors import ConvergenceError, MeshError
@@ -164,8 +163,7 @@ class MovingSurface(RunPart):
     def elevations(self) -> Elevations | None:
         return Elevations.of(self.readings) if self.readings else None
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, float]:
-        assert coupling is not None
+    def columns(self, step: TimeStep) -> dict[str, float]:
         with self._stage("free surface"):
             elevations = self._stations.values(self.part.elevation)
             by_station = {
@@ -175,7 +173,6 @@ class MovingSurface(RunPart):
                 **self._discharge(),
                 "volume_above_level": self.part.volume(),
                 "through_surface": self.part.crossed(),
-                **coupling.columns(step.report),
                 "energy_fluid": self._energy.kinetic(),
                 "energy_potential": self.part.energy(),
                 "dissipation": self._energy.dissipation(),
@@ -199,7 +196,7 @@ class MovingSurface(RunPart):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+    def stored(self, transient: Transient) -> dict[str, Any]:
         from ..restart import StoredSurface, numbered_nodes
 
         part, nodes = self.part, numbered_nodes(self.fluid.domain.mesh)

@@ -36,7 +36,6 @@ from ..turbulence.in_time import InTime, Moving
 from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ..coupled.coupling import Coupling
     from ..restart import Checkpoint
     from ..simulation.state import Run
 
@@ -202,7 +201,7 @@ class TurbulentFlow(RunPart):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+    def stored(self, transient: Transient) -> dict[str, Any]:
         assert self.in_time is not None
         space = self.fields.space
         points = space.tabulate_dof_coordinates()
@@ -218,7 +217,7 @@ class TurbulentFlow(RunPart):
 
     # -- output -----------------------------------------------------------------------------------
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+    def columns(self, step: TimeStep) -> dict[str, Any]:
         return self.wall_report().columns()
 
     def reported(self) -> dict[str, Any]:

@@ -22,7 +22,7 @@ def collected(run: Run) -> Checkpoint:
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
     parts: dict[str, Any] = {**stored_flow(fluid, states)}
     for part in run.parts:
-        parts |= part.stored(coupling, transient)
+        parts |= part.stored(transient)
     motion = None
     if coupling is not None:
         nodes = numbered_nodes(fluid.domain.mesh)

@@ -14,7 +14,6 @@ from ...arrays import SMALLEST, spatial
 from ...body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from ...body.state import BodyState
 from ...contact.acceleration import MODES, states_and_modes
-from ...coupled.coupling import Coupling
 from ...coupled.rigid_on_bed import RigidPartOnBed
 from ...errors import SceneError
 from ...fluid import Fluid
@@ -256,8 +255,8 @@ class GrainOnBed(MovingGrain):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        body, contacts = super().stored(coupling, transient)["body"], vars(self.part.contacts)
+    def stored(self, transient: Transient) -> dict[str, Any]:
+        body, contacts = super().stored(transient)["body"], vars(self.part.contacts)
         rows = {name: value.tolist() for name, value in contacts.items() if name != "work"}
         on_bed = {"contacts": rows, "course": asdict(self.course), "done": self.course.done}
         return {"body": replace(body, on_bed=on_bed)}

@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import Floats
 from ...body.rigidbody import MeanLoad
 from ...body.state import BodyState
-from ...coupled.coupling import Coupling, InterfaceReport
+from ...coupled.coupling import InterfaceReport
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
@@ -149,13 +149,12 @@ class MovingGrain(RunPart):
 
     # -- output -----------------------------------------------------------------------------------
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        assert coupling is not None
+    def columns(self, step: TimeStep) -> dict[str, Any]:
+        load = self.part.end.flow_load + self.displaced_load()
         return {
             **columns_of_state(self.state),
-            **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "torque"),
+            **columns_of_load(load, "force", "torque"),
             **self._columns_at_contact(step.length),
-            **coupling.columns(step.report),
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
@@ -163,15 +162,13 @@ class MovingGrain(RunPart):
 
     def energies(self) -> dict[str, float]:
         with self._stage("tractions"):
-            kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
-            power = self.energy.power()
-        return {
-            "meshes": 1 + len(self.remeshings),
-            "energy_fluid": kinetic,
-            "energy_body": self.body.kinetic_energy(self.state),
-            "dissipation": dissipation,
-            "power": power,
-        }
+            return {
+                "meshes": 1 + len(self.remeshings),
+                "energy_fluid": self.energy.kinetic(),
+                "energy_body": self.body.kinetic_energy(self.state),
+                "dissipation": self.energy.dissipation(),
+                "power": self.energy.power(),
+            }
 
     @property
     def unknowns(self) -> int:
@@ -232,10 +229,9 @@ class MovingGrain(RunPart):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+    def stored(self, transient: Transient) -> dict[str, Any]:
         from ...restart import StoredBody, numbered_nodes
 
-        assert coupling is not None
         part, mean = self.part, self.part.mean_load
         kept = StoredBody(
             weights=numbered_nodes(self._fluid.domain.mesh).joined(part.mesh.weights),
@@ -249,7 +245,7 @@ class MovingGrain(RunPart):
             flow_load=part.end.flow_load,
             length=part.end.length,
             velocities=np.array([x.velocities for x in transient.past]).reshape(-1, part.body.size),
-            met=coupling.met,
+            met=part.met,
             remeshings=[asdict(one) for one in self.remeshings],
             interface_iterations=np.array(self.interface_iterations),
         )
