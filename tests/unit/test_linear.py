@@ -461,7 +461,7 @@ def one_iteration() -> Iterator[None]:
 
 @pytest.mark.usefixtures("one_iteration")
 def test_options_of_the_user_hold() -> None:
-    """The error names PETSc's reason."""
+    """The error names PETSc's reason; in a closed box there is no LU factorisation instead."""
     with (
         Fluid(unit_box(2, 4), block(STOKES), box(2), reynolds=10.0) as fluid,
         pytest.raises(ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"),
@@ -495,6 +495,16 @@ def test_a_transposed_system_names_its_own_iterations() -> None:
             ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"
         ):
             fluid.dual(wall_motion(fluid))
+
+
+@pytest.mark.usefixtures("one_iteration")
+def test_a_steady_flow_that_gmres_does_not_solve_is_solved_by_factors() -> None:
+    domain, conditions = unit_box(2, 4), channel(2)
+    direct, blocks = (
+        solved_by_blocks(domain, m, conditions, 20.0) for m in (STOKES, block(STOKES))
+    )
+    for one, other in zip(direct, blocks, strict=True):
+        assert other == pytest.approx(one, abs=1e-9 * np.abs(one).max())
 
 
 def test_curved_cells_and_a_body() -> None:
