@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import dolfinx
@@ -25,7 +25,6 @@ from .conditions import Condition
 from .constraints import Constraints
 from .model import FlowModel
 from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
-from .solvers.two_level import PressureForce
 from .space import (
     TaylorHood,
     cell_size,
@@ -137,10 +136,8 @@ class Fluid(Holder):
     def _two_level(self, coarse: Fluid) -> LinearSolver:
         equations = self._equations()
         self._measure, self._held = equations.measure(), equations.owned_held()
-        force = self.holding(
-            PressureForce(self.space, partial(self._pressure_force, self._measure))
-        )
-        return TwoLevel(self._times, force, equations, (coarse.solver, coarse._equations()))
+        gradient = compat.form(self._pressure_force(self._measure))
+        return TwoLevel(self._times, gradient, equations, (coarse.solver, coarse._equations()))
 
     def _equations(self) -> Equations:
         held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
@@ -182,11 +179,10 @@ class Fluid(Holder):
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
-    def _pressure_force(self, measure: Any, upwind: bool = True) -> Any:
-        """Pressure term of the momentum residual, a bilinear form of both spaces."""
+    def _pressure_force(self, measure: Any) -> Any:
+        """Pressure term of the momentum residual without upwinding, a bilinear form of both spaces."""
         w, p = ufl.TestFunction(self.space.velocity), ufl.TrialFunction(self.space.pressure)
-        flow = (ufl.split(self.state)[0], p, w, ufl.as_ufl(0))
-        return ufl.lhs(self._integrated(flow, measure, upwind))
+        return terms.continuity(w, p, self.reference_map) * measure
 
     def _integrated(self, flow: Sequence[Any], dx: Any, upwind: bool) -> Any:
         """Weak residual of momentum and continuity, (338) and (339), of v, p tested with w, q."""
@@ -516,21 +512,19 @@ class Fluid(Holder):
 
     @cached_property
     def _action(self) -> Any:
-        return self._along(self.residual_form(*self._tests, measure=self._measure))
+        w, q = ufl.TestFunctions(self.space.mixed)
+        return self._along(self.residual_form(w, q, measure=self._measure))
 
     @cached_property
     def _action_at_carried(self) -> Any:
-        return self._along(self.residual_form(*self._tests, self.constraints.carried_cells()))
+        w, q = ufl.TestFunctions(self.space.mixed)
+        return self._along(self.residual_form(w, q, self.constraints.carried_cells()))
 
     @cached_property
     def _transposed_action(self) -> Any:
-        tested = self.residual_form(*ufl.split(self._direction), measure=self._measure)
+        w, q = ufl.split(self._direction)
+        tested = self.residual_form(w, q, measure=self._measure)
         return self._along(tested, ufl.TestFunction(self.space.mixed))
-
-    @property
-    def _tests(self) -> tuple[Any, Any]:
-        w, q = ufl.TestFunctions(self.space.mixed)
-        return w, q
 
     def _along(self, form: Any, change: Any = None) -> Any:
         direction = self._direction if change is None else change

@@ -7,8 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 from petsc4py import PETSc
 
+from ...errors import UnsolvedError
 from ...parallel import Owner
-from .equations import Equations, LinearSolver
+from .direct import Direct, fits
+from .equations import NOT_FINITE, Equations, LinearSolver
 from .options import krylov
 from .triangle import Triangle
 
@@ -25,18 +27,23 @@ ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
 class Block(LinearSolver):
     """GMRES with a block-triangular preconditioner (`triangle`), reused until iterations have grown by half.
 
-    Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains projected out. PETSc
+    Rows of Dirichlet conditions are solved beforehand, constant pressures of closed domains projected out. A steady
+    flow on which GMRES fails (cylinder_in_space on default cells) gets an LU factorisation, memory permitting. PETSc
     prefixes: ``fluid_``, ``fluid_velocity_``, ``fluid_pressure_``.
     """
 
     regular: ClassVar[bool] = False
-    remedy: ClassVar[str] = "use a smaller numerics.mesh_size or, with [time], a smaller time.step"
+    remedy: ClassVar[str] = (
+        "use a smaller numerics.mesh_size, more memory for an LU factorisation or, with [time], a smaller time.step"
+    )
 
     def __init__(self, matrix: Any, equations: Equations):
         super().__init__(matrix)
         self._equations, self._held = equations, np.flatnonzero(equations.owned_held())
         self._usual = np.inf  # iterations per decade of the residual with a new preconditioner
+        self._direct: Direct | None = None
         steady = equations.rate is None
+        self._may_factorise = steady and not equations.closed
         self._symmetric = equations.carrier is None and equations.surface is None
         self._null_space = None
         if equations.closed:
@@ -60,6 +67,9 @@ class Block(LinearSolver):
         return owner.holding(krylov(matrix, self._options, triangle)), triangle
 
     def prepare(self) -> None:
+        if self._direct is not None:
+            self._direct.prepare()
+            return
         self._for_transpose.destroy()
         self._solvers = {False: self._solvers[False]}
         self._solvers[False][1].assemble()
@@ -72,7 +82,22 @@ class Block(LinearSolver):
     def solve(
         self, b: Any, x: Any, rtol: float, fresh: bool = False, transposed: bool = False
     ) -> None:
-        super().solve(b, x, rtol, fresh, transposed and not self._symmetric)
+        transposed = transposed and not self._symmetric
+        if self._direct is None:
+            try:
+                super().solve(b, x, rtol, fresh, transposed)
+                return
+            except UnsolvedError as error:
+                if str(error) == NOT_FINITE or not (self._may_factorise and fits(self.matrix)):
+                    raise
+            self._direct = Direct(self.matrix)
+            self._direct.statistics = self.statistics
+        try:
+            self._direct.solve(b, x, rtol, fresh, transposed)
+        except UnsolvedError:  # specific to this state: the blocks may serve another
+            self._direct.destroy()
+            self._direct, self._prepared = None, -1
+            raise
 
     def _is_slow(self, iterations: int, rtol: float) -> bool:
         needed = iterations / -np.log10(rtol)
@@ -106,6 +131,11 @@ class Block(LinearSolver):
         x.setArray(free)
         right.destroy()
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
+
+    def destroy(self) -> None:
+        if self._direct is not None:
+            self._direct.destroy()
+        super().destroy()
 
 
 def _constant_pressures(matrix: Any, equations: Equations) -> Any:

@@ -14,7 +14,7 @@ from .equations import NOT_FINITE, Equations, LinearSolver
 from .options import FLUID, defaults, krylov
 
 # Flexible: an exact factorisation is applied once.
-LU = {"ksp_type": "fgmres", "ksp_gmres_restart": 50, "pc_type": "lu"}
+LU: dict[str, Any] = {"ksp_type": "fgmres", "ksp_gmres_restart": 50, "pc_type": "lu"}
 # Additional workspace in percent, since MUMPS underestimates it for saddle points with pivoting, and scaling ICNTL(8),
 # at first (automatic) and after a failure: scenes of microns in metres, with viscosities of 1e-12 next to gradients of
 # 1e-6, otherwise lack pivots.
@@ -58,8 +58,8 @@ class Direct(LinearSolver):
     def _make(self, workspace: int, scaling: int) -> None:
         self._options: dict[str, Any] = dict(LU)
         if PETSc.Sys.hasExternalPackage("mumps"):
-            numbers = {"mat_mumps_icntl_14": workspace, "mat_mumps_icntl_8": scaling}
-            self._options |= {"pc_factor_mat_solver_type": "mumps"} | numbers
+            self._options["pc_factor_mat_solver_type"] = "mumps"
+            self._options |= {"mat_mumps_icntl_14": workspace, "mat_mumps_icntl_8": scaling}
         self._solver = self.holding(krylov(self.matrix, self._options))
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
