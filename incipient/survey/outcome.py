@@ -96,8 +96,13 @@ class EmulatorRecord:
     ) -> EmulatorRecord:
         wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
-        bounded = [threshold for threshold in thresholds if threshold.has_bar]
-        relative = [0.5 * float(np.ptp(one.bar)) / one.shields for one in bounded]
+        relative = [
+            0.5 * float(np.ptp(threshold.bar)) / threshold.shields
+            for threshold in thresholds
+            if not threshold.is_computed
+            and threshold.shields > 0.0
+            and np.isfinite([threshold.shields, threshold.bar[1]]).all()
+        ]
         return cls(
             runs=len(runs),
             failed=failed,

@@ -174,22 +174,22 @@ def size_classes(
         raise SceneError(
             f"--size-classes: {listed} do not increase; give two bounds or more, as in 1,2,4"
         )
-    table_rows = (
-        _of_csv(path)
-        if path.suffix == ".csv"
-        else [row for row in rows(path) if row["status"] == "done"]
-    )
+    if path.suffix == ".csv":
+        names, cells = read_table(path, "give grains.csv of a survey")
+        listed = [dict(zip(names, row, strict=True)) for row in cells]
+    else:
+        listed = [row for row in rows(path) if row["status"] == "done"]
     named = next(
-        (name for name in ([size] if size else SIZES) if any(name in row for row in table_rows)),
+        (name for name in ([size] if size else SIZES) if any(name in row for row in listed)),
         None,
     )
-    if named is None or not any("shields" in row for row in table_rows):
+    if named is None or not any("shields" in row for row in listed):
         lacks = "shields" if named is not None else size or " or ".join(SIZES)
         raise SceneError(
             f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN"
         )
     # A grain that carries others has none, and is not free to move.
-    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in table_rows]
+    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in listed]
     table = np.array([grain for grain in grains if not any(map(math.isnan, grain))]).reshape(-1, 2)
     classes = [_class(table, low, high) for low, high in pairwise(bounds)]
     if not any(row["grains"] for row in classes):
@@ -209,11 +209,6 @@ def _class(table: Any, low: float, high: float) -> dict[str, float]:
         for share in known_percentiles(SHARES, len(inside)):
             row[f"shields_{share}"] = float(percentile(inside[:, 1], share))
     return row
-
-
-def _of_csv(path: Path) -> list[dict[str, Any]]:
-    names, table = read_table(path, "give grains.csv of a survey")
-    return [dict(zip(names, row, strict=True)) for row in table]
 
 
 def _number(value: Any) -> float:
