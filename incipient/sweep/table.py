@@ -170,13 +170,13 @@ def size_classes(
         OutputError: the file of the sweep cannot be read.
     """
     if len(bounds) < 2 or not all(low < high for low, high in pairwise(bounds)):
-        listed = ", ".join(f"{bound:g}" for bound in bounds)
+        numbers = ", ".join(f"{bound:g}" for bound in bounds)
         raise SceneError(
-            f"--size-classes: {listed} do not increase; give two bounds or more, as in 1,2,4"
+            f"--size-classes: {numbers} do not increase; give two bounds or more, as in 1,2,4"
         )
     if path.suffix == ".csv":
         names, cells = read_table(path, "give grains.csv of a survey")
-        listed = [dict(zip(names, row, strict=True)) for row in cells]
+        listed: list[dict[str, Any]] = [dict(zip(names, row, strict=True)) for row in cells]
     else:
         listed = [row for row in rows(path) if row["status"] == "done"]
     named = next(
