@@ -15,6 +15,7 @@ from ..arrays import Floats
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
 from ..input_files import read_text
+from ..installed import optional
 from ..output.ownership import locked
 from ..parallel import Comm
 from ..progress import Silent
@@ -83,7 +84,7 @@ def survey(
             raise SceneError(f"bed: {why}")
         _write(outcome, directory)
         if request.runs.number or more:
-            Emulator.require()
+            optional("sklearn.gaussian_process", "survey", "scikit-learn")
             outcome = _with_loads(outcome, directory, more, sweep, voice)
             _write(outcome, directory)
         return outcome

@@ -10,16 +10,16 @@ from itertools import pairwise
 from math import degrees, dist
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..arrays import known_percentiles, number, percentile
-from ..errors import MissingError, SceneError
+from ..errors import SceneError
 from ..files import csv_text, part_of, replaced, require_ending
 from ..input_files import read_table
-from ..parquet import pyarrow
+from ..installed import optional
 from ..results.quantity import AXES, HIGH, at
 from .store import COST, FAILED, Store
 
@@ -105,14 +105,9 @@ def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, flo
 
 def frame(path: Path | str) -> pandas.DataFrame:
     """The `rows` as a data frame of pandas. Raises MissingError without pandas, and as `rows`."""
-    try:
-        import pandas
-    except ImportError as error:
-        raise MissingError(
-            f"pandas cannot be used ({error}): pip install 'incipient[tables]'"
-        ) from None
+    library = optional("pandas", "tables")
     table = rows(path)
-    return pandas.DataFrame(table, columns=columns(table))
+    return cast("pandas.DataFrame", library.DataFrame(table, columns=columns(table)))
 
 
 def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -128,7 +123,7 @@ def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
 
 def write_parquet(source: Path, target: Path) -> None:
     """Write the table as a Parquet file. Raises MissingError without pandas or pyarrow, and OutputError."""
-    pyarrow("tables")
+    optional("pyarrow.parquet", "tables")
     require_ending(target, ".parquet")
     table = frame(source)
     with replaced(target, part_of(target)) as part:

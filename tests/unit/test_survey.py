@@ -16,7 +16,6 @@ from incipient.geometry.statics import balance
 from incipient.scene import Ellipsoid, Scene
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
-from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from incipient.survey.orientations import _settings, random_orientation, survey_poses
 from incipient.survey.outcome import kirchner, with_constant_drag
@@ -339,13 +338,15 @@ class TestBadInput:
         said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
         assert str(caught.value) == said
 
-    def test_without_scikit_learn(self, monkeypatch):
-        """Said before anything is computed."""
+    def test_without_scikit_learn(self, monkeypatch, tmp_path):
+        """Said before any flow is computed."""
         monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)
-        with pytest.raises(
-            MissingError, match=r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
-        ):
-            Emulator.require()
+        monkeypatch.setattr(
+            "incipient.survey.procedure.run_sweep", lambda *_, **__: pytest.fail("ran")
+        )
+        missing = r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
+        with pytest.raises(MissingError, match=missing):
+            survey(asked(DEPOSITED, "runs.number=8"), tmp_path, tmp_path / "out", MPI.COMM_SELF)
 
     @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
     def test_one_line(self, text, said):
