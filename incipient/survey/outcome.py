@@ -18,7 +18,7 @@ from .beds import Spheres
 from .emulator import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator
 from .full_runs import LoadCoefficients, relative_error
 from .pockets import Pocket, Surface
-from .request import SurveyRequest
+from .request import Survey
 from .thresholds import Threshold, range_of
 
 SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
@@ -136,7 +136,7 @@ class SurveyOutcome:
     runs: grains with a full run, in their order; mark: of the bed and the flow of these runs
     """
 
-    request: SurveyRequest
+    request: Survey
     spheres: Spheres
     surface: Surface
     exposed: int

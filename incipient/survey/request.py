@@ -116,7 +116,7 @@ class Runs(Section):
     )
 
 
-class SurveyRequest(Section):
+class Survey(Section):
     """A survey of a bed of grains."""
 
     title: str = key("Title of the survey", "")

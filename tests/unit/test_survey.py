@@ -21,7 +21,7 @@ from incipient.survey.orientations import _settings, random_orientation, survey_
 from incipient.survey.outcome import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import survey
-from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
+from incipient.survey.request import FlowPast, Survey, Surveyed
 from incipient.sweep.cases import identity_of
 
 DEPOSITED = """
@@ -34,8 +34,8 @@ seed = 3
 """
 
 
-def asked(text: str = DEPOSITED, *settings: str) -> SurveyRequest:
-    return parse(SurveyRequest, text, ".", settings, "bed.toml")
+def asked(text: str = DEPOSITED, *settings: str) -> Survey:
+    return parse(Survey, text, ".", settings, "bed.toml")
 
 
 def layer(rows: int = 12) -> np.ndarray:
