@@ -119,15 +119,15 @@ def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
 
 
 @contextmanager
-def opened_hdf5(path: Path, remedy: str, error: type[OutputError] = OutputError) -> Iterator[Any]:
-    """HDF5 file for reading. Raises `error` with the remedy, also for errors of reading in the block."""
+def opened_hdf5(path: Path, remedy: str) -> Iterator[Any]:
+    """HDF5 file for reading. Raises OutputError with the remedy, also for errors of reading in the block."""
     import h5py
 
     try:
         with h5py.File(path, "r", locking=False) as file:
             yield file
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as caught:
-        raise error(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
+        raise OutputError(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
 
 
 def require_own(path: Path, folder: bool = False) -> None:

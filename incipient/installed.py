@@ -53,17 +53,6 @@ def memory_of_libraries() -> float:
     return MEMORY[NEWEST]
 
 
-def pyarrow(extra: str = "parquet") -> Any:
-    """The library pyarrow with its module `parquet`. Raises MissingError with the extra to install."""
-    try:
-        import_module("pyarrow.parquet")
-        return import_module("pyarrow")
-    except ImportError as error:
-        raise MissingError(
-            f"pyarrow cannot be used ({error}): pip install 'incipient[{extra}]'"
-        ) from None
-
-
 def free_bytes() -> float:
     """Memory available to this process, on its machine or in its container; the page cache counts as free."""
     free = [float("inf")]
@@ -135,6 +124,17 @@ def return_freed_memory() -> None:
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
+
+
+def optional(module: str, extra: str, called: str = "") -> Any:
+    """The library of a module that an extra installs, with that module. Raises MissingError."""
+    name = module.partition(".")[0]
+    try:
+        import_module(module)
+        return import_module(name)
+    except ImportError as error:
+        remedy = f"pip install 'incipient[{extra}]'"
+        raise MissingError(f"{called or name} cannot be used ({error}): {remedy}") from None
 
 
 def missing(error: BaseException) -> str | None:

@@ -168,20 +168,15 @@ def read(path: Path, comm: Comm) -> Checkpoint:
                 f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one"
             )
         with opened_hdf5(path, ANEW) as file:
-            _require_readable(path, file)
-            checkpoint = _got(Checkpoint, file, path)
-    return checkpoint
-
-
-def _require_readable(path: Path, file: Any) -> None:
-    about = file.attrs
-    if about.get("format") != FORMAT:
-        raise OutputError(f"{path}: is not a checkpoint; give the directory of a run")
-    if about.get("version") != VERSION:
-        raise OutputError(
-            f"{path}: is a checkpoint of version {about.get('version')}, this program reads version {VERSION}; "
-            f"resume with the program that wrote it ({about.get('program')})"
-        )
+            about = file.attrs
+            if about.get("format") != FORMAT:
+                raise OutputError(f"{path}: is not a checkpoint; give the directory of a run")
+            if (number := about.get("version")) != VERSION:
+                raise OutputError(
+                    f"{path}: is a checkpoint of version {number}, this program reads version {VERSION}; "
+                    f"resume with the program that wrote it ({about.get('program')})"
+                )
+            return _got(Checkpoint, file, path)
 
 
 def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:

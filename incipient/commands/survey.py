@@ -13,9 +13,10 @@ from ..output.ownership import refuse_foreign
 from ..parallel import Comm
 from ..progress import telling
 from ..results.kinds import POSES, SURVEY
+from ..scene.file import read
 from ..survey.orientations import survey_poses
-from ..survey.procedure import load_request
 from ..survey.procedure import survey as find
+from ..survey.request import Survey
 from .drawing import draw_and_tell
 
 
@@ -32,9 +33,9 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
     sweep = {name: getattr(options, name) for name in names}
     directory = options.out or Path("results") / f"{options.bed.stem}_survey"
     if options.orientations is None and options.seeds is None:
-        request, base = load_request(options.bed, options.overrides), options.bed.parent
+        request, base = read(Survey, options.bed, options.overrides), options.bed.parent
         named = (getattr(request.bed, key, None) for key in ("file", "heights", "labels"))
-        kind, read = SURVEY, [base / name for name in named if name]
+        kind, sources = SURVEY, [base / name for name in named if name]
         compute: Callable[..., Any] = partial(
             find, request, base, directory, comm, options.runs, sweep
         )
@@ -43,11 +44,11 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         raise SceneError(f"--runs: applies to a bed of grains; {remedy}")
     else:
         poses = options.orientations or 1, options.seeds or 1
-        kind, read = POSES, [options.bed]
+        kind, sources = POSES, [options.bed]
         compute = partial(
             survey_poses, options.bed, options.overrides, *poses, directory, comm, sweep
         )
-    refuse_foreign(directory, kind.files, read)
+    refuse_foreign(directory, kind.files, sources)
     with telling(0) as voice:
         result = compute(voice)
     print(result.text())

@@ -24,7 +24,7 @@ from ..contact.batch import CHUNK, Batch, Cases, judge_many
 from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
 from ..files import csv_text, make_directory, part_of, replaced, write_json, write_text_atomically
-from ..installed import pyarrow
+from ..installed import optional
 from ..progress import Silent
 from .case import ROUNDING
 from .table import Table, names_of, read_table, require_columns, vectors
@@ -207,7 +207,7 @@ def _write(path: Path, answers: dict[str, list[Any]]) -> None:
         named = (dict(zip(answers, row, strict=True)) for row in rows)
         write_text_atomically(path, csv_text(list(answers), named))
         return
-    arrow = pyarrow()
+    arrow = optional("pyarrow.parquet", "parquet")
     text, number = arrow.string(), arrow.float64()
     kinds = (arrow.int64(), text, number, arrow.bool_(), text, text)
     table = arrow.table(dict(answers), schema=arrow.schema(zip(answers, kinds, strict=True)))

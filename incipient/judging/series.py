@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import NO_EVENT, Booleans, Floats
 from ..contact.batch import Batch, Cases, judge_many
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..files import make_directory, write_json, write_text_atomically
 from .case import Case
 from .table import names_of, read_table, require_columns, vectors
@@ -275,11 +275,17 @@ def _check(columns: Mapping[str, Floats]) -> None:
             raise SceneError(
                 f"series: {name} is not finite in sample {bad[0] + 1}; remove such samples"
             )
-    if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
-        why = "time does not increase from sample to sample"
-        raise SceneError(f"series: {why}; sort the samples and remove duplicates")
-    if np.min(columns.get("friction", 0.0)) < 0.0:
-        raise SceneError("series: friction is negative; give numbers of at least 0")
+    times = columns["time"]
+    refuse_broken(
+        (
+            not len(times) or (np.diff(times) <= 0.0).any(),
+            "series: time does not increase from sample to sample; sort the samples and remove duplicates",
+        ),
+        (
+            np.min(columns.get("friction", 0.0), initial=0.0) < 0.0,
+            "series: friction is negative; give numbers of at least 0",
+        ),
+    )
 
 
 def _events(times: Floats, cases: Cases, batch: Batch) -> list[UnheldTime]:

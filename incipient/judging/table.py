@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Floats, number, spatial
 from ..errors import SceneError, shortened
 from ..input_files import LARGEST_TABLE, reading
-from ..installed import pyarrow
+from ..installed import optional
 
 NAME = "name"  # the only column of text
 KINDS = (
@@ -95,7 +95,7 @@ def _numbers(names: Sequence[str], row: Sequence[str]) -> list[float]:
 
 
 def _parquet(path: Path) -> Table:
-    arrow = pyarrow()
+    arrow = optional("pyarrow.parquet", "parquet")
     kinds = arrow.types
     of_numbers = (kinds.is_integer, kinds.is_floating, kinds.is_decimal, kinds.is_null)
     columns, labels = dict[str, Floats](), list[str]()

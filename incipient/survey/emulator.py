@@ -12,14 +12,12 @@ import warnings
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
 from ..arrays import Floats, Integers
-from ..errors import MissingError
 
 FEWEST, FOLDS = 8, 5  # runs of an emulator, and parts that they are cut into
 NINETY_FIVE = 1.96
@@ -59,14 +57,6 @@ class Emulator:
     def level(self) -> float:
         """Probability with which bars of a grain without a run hold."""
         return min(LEVEL, len(self.errors) / (len(self.errors) + 1))
-
-    @staticmethod
-    def require() -> None:
-        try:
-            import_module("sklearn.gaussian_process")
-        except ImportError as error:
-            remedy = "pip install 'incipient[survey]'"
-            raise MissingError(f"scikit-learn cannot be used ({error}): {remedy}") from None
 
     def predicted(self, features: Floats) -> tuple[Floats, Floats]:
         means, deviations = _predicted(self.processes, features)

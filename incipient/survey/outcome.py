@@ -18,7 +18,7 @@ from .beds import Spheres
 from .emulator import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator
 from .full_runs import LoadCoefficients, relative_error
 from .pockets import Pocket, Surface
-from .request import SurveyRequest
+from .request import Survey
 from .thresholds import Threshold, range_of
 
 SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
@@ -96,8 +96,13 @@ class EmulatorRecord:
     ) -> EmulatorRecord:
         wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
-        bounded = [threshold for threshold in thresholds if threshold.has_bar]
-        relative = [0.5 * float(np.ptp(one.bar)) / one.shields for one in bounded]
+        relative = [
+            0.5 * float(np.ptp(threshold.bar)) / threshold.shields
+            for threshold in thresholds
+            if not threshold.is_computed
+            and threshold.shields > 0.0
+            and np.isfinite([threshold.shields, threshold.bar[1]]).all()
+        ]
         return cls(
             runs=len(runs),
             failed=failed,
@@ -131,7 +136,7 @@ class SurveyOutcome:
     runs: grains with a full run, in their order; mark: of the bed and the flow of these runs
     """
 
-    request: SurveyRequest
+    request: Survey
     spheres: Spheres
     surface: Surface
     exposed: int

@@ -14,12 +14,11 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
-from ..input_files import read_text
+from ..installed import optional
 from ..output.ownership import locked
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
-from ..scene.file import parse
 from ..sweep import run as run_sweep
 from ..sweep.cases import identity_of
 from ..sweep.store import DONE, FAILED
@@ -35,21 +34,15 @@ from .full_runs import (
 )
 from .outcome import COLUMNS, EmulatorRecord, SurveyOutcome
 from .pockets import Surface, exposed, pockets
-from .request import SurveyRequest
+from .request import Survey
 from .thresholds import features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
 Rows = Mapping[str, Mapping[str, Any]]
 
 
-def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
-    """Read a survey from a TOML file. Raises SceneError."""
-    text = read_text(path, "give the name of a survey file")
-    return parse(SurveyRequest, text, path.parent, overrides, str(path))
-
-
 def survey(
-    request: SurveyRequest,
+    request: Survey,
     base: Path,
     directory: Path,
     comm: Comm,
@@ -83,13 +76,13 @@ def survey(
             raise SceneError(f"bed: {why}")
         _write(outcome, directory)
         if request.runs.number or more:
-            Emulator.require()
+            optional("sklearn.gaussian_process", "survey", "scikit-learn")
             outcome = _with_loads(outcome, directory, more, sweep, voice)
             _write(outcome, directory)
         return outcome
 
 
-def _mark(request: SurveyRequest, spheres: Spheres) -> str:
+def _mark(request: Survey, spheres: Spheres) -> str:
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])

@@ -49,12 +49,6 @@ class Threshold:
         low, high = range_of(self.draws).values()
         return low, high
 
-    @property
-    def has_bar(self) -> bool:
-        """Whether it is by the emulator, and its bar finite."""
-        is_finite = self.shields > 0.0 and np.isfinite([self.shields, self.bar[1]]).all()
-        return not self.is_computed and bool(is_finite)
-
 
 def thresholds(
     grains: Sequence[Pocket],

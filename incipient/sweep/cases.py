@@ -145,14 +145,15 @@ def combined(axes: Axes, together: bool, table: Iterable[Settings] = ()) -> list
     Raises SceneError if axes that vary together differ in length, a key comes twice, or there are too many cases.
     """
     columns = [[f"{key}={value}" for value in values] for key, values in axes.items()]
-    if together and len(set(map(len, columns))) > 1:
-        lengths = ", ".join(f"{key} {len(values)}" for key, values in axes.items())
-        raise SceneError(
-            f"--zip: the numbers of values differ ({lengths}); give as many for each key"
-        )
+    lengths = ", ".join(f"{key} {len(values)}" for key, values in axes.items())
     number = math.prod(map(len, columns[:1] if together else columns))
-    if number > _MOST:
-        raise SceneError(f"the sweep has {number} cases; give at most {_MOST}")
+    refuse_broken(
+        (
+            together and len(set(map(len, columns))) > 1,
+            f"--zip: the numbers of values differ ({lengths}); give as many for each key",
+        ),
+        (number > _MOST, f"the sweep has {number} cases; give at most {_MOST}"),
+    )
     combine = partial(zip, strict=True) if together and columns else itertools.product
     varied, listed = list(combine(*columns)), list(table) or [()]
     in_table = {setting.split("=")[0].strip() for row in listed for setting in row}

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from .cases import Axes, Settings, Source, SweepCase, rounded
 
 Columns = Mapping[str, Any]
@@ -40,11 +40,16 @@ class Aim:
     most: int = MOST
 
     def __post_init__(self) -> None:
-        if not LEAST <= self.tolerance <= 1.0:
-            why = f"is not a fraction of the range; give a number from {LEAST:g} to 1"
-            raise SceneError(f"--refine {self.tolerance:g}: {why}")
-        if self.most < 1:
-            raise SceneError(f"--most {self.most}: is not a number of cases; give 1 or more")
+        refuse_broken(
+            (
+                not LEAST <= self.tolerance <= 1.0,
+                f"--refine {self.tolerance:g}: is not a fraction of the range; give a number from {LEAST:g} to 1",
+            ),
+            (
+                self.most < 1,
+                f"--most {self.most}: is not a number of cases; give 1 or more",
+            ),
+        )
 
     def of_case(self, columns: Columns) -> tuple[str, float | None]:
         value, mode = columns.get(self.quantity), str(columns.get("mode", "no verdict"))

@@ -138,7 +138,7 @@ def parsed_seconds(text: str | float, option: str) -> float:
 
     parts = re.findall(r"[\d.]+[a-z]*|.+", str(text).replace(" ", ""))
     try:
-        total = float(sum(parse_timedelta(part) for part in parts))
+        total = sum(float(parse_timedelta(part)) for part in parts)
     except (ValueError, KeyError):
         total = 0.0
     if total <= 0.0:

@@ -10,16 +10,16 @@ from itertools import pairwise
 from math import degrees, dist
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..arrays import known_percentiles, number, percentile
-from ..errors import MissingError, SceneError
+from ..errors import SceneError
 from ..files import csv_text, part_of, replaced, require_ending
 from ..input_files import read_table
-from ..installed import pyarrow
+from ..installed import optional
 from ..results.quantity import AXES, HIGH, at
 from .store import COST, FAILED, Store
 
@@ -105,14 +105,9 @@ def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, flo
 
 def frame(path: Path | str) -> pandas.DataFrame:
     """The `rows` as a data frame of pandas. Raises MissingError without pandas, and as `rows`."""
-    try:
-        import pandas
-    except ImportError as error:
-        raise MissingError(
-            f"pandas cannot be used ({error}): pip install 'incipient[tables]'"
-        ) from None
+    library = optional("pandas", "tables")
     table = rows(path)
-    return pandas.DataFrame(table, columns=columns(table))
+    return cast("pandas.DataFrame", library.DataFrame(table, columns=columns(table)))
 
 
 def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -128,7 +123,7 @@ def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
 
 def write_parquet(source: Path, target: Path) -> None:
     """Write the table as a Parquet file. Raises MissingError without pandas or pyarrow, and OutputError."""
-    pyarrow("tables")
+    optional("pyarrow.parquet", "tables")
     require_ending(target, ".parquet")
     table = frame(source)
     with replaced(target, part_of(target)) as part:
@@ -170,26 +165,26 @@ def size_classes(
         OutputError: the file of the sweep cannot be read.
     """
     if len(bounds) < 2 or not all(low < high for low, high in pairwise(bounds)):
-        listed = ", ".join(f"{bound:g}" for bound in bounds)
+        numbers = ", ".join(f"{bound:g}" for bound in bounds)
         raise SceneError(
-            f"--size-classes: {listed} do not increase; give two bounds or more, as in 1,2,4"
+            f"--size-classes: {numbers} do not increase; give two bounds or more, as in 1,2,4"
         )
-    table_rows = (
-        _of_csv(path)
-        if path.suffix == ".csv"
-        else [row for row in rows(path) if row["status"] == "done"]
-    )
+    if path.suffix == ".csv":
+        names, cells = read_table(path, "give grains.csv of a survey")
+        listed: list[dict[str, Any]] = [dict(zip(names, row, strict=True)) for row in cells]
+    else:
+        listed = [row for row in rows(path) if row["status"] == "done"]
     named = next(
-        (name for name in ([size] if size else SIZES) if any(name in row for row in table_rows)),
+        (name for name in ([size] if size else SIZES) if any(name in row for row in listed)),
         None,
     )
-    if named is None or not any("shields" in row for row in table_rows):
+    if named is None or not any("shields" in row for row in listed):
         lacks = "shields" if named is not None else size or " or ".join(SIZES)
         raise SceneError(
             f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN"
         )
     # A grain that carries others has none, and is not free to move.
-    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in table_rows]
+    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in listed]
     table = np.array([grain for grain in grains if not any(map(math.isnan, grain))]).reshape(-1, 2)
     classes = [_class(table, low, high) for low, high in pairwise(bounds)]
     if not any(row["grains"] for row in classes):
@@ -209,11 +204,6 @@ def _class(table: Any, low: float, high: float) -> dict[str, float]:
         for share in known_percentiles(SHARES, len(inside)):
             row[f"shields_{share}"] = float(percentile(inside[:, 1], share))
     return row
-
-
-def _of_csv(path: Path) -> list[dict[str, Any]]:
-    names, table = read_table(path, "give grains.csv of a survey")
-    return [dict(zip(names, row, strict=True)) for row in table]
 
 
 def _number(value: Any) -> float:

@@ -596,9 +596,9 @@ def test_an_example_is_taken(name: str, directory: Path) -> None:
         parse(Case, merged(tomllib.loads(EXAMPLES["forces-0"]), part), directory, [], name)
         return
     if part.get("bed", {}).get("kind") == "deposited":
-        from incipient.survey.request import SurveyRequest
+        from incipient.survey.request import Survey
 
-        parse(SurveyRequest, tomli_w.dumps(part), directory, [], name)
+        parse(Survey, tomli_w.dumps(part), directory, [], name)
         return
     said = []
     bases = ({}, {}) if part.keys() >= WHOLE else (TUTORIAL, IN_SPACE)

@@ -16,13 +16,12 @@ from incipient.geometry.statics import balance
 from incipient.scene import Ellipsoid, Scene
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
-from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from incipient.survey.orientations import _settings, random_orientation, survey_poses
 from incipient.survey.outcome import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import survey
-from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
+from incipient.survey.request import FlowPast, Survey, Surveyed
 from incipient.sweep.cases import identity_of
 
 DEPOSITED = """
@@ -35,8 +34,8 @@ seed = 3
 """
 
 
-def asked(text: str = DEPOSITED, *settings: str) -> SurveyRequest:
-    return parse(SurveyRequest, text, ".", settings, "bed.toml")
+def asked(text: str = DEPOSITED, *settings: str) -> Survey:
+    return parse(Survey, text, ".", settings, "bed.toml")
 
 
 def layer(rows: int = 12) -> np.ndarray:
@@ -319,6 +318,8 @@ REFUSED = [
         "bed.spread: is needed by unequal sizes; give both spread and sizes",
     ),
     (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
+    (DEPOSITED + "diameters = [1.0]", "bed.diameters: is retired; use bed.sizes and bed.spread"),
+    (DEPOSITED + "[runs]\nseed = 1", "runs.seed: is retired; leave it out"),
     (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
     (DEPOSITED + "[flow]\nfriction = -0.1", "flow.friction: is -0.1; give a number of at least 0"),
     (DEPOSITED + "[runs]\norder = 7", "runs.order: is 7; give a number of at most 3"),
@@ -337,13 +338,15 @@ class TestBadInput:
         said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
         assert str(caught.value) == said
 
-    def test_without_scikit_learn(self, monkeypatch):
-        """Said before anything is computed."""
+    def test_without_scikit_learn(self, monkeypatch, tmp_path):
+        """Said before any flow is computed."""
         monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)
-        with pytest.raises(
-            MissingError, match=r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
-        ):
-            Emulator.require()
+        monkeypatch.setattr(
+            "incipient.survey.procedure.run_sweep", lambda *_, **__: pytest.fail("ran")
+        )
+        missing = r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
+        with pytest.raises(MissingError, match=missing):
+            survey(asked(DEPOSITED, "runs.number=8"), tmp_path, tmp_path / "out", MPI.COMM_SELF)
 
     @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
     def test_one_line(self, text, said):
