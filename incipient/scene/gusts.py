@@ -28,6 +28,8 @@ class Gust(FromFile):
 
     may_be_absent = True
     rules = (
+        Rule("file", lambda s: s.shape == "points" and not s.points,
+             "neither file nor points is given", "give one of them"),
         Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
              "are fewer than two, or their times do not increase", "give two or more, sorted by time, or a file"),
         Rule("points", lambda s: s.shape != "points" and s.points,

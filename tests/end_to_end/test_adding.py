@@ -168,13 +168,13 @@ class StartingFlow(BaseFlow):
     @property
     def layer(self) -> float:
         """After a tenth of the unit of time."""
-        return math.sqrt(0.1 * self.viscosity)
+        return math.sqrt(0.1 * self.scene.viscosity)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
         """V t (1 - 4 i2erfc(eta)), eta = z/(2 (nu t)^(1/2)) (Carslaw & Jaeger 1959, section 2.9)."""
         if t == 0.0:
             return np.zeros_like(z)
-        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.viscosity * t))
+        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.scene.viscosity * t))
         lag = (1.0 + 2.0 * eta**2) * erfc(eta) - 2.0 / math.sqrt(math.pi) * eta * np.exp(-(eta**2))
         return np.asarray(self.flow.velocity * t * (1.0 - lag))
 
