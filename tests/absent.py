@@ -56,7 +56,6 @@ OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = (
     *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
     *(f"accuracy.{name}" for name in ("search", "strategies", "modelling", "next_mesh", "sizing")),
-    "simulation.beside",
 )
 OF_CHECKPOINTS = ("restart", "simulation.checkpointing")
 MODULES = (

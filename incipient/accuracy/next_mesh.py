@@ -13,9 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..planning.discretisation import FAR_CELL, LEVEL, order_of
+from ..planning.effects import inertia
 from ..results.adaptation import Trial
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, OF_SURFACE, ORDERS
+from ..scene.numerics import MESH_SIZES, OF_SURFACE, ORDERS, Numerics
+from ..setup.setup import Setup
 from .coarse_runs import (
     FEWEST_STEPS,
     LONGEST_STEP,
@@ -47,14 +49,20 @@ HIGHEST_OF_SURFACE = (
 # -- steady -------------------------------------------------------------------------------------------------
 
 
-def highest_order(gdim: int, inertia: bool) -> int:
+def highest_order(scene: Scene) -> int:
     """The highest order tried: 2 in 3-D with inertia, because of the block preconditioner."""
-    return 2 if gdim == 3 and inertia else ORDERS[-1]
+    return 2 if scene.gdim == 3 and inertia(Setup(scene)).present else ORDERS[-1]
 
 
-def coarsest(gdim: int, inertia: bool) -> float:
-    """Cells of the first mesh relative to the default."""
-    return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
+def includes_all(numerics: Numerics) -> bool:
+    """Whether an accuracy includes errors of gap and domain."""
+    return numerics.accuracy == "verdict" or numerics.accuracy_includes == "all"
+
+
+def coarsest(scene: Scene) -> float:
+    """Cells of the first mesh relative to the default. In 3-D it is also moved to other gaps and domains."""
+    fine = scene.gdim == 3 and (includes_all(scene.numerics) or inertia(Setup(scene)).present)
+    return COARSEST_UPWINDED if fine else COARSEST
 
 
 def first_size(scene: Scene, failures: int = 0) -> float:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..fluid.transient import TimeStep, Transient
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
     from ..simulation.state import Run
 
 
@@ -63,7 +63,7 @@ class RunPart:
         return {}
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        """Fields of `restart.checkpoint.Checkpoint` by name."""
+        """Fields of `restart.Checkpoint` by name."""
         return {}
 
     def restore(self, kept: Checkpoint) -> None:

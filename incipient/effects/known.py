@@ -15,11 +15,11 @@ from ..setup.setup import Setup
 from . import omitted
 from .effect import Effect, Solved, Stage
 from .moving_grain import QUANTITIES as OF_PATH
-from .turbulence import QUANTITIES as AT_WALLS
+from .turbulence import QUANTITIES as QUANTITIES
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
     from ..simulation.state import Run
     from .moving_grain.part import MovingGrain
     from .moving_surface import MovingSurface
@@ -119,7 +119,7 @@ EFFECTS: tuple[Effect, ...] = (
         part_in_time=moving_surface,
         left_out=omitted.without_free_surface,
     ),
-    Effect(EffectName.TURBULENCE, AT_WALLS, left_out=omitted.without_turbulence),
+    Effect(EffectName.TURBULENCE, QUANTITIES, left_out=omitted.without_turbulence),
 )
 
 

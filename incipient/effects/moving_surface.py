@@ -28,7 +28,7 @@ from ..setup.setup import Setup
 from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 # Distances of a moving grain, in its size: from the surface, counting as contact; from the still level, below which a
 # new mesh has its top at the mean surface above the grain.
@@ -197,15 +197,14 @@ class MovingSurface(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        from ..restart.checkpoint import StoredSurface
-        from ..restart.redistribution import numbered_nodes
+        from ..restart import StoredSurface, numbered_nodes
 
         part, nodes = self.part, numbered_nodes(self.fluid.domain.mesh)
         elevations = np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)
         return {"surface": StoredSurface(nodes.joined(elevations), np.array(part.times))}
 
     def restore(self, kept: Checkpoint) -> None:
-        from ..restart.redistribution import spread_nodes
+        from ..restart import spread_nodes
 
         assert kept.surface is not None
         part, mesh = self.part, self.fluid.domain.mesh

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..planning.effects import transition
 from ..results.quantity import OutputQuantity, at
+from ..results.trajectory import separation_words
 from ..setup.setup import Setup
 
 
@@ -33,33 +34,60 @@ LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers b
 OSCILLATING = "in laminar {flow} over one grain{plane}; tau_b is the largest of a period"
 
 
-def _at_walls(key: str, words: str, column: str = "", **more: Any) -> OutputQuantity:
-    return OutputQuantity(f"turbulence.{key}", words, "", column, heading="at the walls", **more)
+def _roughness_reynolds(stored: Mapping[str, Any]) -> float | None:
+    walls = stored.get("turbulence") or {"roughness": 0.0}
+    if not walls["roughness"]:
+        return None
+    return walls["shear_velocity"] * walls["roughness"] / walls["viscosity"]
+
+
+def _at_walls(key: str, words: str, short: str, column: str = "", **more: Any) -> OutputQuantity:
+    return OutputQuantity(
+        f"turbulence.{key}",
+        words,
+        column=column,
+        heading="at the walls",
+        line="turbulence",
+        short=short,
+        **more,
+    )
 
 
 QUANTITIES = (
-    _at_walls("least", "least y+ of the walls", "y_plus_min"),
-    _at_walls("largest", "largest y+ of the walls", "y_plus_max"),
+    _at_walls("least", "least y+ of the walls", "y+ from", "y_plus_min"),
+    _at_walls("largest", "largest y+ of the walls", "to", "y_plus_max"),
     _at_walls(
-        "shear_velocity",
-        "shear velocity u* along the walls, mean",
-        error="error_bars.shear_velocity.1",
+        "roughness_reynolds",
+        "roughness Reynolds number u* k_s/nu",
+        "u* k_s/nu",
+        derive=_roughness_reynolds,
     ),
     _at_walls(
         "at_outflow",
         "shear velocity u* at the outflow",
+        "u* at the outflow",
         "bed_shear_velocity",
         ends=_of_shear_velocity,
     ),
-    _at_walls("friction", "friction C_f at the outflow", "friction", ends=_of_friction),
+    _at_walls("friction", "friction C_f at the outflow", "C_f", "friction", ends=_of_friction),
     _at_walls(
-        "separated.0",
-        "x at which the flow along the bed separates",
-        "separation",
-        error="error_bars.separated.0",
+        "shear_velocity",
+        "shear velocity u* along the walls, mean",
+        "mean u* along the walls",
+        error="error_bars.shear_velocity.1",
     ),
-    _at_walls(
-        "separated.1", "x at which it reattaches", "reattachment", error="error_bars.separated.1"
+    *(
+        OutputQuantity(
+            f"turbulence.separated.{end}",
+            f"x at which the flow along the bed {does}",
+            "length",
+            column,
+            error=f"error_bars.separated.{end}",
+            heading="at the walls",
+        )
+        for end, (does, column) in enumerate(
+            (("separates", "separation"), ("reattaches", "reattachment"))
+        )
     ),
     OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
 )
@@ -88,17 +116,12 @@ def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
         yield transitional
 
 
-def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
-    """Turbulence of a run besides its quantities: a sentence, and rows of words and value."""
+def findings(stored: dict[str, Any]) -> tuple[str, str] | None:
+    """Turbulence of a run besides its quantities: a sentence, and the intervals of reverse flow."""
     if (walls := stored.get("turbulence")) is None:
         return None
-    from ..results.wall_report import MOST_COARSE, longest
+    from ..results.wall_report import MOST_COARSE
 
-    spans, others = longest(walls["backward"])
-    rows: list[tuple[str, Any]] = [
-        ("reverse flow next to the bed from x, to x", tuple(span)) for span in spans
-    ]
-    rows += [("further, shorter intervals", others)] if others else []
     sentence = f"y+ of the walls is {walls['least']:.3g} to {walls['largest']:.3g}."
     if walls.get("judged_along") and (walls["coarse_along"] or 0.0) > MOST_COARSE:
         sentence += " Warning: cells along the walls do not resolve their friction."
@@ -106,4 +129,4 @@ def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None
         sentence += (
             f" Warning: not converged; loads are means, within {100 * walls['spread']:.2g}%."
         )
-    return sentence, rows
+    return sentence, separation_words(walls["backward"])

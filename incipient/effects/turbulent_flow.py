@@ -27,7 +27,7 @@ from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order
 from ..planning.effects import EffectName
 from ..planning.wall_cells import rise
-from ..restart.redistribution import spread_values, stored_values
+from ..restart import spread_field, stored_field
 from ..results.wall_report import LARGEST_CHANGE, WallReport
 from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
@@ -36,7 +36,7 @@ from ..turbulence.in_time import InTime, Moving
 from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
     from ..simulation.state import Run
 
 
@@ -203,12 +203,16 @@ class TurbulentFlow(RunPart):
 
     def stored(self, transient: Transient) -> dict[str, Any]:
         assert self.in_time is not None
-        return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
+        space = self.fields.space
+        points = space.tabulate_dof_coordinates()
+        return {"turbulence": stored_field(space, points, self.in_time.past)}
 
     def restore(self, kept: Checkpoint) -> None:
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
-        self.in_time.past = spread_values(self.fields.space, kept.turbulence)
+        space = self.fields.space
+        points = space.tabulate_dof_coordinates()
+        self.in_time.past = spread_field(space.mesh.comm, kept.turbulence, points)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
     # -- output -----------------------------------------------------------------------------------

@@ -14,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import SceneError
 from ..scene import Scene
 from ..setup.setup import Setup
 from .effects import inertia
@@ -56,16 +55,8 @@ def velocity_order(setup: Setup) -> tuple[int, str]:
     """The order of the velocity, and why it was chosen (docs/contribute/defaults.md); "" if given."""
     scene = setup.scene
     order, steady = scene.numerics.order, scene.time is None
-    in_sublayer = scene.is_averaged and setup.walls.is_resolved
-    if in_sublayer and order not in ("auto", 2):
-        raise SceneError(
-            f"numerics.order: is {order}, with which turbulent flow resolved into the viscous sublayer does not "
-            "converge; use 2, or a turbulence.wall_distance in the logarithmic layer"
-        )
     if order != "auto":
         return order, ""
-    if in_sublayer:
-        return 2, "with higher ones turbulent flow in the viscous sublayer does not converge"
     if scene.gdim == 3:
         past_grain = steady and scene.numerics.accuracy is None and scene.body is not None
         if past_grain and not inertia(setup).present:

@@ -12,8 +12,7 @@ from enum import StrEnum
 from typing import Any
 
 from ..scene import Numerics
-from ..scene.grains import FRICTIONLESS, LEVEL
-from ..scene.settling import DEFAULT_FRICTION
+from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
 from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow
 from ..setup.setup import Numbers, Setup, time_of_change
@@ -187,7 +186,7 @@ def _of_changes(setup: Setup) -> float | None:
 def flow(setup: Setup) -> Decision:
     """Present unless the fluid is at rest and stays so."""
     scene = setup.scene
-    words = scene.flow.words
+    words = scene.flow.words or f"{scene.flow.kind} flow"
     if scene.flow.at_rest and scene.has_surface:
         words = "the fluid starts from rest"
     elif scene.gusts:

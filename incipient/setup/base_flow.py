@@ -14,7 +14,7 @@ from ..arrays import Floats
 from ..geometry.plane.beds import effective_level
 from ..scene import Domain, Scene
 from ..scene.expression import expressions
-from ..scene.gust import Gust
+from ..scene.gusts import Gust
 from .mean_profile import MeanProfile
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]

@@ -22,7 +22,7 @@ from .state import Run, part_of
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
     from ..effects.moving_grain.part import MovingGrain
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 class March:
@@ -94,7 +94,7 @@ class March:
         return coupling
 
     def _restore(self, checkpoint: Checkpoint) -> None:
-        from ..restart.redistribution import put_back_flow, spread_nodes
+        from ..restart import put_back_flow, spread_nodes
 
         fluid, mesh = self._run.fluid, self._run.fluid.domain.mesh
         if self.coupling is not None:

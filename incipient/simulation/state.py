@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
+    from ..results.result import Result
     from ..results.wall_report import WallReport
     from .march import March
 
@@ -45,12 +46,14 @@ class Accounts:
     """Costs and known estimates, shared by the runs of a search.
 
     spent: why no further estimate may begin, or "".
+    described: adds the search to a result.
     """
 
     ledger: Ledger = field(default_factory=Ledger)
     iterations: dict[str, int] = field(default_factory=dict)
     known: Known = field(default_factory=Known)
     spent: Callable[[], str] = lambda: ""
+    described: Callable[[Result], Result] = lambda result: result
 
     def count(self, **numbers: int) -> None:
         for name, number in numbers.items():

@@ -27,7 +27,7 @@ from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
     from ..fluid.transient import TimeStep
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 NOT_STEADY = 'time.start: the steady flow did not converge; use a smaller numerics.mesh_size, or time.start = "rest"'
@@ -140,9 +140,8 @@ class TimeLoop:
         if run.surface is not None:
             run.surface.begin()
         while not run.is_steady:
-            with run.stage("flow"), run.corrections.begun():
+            with run.stage("flow"), run.corrections.step():
                 step = next(steps, None)
-                run.corrections.book_step(step.number if step else 0)
             if step is None:
                 break
             run.accounts.count(steps=1, rejected=step.rejected, newton=step.report.iterations)

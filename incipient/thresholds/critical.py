@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ..accuracy.errorbars import coarse_scenes, error_terms
-from ..accuracy.finish import improved_loads
+from ..accuracy.errorbars import error_terms
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
@@ -25,9 +23,7 @@ from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
-from ..simulation.beside import Beside
 from ..simulation.build import prepared
-from ..simulation.simulate import loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .bars import corrected, critical_bars
@@ -180,9 +176,7 @@ def _with_bars(
             # The nearest computed flow may be far away for a proportional load.
             force = replace(force, flow=flow.load.flow_force)
             torque = replace(torque, flow=flow.load.flow_couple)
-            solve = Beside(run, coarse_scenes, loads_of, flow.factor)
-            improve = partial(improved_loads, comm=run.comm, speed=flow.factor)
-            terms = error_terms(run, force, torque, solve, flow.factor, improve)
+            terms = error_terms(run, force, torque, flow.factor)
             flow, terms = corrected(flow, terms)
             bars = critical_bars(flow, terms)
         except IncipientError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -122,10 +122,10 @@ class Sawtooth(BedSection):
         """Teeth."""
         return length / self.tooth
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        x = 0.5 * self.tooth * np.arange(-8, 9) - origin_x
-        return geometry.Polyline(np.column_stack([x, self.height * (np.arange(17) % 2)]), origin_y)
+    def shape(self, base: float, corner: Sequence[float]) -> geometry.Bed:
+        """The bed's shape above its base line, abscissae counted from a corner."""
+        x = 0.5 * self.tooth * np.arange(-8, 9) - corner[0]
+        return geometry.Polyline(np.column_stack([x, self.height * (np.arange(17) % 2)]), base)
 
 
 # -- the flows: one of a profile, with a key and its rule, and one whose profile changes in time -----
@@ -168,13 +168,13 @@ class StartingFlow(BaseFlow):
     @property
     def layer(self) -> float:
         """After a tenth of the unit of time."""
-        return math.sqrt(0.1 * self.viscosity)
+        return math.sqrt(0.1 * self.scene.viscosity)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
         """V t (1 - 4 i2erfc(eta)), eta = z/(2 (nu t)^(1/2)) (Carslaw & Jaeger 1959, section 2.9)."""
         if t == 0.0:
             return np.zeros_like(z)
-        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.viscosity * t))
+        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.scene.viscosity * t))
         lag = (1.0 + 2.0 * eta**2) * erfc(eta) - 2.0 / math.sqrt(math.pi) * eta * np.exp(-(eta**2))
         return np.asarray(self.flow.velocity * t * (1.0 - lag))
 

@@ -27,7 +27,7 @@ from . import WORKS
 from .part import MovingGrain, columns_of_load
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ...restart import Checkpoint
 
 # Largest advance, in gaps, of a new mesh ahead of a grain on its bed, by dimension: beyond, cells fold on the way back,
 # in 3-D at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).

@@ -31,7 +31,7 @@ from ...setup.surroundings import Clearance
 from ..effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ...restart import Checkpoint
 
 # Positions (in grain sizes) and angles are rounded before meshing, and the mesh moved by the remainder: the mesh does
 # not depend on round-off, the number of ranks, or resuming.
@@ -230,8 +230,7 @@ class MovingGrain(RunPart):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        from ...restart.checkpoint import StoredBody
-        from ...restart.redistribution import numbered_nodes
+        from ...restart import StoredBody, numbered_nodes
 
         part, mean = self.part, self.part.mean_load
         kept = StoredBody(
@@ -253,7 +252,7 @@ class MovingGrain(RunPart):
         return {"body": kept}
 
     def restore(self, kept: Checkpoint) -> None:
-        from ...restart.redistribution import spread_nodes
+        from ...restart import spread_nodes
 
         assert kept.body is not None
         part, body = self.part, kept.body
