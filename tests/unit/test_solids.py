@@ -70,7 +70,7 @@ from incipient.meshes import Grid, graded_ends
 from incipient.meshes.grids import grid_cells
 from incipient.meshes.model import meshed
 from incipient.meshes.surfaces import on_level
-from incipient.planning.cells import layer_ends
+from incipient.planning.meshing import layer_ends
 from incipient.scene import Domain, Fluid, Lid, Numerics, Scene
 
 # Grains in space: surfaces, level functions, volumes and inertia, by closed formulae and by counting.
