@@ -82,27 +82,14 @@ def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarr
 
 def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
     """The nearest points (..., 3) of triangles (..., 3, 3) to points (..., 3)."""
-    a = corners[..., 0, :]
-    ab, ac, away = corners[..., 1, :] - a, corners[..., 2, :] - a, x - a
-    aa, bb, cross = (ab * ab).sum(-1), (ac * ac).sum(-1), (ab * ac).sum(-1)
-    p, q = (away * ab).sum(-1), (away * ac).sum(-1)
-    determinant = np.maximum(aa * bb - cross**2, 1e-300)
-    u, v = (p * bb - q * cross) / determinant, (q * aa - p * cross) / determinant
-    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-    best = a + u[..., None] * ab + v[..., None] * ac
-    squared = np.where(inside, ((best - x) ** 2).sum(-1), np.inf)
-    for i in range(3):
-        start = corners[..., i, :]
-        side = corners[..., (i + 1) % 3, :] - start
-        along = ((x - start) * side).sum(-1) / np.maximum((side * side).sum(-1), 1e-300)
-        foot = start + np.clip(along, 0.0, 1.0)[..., None] * side
-        away_squared = ((foot - x) ** 2).sum(-1)
-        closer = away_squared < squared
-        best, squared = (
-            np.where(closer[..., None], foot, best),
-            np.where(closer, away_squared, squared),
-        )
-    return np.asarray(best)
+    shape = np.broadcast_shapes(x.shape[:-1], corners.shape[:-2])
+    if (corners == corners[..., :1, :]).all():  # points, of spheres
+        return np.broadcast_to(corners[..., 0, :], (*shape, 3)).copy()
+    from trimesh.triangles import closest_point  # which takes time to import
+
+    points, triangles = np.broadcast_to(x, (*shape, 3)), np.broadcast_to(corners, (*shape, 3, 3))
+    nearest = closest_point(triangles.reshape(-1, 3, 3), points.reshape(-1, 3))
+    return np.asarray(nearest.reshape(*shape, 3))
 
 
 def neighbours(ends: Floats, corners: Floats) -> tuple[np.ndarray, np.ndarray]:
