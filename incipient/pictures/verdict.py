@@ -179,7 +179,7 @@ def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
         ) from error
     if case is None or case.body is None:
         return None
-    return Shape(case.body.grain(), case.placement)
+    return Shape(case.body.grain, case.placement)
 
 
 def _probability_rows(chances: dict[str, Any] | None) -> dict[str, dict[str, str]]:

@@ -51,7 +51,7 @@ class Loads:
     separated: Floats | None = None
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
-    moved: bool = False  # whether they were computed on the moved mesh of another run
+    moved: bool = False  # whether their own error does not add to that of their change
     # (6,) changes of force and torque in the last steps of a flow that is not converged
     unsteady: Floats = field(default_factory=lambda: np.zeros(6))
 
@@ -229,10 +229,8 @@ class SafetyBar:
     # Whether rest under all of these loads, or motion under all, is proved; with wall layers only within the range of
     # the law of the wall
     certain: bool
-    # Modes of the loads within the bars if `complete`, otherwise of the loads examined
+    # "rest" alone if all loads within the bars rest, otherwise the modes of the loads examined
     modes: tuple[str, ...]
-    # Whether other modes within the bars are excluded; a single mode is then certain
-    complete: bool
     decisive: str  # the term whose removal shrinks the range of safety factors most
     # some, every: smallest and largest multiple of the flow's load that the contacts balance for some load within the
     # bars, and for all of them; None without one
@@ -280,12 +278,8 @@ class SafetyBar:
     def _outcome(self) -> str:
         if self.modes == ("rest",):
             return "it rests"
-        modes = [mode for mode in self.modes if mode != "moves"]
-        if not modes:
-            return "it moves"
-        if not self.complete:
-            return f"it moves ({' or '.join(modes)}, at this load and at the worst within the bars)"
-        return f"it moves ({modes[0]})" if len(modes) == 1 else f"it moves, by {' or '.join(modes)}"
+        modes = " or ".join(mode for mode in self.modes if mode != "moves")
+        return f"it moves{modes and f' ({modes}, at this load and at the worst within the bars)'}"
 
 
 def _ratio(low: float, high: float, scale: float) -> float:

@@ -13,7 +13,7 @@ from .state import Run
 
 if TYPE_CHECKING:
     from ..mesh.domain import Domain
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 class Recorder:
@@ -52,6 +52,16 @@ class Recorder:
 
     def finish(self, result: Result) -> None:
         """Record the result of a run, complete or not."""
+
+
+class History(Recorder):
+    """A recorder of time steps as `rows`."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+
+    def step(self, row: dict[str, Any]) -> None:
+        self.rows.append(row)
 
 
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:

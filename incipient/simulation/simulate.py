@@ -22,7 +22,7 @@ from .state import Accounts, Run
 from .steady import loads_at, solve_with_turbulence
 
 if TYPE_CHECKING:
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 @contextmanager
@@ -62,9 +62,9 @@ def simulate(
         return result
 
 
-def hand_over(run: Run, recorder: Recorder) -> Path | None:
-    """Record a solved steady flow without error bars; returns its directory. Collective."""
-    recorder.begin(run.scene, run.plan, run.domain)
+def hand_over(run: Run, recorder: Recorder, scene: Scene) -> Path | None:
+    """Record a solved steady flow as of a scene, without error bars; returns its directory. Collective."""
+    recorder.begin(scene, run.plan, run.domain)
     record_fields(recorder, run, 0, last=True)
     return recorder.provisional(outcome(run))
 

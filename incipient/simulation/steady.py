@@ -69,6 +69,11 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torqu
     return loads(run, surface=False, speed=factor)
 
 
+def unit_of(run: Run, speed: float) -> float:
+    """Loads at a speed over those of the computed flow; close to one except in Stokes flow."""
+    return speed * run.fluid.reynolds / run.plan.reynolds
+
+
 def make_as_fast(run: Run, factor: float) -> None:
     """Set the fluid's equations and conditions, not its state, to the flow times a factor. Collective."""
     _stabilise(run, factor)

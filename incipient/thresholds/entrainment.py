@@ -19,7 +19,7 @@ from scipy.stats import norm
 from ..errors import SceneError
 from ..parallel import Comm
 from ..progress import Silent
-from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
 from ..setup.setup import Setup
 from .acceleration import CriticalStrength, load_of_growth
 from .critical import find_threshold

@@ -928,8 +928,8 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
             5,
             "no animation: nothing/fields: holds no fields; run the scene with output.fields = true",
         ),
-        (["--field", "pressure"], 2, "--field: needs --animate; add it"),
-        (["--out", "flow.gif"], 2, "--out: needs --animate; add it"),
+        (["--field", "pressure"], 2, "--field: needs --animate; add it, or leave --field out"),
+        (["--out", "flow.gif"], 2, "--out: needs --animate; add it, or leave --out out"),
         (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )

@@ -27,7 +27,7 @@ from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.arrays import Floats
 from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
-from incipient.effects.turbulence import AT_WALLS, findings
+from incipient.effects.turbulence import QUANTITIES, findings
 from incipient.errors import ConvergenceError, MeshError
 from incipient.meshes import expected
 from incipient.planning import meshing
@@ -514,7 +514,7 @@ def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
     """C_f = 2 u*^2 errs by twice as much, relative; over a bed that is not level the mean is told, too."""
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005)
     bars = {"shear_velocity": [5e-4, 2e-4]}
-    (line,) = screen_lines(AT_WALLS, {"turbulence": walls.to_dict(), "error_bars": bars})
+    (line,) = screen_lines(QUANTITIES, {"turbulence": walls.to_dict(), "error_bars": bars})
     assert (
         "u* at the outflow 0.05 +- 5.0e-04   C_f 0.005 +- 1.0e-04   mean u* along the walls 0.04 +- 2.0e-04"
         in line
@@ -697,7 +697,7 @@ def test_walls_along_which_nothing_flows_are_told_all_the_same():
     """As after a first step in time that failed, of which result.json tells."""
     walls = walls_of(0.0, 0.0, 0.0, 0.0, 0.0).to_dict()
     bars = {"shear_velocity": [0.0, 0.0]}
-    (line,) = screen_lines(AT_WALLS, {"turbulence": walls, "error_bars": bars})
+    (line,) = screen_lines(QUANTITIES, {"turbulence": walls, "error_bars": bars})
     assert "u* at the outflow 0   C_f 0" in line
 
 

@@ -31,7 +31,7 @@ from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
 from incipient.cost.measurement import MeasuredRun
 from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
-from incipient.effects.moving_grain import PATH, FreeBodyEffect
+from incipient.effects.moving_grain import PATH, QUANTITIES
 from incipient.effects.turbulence import findings
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.parallel import environment_alone
@@ -773,10 +773,10 @@ def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> No
         "on_bed": course | {"works": works},
     }
     stored = {"scene": {"domain": {}}, "trajectory": path}
-    for quantity in FreeBodyEffect.quantities:
+    for quantity in QUANTITIES:
         if quantity.derive is not None:
             put(stored, quantity.key, quantity.derive(stored))
-    text = "\n".join(screen_lines(FreeBodyEffect.quantities, stored, details=True))
+    text = "\n".join(screen_lines(QUANTITIES, stored, details=True))
     for line in (
         "path                ended by out-of-pocket   at t = 2.35",
         "position            (350004.77, 0.5)   turned by [rad] -1.5",
@@ -786,8 +786,8 @@ def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> No
         "interface           iterations a step 2.5   at most 4   new meshes 2",
     ):
         assert line in text
-    assert "interface" not in "\n".join(screen_lines(FreeBodyEffect.quantities, stored))
-    columns = {k: v for q in FreeBodyEffect.quantities for k, v in q.columns(stored).items()}
+    assert "interface" not in "\n".join(screen_lines(QUANTITIES, stored))
+    columns = {k: v for q in QUANTITIES for k, v in q.columns(stored).items()}
     assert columns == {
         "ended": "out-of-pocket",
         "velocity_x": 0.25,
@@ -796,6 +796,6 @@ def test_quantities_of_a_moving_grain_stand_on_screen_page_and_in_tables() -> No
         "does": "rolling",
         "first_motion": 0.5,
     }
-    rows = dict(_rows(stored, FreeBodyEffect.quantities, PATH))
+    rows = dict(_rows(stored, QUANTITIES, PATH))
     assert rows["position [length]"] == path["place"] and rows["work of gravity [energy]"] == -2.0
     assert "left its pocket [time]" not in rows and rows["new meshes"] == 2

@@ -590,7 +590,8 @@ def along(velocities):
     count = len(velocities)
     places = np.column_stack([np.arange(count), np.zeros(count)]).astype(float)
     flow = np.column_stack([velocities, np.zeros(count)]).astype(float)
-    return AlongWall(places, np.tile([0.0, -1.0], (count, 1)), np.ones(count), flow, np.ones(count))
+    normals, edges = np.tile([0.0, -1.0], (count, 1)), np.empty((0, 2), dtype=int)
+    return AlongWall(places, normals, np.ones(count), flow, np.ones(count), edges)
 
 
 def coarse(wall, stresses):
