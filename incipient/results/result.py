@@ -18,10 +18,10 @@ from .adaptation import Adaptation
 from .errorbars import ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
-from .quantity import OutputQuantity, as_stored, put, screen_lines
+from .quantity import OutputQuantity, as_stored, put, screen_lines, words_of
 from .si import si_lines, with_loads
 from .timing import cost_lines
-from .trajectory import number_words, separation_words, trajectory_sentence
+from .trajectory import separation_words, trajectory_sentence
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
@@ -268,7 +268,9 @@ def _without_rest(settled: Any) -> str:
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
     at = zip(surface["stations"], surface["elevations"], strict=True)
-    lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
+    lines = [
+        f"elevation           {value:+.6g} at {words_of(place, 'length', 2)}" for place, value in at
+    ]
     total = None if bars is None else bars.total
     if total is not None and total.elevation is not None and total.level is not None:
         errors = zip(lines, total.level, total.elevation, strict=True)

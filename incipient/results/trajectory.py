@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 MOST_SPANS = 4  # of reverse flow
 ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
 
@@ -34,11 +32,6 @@ def course_words(course: dict[str, Any]) -> str:
         else f"between t = {first:.4g} and {first + within:.4g}"
     )
     return f"moved first {when}{left} (mode at the end: {course['mode']})"
-
-
-def number_words(x: Any) -> str:
-    """A number or vector as text."""
-    return f"({', '.join(f'{one:.6g}' for one in x)})" if np.ndim(x) else f"{x:.6g}"
 
 
 def place_words(x: float, least: int = 5) -> str:
