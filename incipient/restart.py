@@ -29,7 +29,7 @@ from .parallel import Comm, NumberedRows, collectively, joined, on_first
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 10
+FORMAT, VERSION = "incipient checkpoint", 11
 ANEW = "start a new run with: incipient run"
 # Largest distance of a node from its stored position, relative to the mesh's size.
 SAME_PLACE = 1e-10
@@ -80,23 +80,29 @@ class StoredField:
 
 
 @dataclass(frozen=True, eq=False)
-class StoredBody:
-    """A moving grain, its coupling and its mesh. States are place, angle or quaternion, velocities.
+class StoredMotion:
+    """Positions of a moving mesh: initial ones (nodes, 3), present and previous ones (nodes, n, 3)."""
 
-    made, weights: initial node positions (nodes, 3), and weights of the grain's motion (nodes, gdim + 1)
+    made: Floats
+    places: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class StoredBody:
+    """A moving grain and its coupling. States are place, angle or quaternion, velocities.
+
+    weights: of the nodes in the grain's motion (nodes, gdim + 1)
     made_for: state at meshing
-    states, times: of the grain, present and previous (n, 6 or 13), (n,); places: of the nodes then (nodes, n, 3)
+    states, times: of the grain, present and previous (n, 6 or 13), (n,)
     mean_load: in the last step (k,), or None; load, flow_load: at its end (k,)
     velocities: of the grain, one row for each past state of the flow
     on_bed: contacts and motion on the bed; None if contact ends the run
     """
 
-    made: Floats
     weights: Floats
     made_for: Floats
     states: Floats
     times: Floats
-    places: Floats
     mean_load: Floats | None
     mean_load_order: int
     mean_load_step: float | None
@@ -112,16 +118,10 @@ class StoredBody:
 
 @dataclass(frozen=True, eq=False)
 class StoredSurface:
-    """A free surface and its mesh, the present state first.
+    """A free surface: elevations at the nodes, zero off it (nodes, states), at `times` (states,), the present first."""
 
-    made, places: initial (nodes, 3), and present and previous (nodes, n, 3) node positions
-    elevations: at the nodes, zero off the surface (nodes, states), at `times` (states,)
-    """
-
-    made: Floats
     elevations: Floats
     times: Floats
-    places: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +137,7 @@ class Checkpoint:
     times: Floats
     velocity: StoredField
     pressure: StoredField
+    motion: StoredMotion | None = None
     body: StoredBody | None = None
     surface: StoredSurface | None = None
     turbulence: StoredField | None = None
@@ -314,9 +315,8 @@ def spread_field(comm: MPI.Comm, stored: StoredField, points: Floats) -> list[Fl
 def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
     """The mesh at its initial positions. Collective."""
     domain = spread_mesh(comm, kept.mesh)
-    moving = kept.body or kept.surface
-    if moving is not None:
-        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, moving.made)
+    if kept.motion is not None:
+        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, kept.motion.made)
     return domain
 
 

@@ -37,7 +37,7 @@ OF_FREE_SURFACE = (
     "fluid.surface",
     "mesh.elevation",
     "coupled.surface",
-    "effects.free_surface.part",
+    "effects.moving_surface",
     "planning.surface_conditions",
 )
 OF_TURBULENCE = (
@@ -56,7 +56,6 @@ OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = (
     *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
     *(f"accuracy.{name}" for name in ("search", "strategies", "modelling", "next_mesh", "sizing")),
-    "simulation.beside",
 )
 OF_CHECKPOINTS = ("restart", "simulation.checkpointing")
 MODULES = (

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError, MeshError
+from ..geometry.plane.beds import Flat
 from ..planning.discretisation import order_of
 from ..planning.meshing import is_resolved
 from ..results.errorbars import Loads
@@ -26,7 +27,8 @@ MODEL_STEP, MODEL_STEP_OF_WAVES, FEWEST_STEPS = 4.0, 2.0, 8
 FINE_BELOW, FINE_ORDER = 0.005, 3
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1  # of adaptive steps, over the scene's; upper bound
 MODEL_ITERATION = 1e-6  # tolerance of the iterations in time: differences of 0.1% matter
-FARTHER = 1.5  # factor on the domain for the domain's term
+# Factor on the domain for the domain's term; on a moved mesh in 2-D, where it costs nothing.
+FARTHER, FARTHER_MOVED = 1.5, 2.0
 # Range of the factor on the steps of a comparison, with at least FEWEST_STEPS if possible; otherwise shorter steps.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
 # Factor on cells between compared meshes.
@@ -35,14 +37,10 @@ REMEDY = re.compile(r"; |: use ")  # begins the remedy in a message
 Solve = Callable[[Scene], Loads]
 
 
-class Spent(IncipientError):
-    """The budget of estimates is spent."""
-
-
 class KeptRuns:
     """Loads of coarse runs, cached by the JSON of the scene. Calls are collective.
 
-    spent: reason why no further run may begin, or ""; with a reason calls raise Spent
+    spent: reason why no further run may begin, or ""; with a reason calls raise IncipientError
     """
 
     def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):
@@ -52,7 +50,7 @@ class KeptRuns:
         key = scene.model_dump_json()
         if key not in self._known:
             if reason := self._spent():
-                raise Spent(reason)
+                raise IncipientError(reason)
             try:
                 self._known[key] = self._run(scene)
             except (ConvergenceError, MeshError) as error:
@@ -185,6 +183,14 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         looser = min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE)
         steps["tolerance"] = max(looser, time.tolerance)
     return changed(scene, numerics=numerics, time=steps, **sections)
+
+
+def moves_mesh(scene: Scene) -> bool:
+    """Whether the mesh of a run is moved to other gaps and domains: in 2-D over a flat bed, unless it is a search's."""
+    if scene.time is not None or scene.is_averaged or scene.body is None:
+        return False
+    flat = scene.bed_shape is None or isinstance(scene.bed_shape, Flat)
+    return scene.gdim == 3 or (flat and scene.numerics.accuracy is None)
 
 
 def is_coarse(scene: Scene) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,8 @@ from ..errors import ConvergenceError, IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Forces, Torques
 from ..scene import Scene
-from .coarse_runs import KeptRuns, Solve, coarse, is_coarse
+from ..simulation.steady import unit_of
+from .coarse_runs import KeptRuns, Solve, coarse, is_coarse, moves_mesh
 from .terms import (
     MODEL,
     OF_MESH,
@@ -30,11 +32,15 @@ from .terms import (
 )
 
 if TYPE_CHECKING:
+    from ..simulation.moved_mesh import MovedMesh
     from ..simulation.state import Run
 
 # Error of loads in elements of order 3 or 4 over their difference from order 2 on the same mesh: if at most a third of
 # the second-order error is left, at most half of the difference is (0.34 at most measured).
 LEFT = 0.5
+# Change of a correction in an otherwise corrected scene, over its product with the other relative correction (2.9 for
+# gap and domain of an ellipse in Stokes flow, make calibration).
+INTERACTING = 3.0
 SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
 OF_ITERATION = "flow, which has not converged"
 OF_ALONG = "cells along the walls, which do not resolve their friction"
@@ -44,44 +50,39 @@ OF_MODEL = (
 
 
 def error_bars(
-    run: Run,
-    force: Forces | None,
-    torque: Torques | None,
-    solve: Solve,
-    improve: Solve | None = None,
+    run: Run, force: Forces | None, torque: Torques | None, scene: Scene | None = None
 ) -> ErrorBars:
     """Error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
-    return with_safety(error_terms(run, force, torque, solve, improve=improve), run, force, torque)
+    return with_safety(error_terms(run, force, torque, scene=scene), run, force, torque)
 
 
 def error_terms(
     run: Run,
     force: Forces | None,
     torque: Torques | None,
-    solve: Solve,
     speed: float = 1.0,
-    improve: Solve | None = None,
+    scene: Scene | None = None,
 ) -> ErrorBars:
     """Error bars without the safety factor. Collective.
 
     A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts.known` are reused.
 
     Args:
-        solve: computes the loads of a coarse scene.
         speed: of the steady flow over the scene's.
-        improve: computes loads on coarser cells less their estimated errors; None: discretisation is not corrected.
+        scene: of the coarse runs, on finer cells than the run's; None: the run's.
     """
-    scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
+    scene, known, failed = scene or run.scene, run.accounts.known, dict[str, str]()
     computed, left_out = loads_of_run(run, force, torque), not_there(scene)
-    if scene.is_averaged and scene.time is None and is_coarse(scene):
-        known.loads[coarse(scene).model_dump_json()] = computed
-    estimates = _of_run(run, speed, improve) | of_the_model(scene, speed)
+    computed = replace(computed, moved=scene is not run.scene)  # coarse cells
+    if scene.is_averaged and scene.time is None and is_coarse(run.scene):
+        known.loads[coarse(run.scene).model_dump_json()] = computed
+    estimates = _of_run(run, speed) | of_the_model(scene, speed)
     if computed.separated is not None and scene.has_separation and not len(computed.separated):
         left_out["separation"] = "none along the bed"
         del estimates["discretisation"]
     if not computed.unsteady.any():
         del estimates["not steady"]
-    kept = KeptRuns(known.loads, run.accounts.spent, solve)
+    kept = KeptRuns(known.loads, run.accounts.spent, nearby(run, scene, speed))
     for name, estimate in estimates.items():
         try:
             if name not in known.terms:
@@ -134,9 +135,9 @@ def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Load
     return replace(loads, centreline=centreline_velocities(lines))
 
 
-def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate]:
+def _of_run(run: Run, speed: float) -> dict[str, Estimate]:
     def discretisation(computed: Loads, solve: Solve) -> Term:
-        return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed, improve)
+        return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed)
 
     def not_steady(computed: Loads, solve: Solve) -> Term:
         force, torque = computed.unsteady[:3], computed.unsteady[3:]
@@ -155,8 +156,8 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
     return estimates
 
 
-def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
-    from .dual import GoalErrors  # plans need the coarse runs without finite elements
+def _dual(run: Run, speed: float) -> Term:
+    from .dual import GoalErrors, improved_loads  # plans need no finite elements
 
     assert run.layout.placement is not None
     with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
@@ -165,17 +166,29 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
     small = np.linalg.norm(term.force) < SMALL * unit * np.linalg.norm(goals.computed.force)
     chosen = run.scene.numerics.accuracy is not None  # cells chosen for an error
     as_it_is = small or chosen or bool(term.doubt)
-    if improve is None or as_it_is or run.accounts.spent() or not is_corrected(run.scene):
+    if as_it_is or run.accounts.spent() or not is_corrected(run.scene):
         return term
     try:
-        return by_both(term, goals, unit, improve(run.scene))
+        return by_both(term, goals, unit, improved_loads(run.scene, run.comm, speed))
     except IncipientError as error:
         return replace(term, how=f"{term.how}; not corrected, larger cells: {error}")
 
 
-def unit_of(run: Run, speed: float) -> float:
-    """Loads at a speed over those of the computed flow; close to one except in Stokes flow."""
-    return speed * run.fluid.reynolds / run.plan.reynolds
+def nearby(run: Run, scene: Scene, speed: float) -> Solve:
+    """Loads at a speed in scenes with other gaps and domains than a scene, on the run's moved mesh or on their own."""
+    from ..simulation.simulate import loads_of
+
+    @cache
+    def moved() -> dict[str, MovedMesh]:
+        from ..simulation.moved_mesh import moved_meshes
+
+        return moved_meshes(run, coarse_scenes(scene)) if moves_mesh(run.scene) else {}
+
+    def solve(other: Scene) -> Loads:
+        mesh = moved().get(other.model_dump_json())
+        return loads_of(other, run.comm, speed) if mesh is None else mesh.loads(speed)
+
+    return solve
 
 
 def _by_surplus(run: Run, speed: float) -> Term:
@@ -197,7 +210,7 @@ def _by_surplus(run: Run, speed: float) -> Term:
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
-    """The interaction of separate corrections, relative changes as large as those of the load; None below two."""
+    """The interaction of separate corrections: thrice their relative products; None below two."""
     changes = [term.correction for term in terms if term.correction is not None]
     if len(changes) < 2:
         return None
@@ -208,9 +221,12 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
         sized = [(part, min(float(np.linalg.norm(part)) / size, 1.0)) for part in parts]
         pairs = combinations(sized, 2)
         errors.append(
-            sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs)
+            INTERACTING
+            * sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs)
         )
-    how = "each correction changed by as much as another one changes the load"
+    how = (
+        f"each correction changed by {INTERACTING:g} times as much as another one changes the load"
+    )
     return Term("interaction", errors[0], errors[1], how)
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from ..errors import MissingError
 from ..installed import memory_of_libraries
 from ..planning import expense, meshing
-from ..planning.effects import inertia
 from ..planning.layout import coarse_sizes
 from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
@@ -38,8 +37,7 @@ def first_mesh(scene: Scene) -> Estimate:
     setup = Setup(scene if steady else next_mesh.first(scene))
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
-    factor = next_mesh.coarsest(scene.gdim, inertia(Setup(scene)).present)
-    sized = coarse_sizes(factor, None, layout) if steady else layout
+    sized = coarse_sizes(next_mesh.coarsest(scene), None, layout) if steady else layout
     return expense.count(sized, plan.order, steady, plan.solver.name)
 
 

@@ -178,7 +178,6 @@ def bar_of_safety(
         high=max(common.high, value),
         certain=common.rests or common.moves,
         modes=modes,
-        complete=common.rests,
         decisive=min(widths, key=lambda name: widths[name], default=""),
         some=common.possible,
         every=common.guaranteed,

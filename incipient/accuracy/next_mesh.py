@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE, LEVEL
-from ..planning.discretisation import order_of
+from ..planning.discretisation import FAR_CELL, LEVEL, order_of
+from ..planning.effects import inertia
 from ..results.adaptation import Trial
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, OF_SURFACE, ORDERS
+from ..scene.numerics import MESH_SIZES, OF_SURFACE, ORDERS, Numerics
+from ..setup.setup import Setup
 from .coarse_runs import (
     FEWEST_STEPS,
     LONGEST_STEP,
@@ -48,14 +49,20 @@ HIGHEST_OF_SURFACE = (
 # -- steady -------------------------------------------------------------------------------------------------
 
 
-def highest_order(gdim: int, inertia: bool) -> int:
+def highest_order(scene: Scene) -> int:
     """The highest order tried: 2 in 3-D with inertia, because of the block preconditioner."""
-    return 2 if gdim == 3 and inertia else ORDERS[-1]
+    return 2 if scene.gdim == 3 and inertia(Setup(scene)).present else ORDERS[-1]
 
 
-def coarsest(gdim: int, inertia: bool) -> float:
-    """Cells of the first mesh relative to the default."""
-    return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
+def includes_all(numerics: Numerics) -> bool:
+    """Whether an accuracy includes errors of gap and domain."""
+    return numerics.accuracy == "verdict" or numerics.accuracy_includes == "all"
+
+
+def coarsest(scene: Scene) -> float:
+    """Cells of the first mesh relative to the default. In 3-D it is also moved to other gaps and domains."""
+    fine = scene.gdim == 3 and (includes_all(scene.numerics) or inertia(Setup(scene)).present)
+    return COARSEST_UPWINDED if fine else COARSEST
 
 
 def first_size(scene: Scene, failures: int = 0) -> float:
@@ -150,8 +157,7 @@ def first(scene: Scene) -> Scene:
     while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
         longer /= 2.0
     if is_stream(scene):
-        sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
-        size = sizes[min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
+        size = FAR_CELL[scene.gdim][min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
         cells = float(np.clip(LEVEL / size, 1.0, cells))
     return _resized(scene, cells, longer)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -20,22 +20,30 @@ from ..planning.expense import MEMORY_GROWTH
 from ..planning.layout import Layout
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
-from ..results.errorbars import Loads, Term
+from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
-from ..simulation.beside import InTurn
 from ..simulation.build import prepared
 from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
-from ..simulation.simulate import hand_over, loads_of
+from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
-from .coarse_runs import KeptRuns, changed
-from .errorbars import coarse_scenes, error_bars, loads_of_run
+from . import next_mesh
+from .coarse_runs import changed
+from .errorbars import error_bars, loads_of_run
 from .finish import finished
-from .goal import Goal, Quantity
-from .modelling import SHARE, Suited, lessened, not_estimated, remedies, suited
+from .goal import Goal, Quantity, relative
+from .modelling import (
+    SHARE,
+    irreducible,
+    keys_of,
+    less_of_the_model,
+    lessened,
+    remedies,
+    slowly_falling,
+)
 from .next_mesh import AIM, MOST_MESHES
 
 # Outcome of an unfinished search.
@@ -45,40 +53,6 @@ MOST_FAILURES = 3
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
 CRITICAL = 1e-4  # relative range of safety factors about 1 that ends a search for a verdict
 SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: tolerance of the iteration
-
-
-class SearchRecorder:
-    """A recorder that adds the adaptation to results and writes the user's scene.
-
-    kept: directory of a result without error bars, None without one
-    """
-
-    result: Result
-    kept: Path | None = None
-
-    def __init__(
-        self, recorder: Recorder, wished: Scene, adaptation: Callable[[Result], Adaptation]
-    ):
-        self.keeps, self._recorder = recorder.keeps, recorder
-        self._wished, self._adaptation = wished, adaptation
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._recorder, name)
-
-    def begin(self, scene: Scene, plan: Any, domain: Any) -> None:
-        self._recorder.begin(self._wished, plan, domain)
-
-    def provisional(self, result: Result) -> Path | None:
-        self.kept = self._recorder.provisional(self._with_search(result))
-        return self.kept
-
-    def finish(self, result: Result) -> None:
-        self.result = self._with_search(result)
-        self._recorder.finish(self.result)
-
-    def _with_search(self, result: Result) -> Result:
-        scene = self._wished.model_dump(mode="json")
-        return replace(result, scene=scene, adaptation=self._adaptation(result))
 
 
 @dataclass(frozen=True)
@@ -118,27 +92,36 @@ class Estimate:
 class Search(ABC):
     """The search for a sufficiently fine mesh: solve, estimate the error, refine.
 
-    The recorder of the last run may begin several times.
+    kept: keys of [numerics] that results have from the user
+
+    The recorder may begin several times.
     """
 
     most = MOST_MESHES
-    _recorder: SearchRecorder | None = None  # of the last run
+    kept: tuple[str, ...] = ("order", "tolerance", "mesh_size")
+    _recorded: Run | None = None
 
     def __init__(self, scene: Scene, comm: Comm, recorder: Recorder, voice: Silent):
-        self.scene = self._wished = scene
+        self.scene = scene
         self.comm, self.recorder, self.voice = comm, recorder, voice
         self.numerics, self.trials = scene.numerics, list[Trial]()
-        self.accounts = Accounts(spent=self.spent)
+        accuracy = scene.numerics.accuracy
+        self.accuracy = accuracy if isinstance(accuracy, float | int) else 0.0  # 0 for a verdict
+        self.accounts = Accounts(spent=self.spent, described=self.described)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal: Quantity = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
         self.reason, self.met = "", False
-        self.suited: Suited | None = None  # if the accuracy includes errors of gap and domain
+        # If the accuracy includes errors of gap and domain: bars and their relative error, why it stays too large, and
+        # the errors with gap and domain before.
+        self.bars: ErrorBars | None = None
+        self.reached: float | None = None
+        self._unmet = ""
+        self._before: tuple[Scene, dict[str, float]] | None = None
         self.best: tuple[Attempt, Estimate] | None = None  # with the least error so far
 
     def result(self) -> Any:
         """Try meshes up to the accuracy or the budget; returns the last result. Collective; raises IncipientError."""
-        self._choose_gap_and_domain()
         attempt, failures = self.first(), 0
         while True:
             began = self.elapsed()
@@ -176,8 +159,8 @@ class Search(ABC):
         note = ", ".join(filter(None, (attempt.note, estimate.note)))
         how = self.elapsed() - began, None if time is None else time.step, note
         self.report(Trial(*size, estimate.error, *how, *estimate.parts))
-        anew = self.numerics.accuracy == "verdict"  # scenes change
-        if self.best is None or anew or estimate.rank <= self.best[1].rank:
+        # Scenes with other gaps and domains are not compared.
+        if self.best is None or self.includes_all or estimate.rank <= self.best[1].rank:
             self.best = attempt, estimate
         return estimate
 
@@ -196,14 +179,8 @@ class Search(ABC):
     def target(self, estimate: Estimate) -> float:
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
-    @contextmanager
-    def coarse_runs(self) -> Iterator[InTurn]:
-        with InTurn(self.comm, coarse_scenes, loads_of) as solve:
-            yield solve
-
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
-        accuracy = self.numerics.accuracy
-        wanted = SOLVER_SHARE * (accuracy if isinstance(accuracy, float | int) else CRITICAL)
+        wanted = SOLVER_SHARE * (self.accuracy or CRITICAL)
         order = order or order_of(scene)
         tolerance = float(np.clip(wanted, *TOLERANCES))
         return changed(scene, numerics={"order": order, "tolerance": tolerance})
@@ -220,42 +197,49 @@ class Search(ABC):
         solve_with_turbulence(run, run.fluid, run.turbulence)
         return computed_loads(run)
 
-    def handed_over(self, run: Run) -> SearchRecorder:
-        numerics = {
-            name: getattr(self.numerics, name) for name in ("order", "tolerance", "mesh_size")
-        }
-        wished = changed(run.scene, numerics=numerics)
-        recorder = SearchRecorder(self.recorder, wished, self.adaptation)
-        hand_over(run, cast(Recorder, recorder))
-        return recorder
+    def wished(self, scene: Scene) -> Scene:
+        """The scene of an attempt with the user's mesh."""
+        return changed(scene, numerics={name: getattr(self.numerics, name) for name in self.kept})
+
+    def described(self, result: Result) -> Result:
+        numbers = self.numerics.model_dump(mode="json", include={*self.kept})
+        scene = {**result.scene, "numerics": result.scene["numerics"] | numbers}
+        return replace(result, scene=scene, adaptation=self.adaptation(result))
+
+    def record(self, run: Run) -> Path | None:
+        self._recorded = run
+        return hand_over(run, self.recorder, self.wished(run.scene))
 
     def concluded(self, run: Run) -> Any:
-        recorder = self._recorder or self.handed_over(run)
-        finished(run, cast(Recorder, recorder))
-        return recorder.result
+        if self._recorded is not run:
+            self.record(run)
+        return finished(run, self.recorder)
 
     def following(self, attempt: Attempt, run: Run, estimate: Estimate) -> Attempt | None:
         """The next attempt; None, with the reason recorded, if the accuracy is reached or unattainable.
 
-        For a verdict the decisive source is refined: mesh, gap or domain.
+        Gap and domain, if included, change before the mesh; for a verdict the decisive source is reduced.
         """
-        if self.numerics.accuracy != "verdict" or estimate.error is None:
+        if not self.includes_all or estimate.error is None:
             if estimate.rank <= self.allowed:
-                self.conclude(estimate.rank, estimate.doubt)
+                self.conclude(estimate.doubt)
                 return None
             return self.within_budget(attempt, estimate, self.target(estimate))
         # Recorded before the coarse runs of the error bars, so that an interrupt does not lose them.
-        self._recorder = recorder = self.handed_over(run)
-        with told_where_kept(recorder.kept, self.comm):
-            bars = error_bars(
-                run, *loads(run, surface=False), lambda scene: loads_of(scene, self.comm)
-            )
+        kept = self.record(run)
+        scene = self.wished(run.scene) if self.accuracy else None
+        force, torque = (None, None) if run.probe is None else loads(run, surface=False)
+        with told_where_kept(kept, self.comm), self.ledger.stage("error bars"):
+            self.bars = error_bars(run, force, torque, scene)
+        if not self.accuracy:
+            return self._for_verdict(attempt, estimate, self.bars)
+        return self._for_all(attempt, estimate, loads_of_run(run, force, torque), self.bars)
+
+    def _for_verdict(self, attempt: Attempt, estimate: Estimate, bars: ErrorBars) -> Attempt | None:
         bar = bars.safety
         assert bar is not None
         if bar.certain:
-            why = "; ".join(
-                f"error of the {name}: {reason}" for name, reason in bars.failed.items()
-            )
+            why = _unknown(bars.failed)
             self.reason, self.met = "the verdict is certain", not why
             if why:
                 self.reason = f"undecided: certain except for unknown errors, {why}"
@@ -270,9 +254,40 @@ class Search(ABC):
             why = f"the error of the {bar.decisive} cannot be reduced"
             self.reason = f"undecided: {between}, and {why}"
             return None
-        for name in ("gap", "domain", "datum"):
-            self.known.terms.pop(name, None)
-        note, unknowns = f"less error of the {bar.decisive}", 1.2 * self.trials[-1].unknowns
+        return self._elsewhere(attempt, scene, f"less error of the {bar.decisive}")
+
+    def _for_all(
+        self, attempt: Attempt, estimate: Estimate, computed: Loads, bars: ErrorBars
+    ) -> Attempt | None:
+        accuracy, scene = self.accuracy, attempt.scene
+        self.reached = None if bars.failed else relative(self.goal, computed, bars.total)
+        if self.reached is not None and self.reached <= accuracy:
+            self.conclude(estimate.doubt)
+            return None
+        model = [term for term in bars.terms if term.name != "discretisation"]
+        errors = {term.name: relative(self.goal, computed, term) or 0.0 for term in model}
+        if sum(errors.values()) > SHARE * accuracy and not self._unmet:
+            # The correction for the domain shows its decay, that for the gap its noise.
+            seen = [term.uncorrected if term.name == "domain" else term for term in model]
+            plain = {term.name: relative(self.goal, computed, term) or 0.0 for term in seen}
+            before, self._before = self._before, (scene, plain)
+            if before and (slow := slowly_falling(scene, model, plain, *before)):
+                self._unmet = f"the error of the {slow}, {errors[slow]:.1e}, hardly decreases"
+                doubted = replace(self.known.terms[slow], doubt=self._unmet)
+                self.known.terms[slow] = doubted
+            better = less_of_the_model(scene, accuracy, model, errors)
+            if better is not scene and not self._unmet:
+                return self._elsewhere(attempt, better, "for gap and domain")
+            self._unmet = self._unmet or irreducible(scene, errors)
+        if estimate.rank > self.allowed:
+            return self.within_budget(attempt, estimate, self.target(estimate))
+        self.conclude(estimate.doubt)
+        return None
+
+    def _elsewhere(self, attempt: Attempt, scene: Scene, note: str) -> Attempt | None:
+        self.known.terms.clear()
+        self.most += 1
+        unknowns = 1.2 * self.trials[-1].unknowns
         return self.affordable(replace(attempt, scene=scene, unknowns=unknowns, note=note))
 
     def within_budget(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt | None:
@@ -294,57 +309,43 @@ class Search(ABC):
         return None if self.reason else attempt
 
     @property
+    def includes_all(self) -> bool:
+        return next_mesh.includes_all(self.numerics)
+
+    @property
     def allowed(self) -> float:
         """Allowed relative error of the discretisation; none for a verdict."""
-        accuracy = self.numerics.accuracy
-        if not isinstance(accuracy, float | int):
-            return 0.0
-        if self.suited is None:
-            return accuracy
-        left = accuracy - self.suited.error
-        return left if left > 0.0 else SHARE * accuracy
+        return SHARE * self.accuracy if self.includes_all else self.accuracy
 
-    def _choose_gap_and_domain(self) -> None:
-        accuracy, includes = self.numerics.accuracy, self.numerics.accuracy_includes
-        if includes == "discretisation" or not isinstance(accuracy, float | int):
-            return
-        with self.ledger.stage("error bars"), self.coarse_runs() as solve:
-            runs = KeptRuns(self.known.loads, self.spent, solve)
-            self.suited = suited(self.scene, accuracy, self.goal, runs, self.voice.say)
-            self.scene = self.suited.scene
-        self.known.terms.update({term.name: term for term in self.suited.terms})
-
-    def conclude(self, estimate: float, doubt: str = "") -> None:
+    def conclude(self, doubt: str = "") -> None:
         """Record whether the accuracy is reached; with a `doubt` it is not."""
-        accuracy, unmet = self.numerics.accuracy, ""
-        if doubt:
-            unmet = f"not known to be reached: {doubt}"
-        elif self.suited is not None and isinstance(accuracy, float | int):
-            if estimate + self.suited.error > accuracy:
-                unmet = f"not reached: {self.suited.unmet}"
-            elif missing := not_estimated(self.scene):
-                unmet = f"not known to be reached: {missing}"
+        if self.bars is not None:
+            left_out = self.bars.left_out.items()
+            unseen = {name: why for name, why in left_out if why.startswith("not estimated")}
+            doubt = doubt or _unknown(self.bars.failed | unseen)
+        unmet = f"not known to be reached: {doubt}" if doubt else ""
+        if self.reached is not None and self.reached > self.accuracy:
+            unmet = f"not reached: {self._unmet or 'all errors together are larger'}"
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
-        accuracy, reached = (
-            self.numerics.accuracy,
-            None if self.best is None else self.best[1].error,
-        )
+        accuracy, best = self.numerics.accuracy, self.best
         assert accuracy is not None
-        trials, reason = tuple(self.trials), self.reason or UNFINISHED
-        record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, trials)
-        if self.suited is not None:
-            error = self.suited.error
-            whole = None if reached is None or np.isinf(error) else reached + error
-            includes = ("discretisation", *(term.name for term in self.suited.terms))
-            changes = self.suited.changes(self._wished)
-            return replace(record, reached=whole, includes=includes, changes=changes)
-        bars = None if result is None else result.error_bars
-        if result is None or bars is None or not isinstance(accuracy, float | int):
+        reached, reason = best and best[1].error, self.reason or UNFINISHED
+        record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, tuple(self.trials))
+        if not self.accuracy:
             return record
-        computed = result.loads_at_end()
-        return replace(record, beside=remedies(self.scene, accuracy, self.goal, computed, bars))
+        if best is not None and self.bars is not None:
+            includes = tuple(term.name for term in self.bars.terms)
+            keys = keys_of(best[0].scene, self.scene).items()
+            changes = tuple(f"{key} = {now} instead of {before}" for key, (now, before) in keys)
+            return replace(record, reached=self.reached, includes=includes, changes=changes)
+        if result is None or result.error_bars is None:
+            return record
+        computed, bars = result.loads_at_end(), result.error_bars
+        return replace(
+            record, beside=remedies(self.scene, self.accuracy, self.goal, computed, bars)
+        )
 
     def elapsed(self) -> float:
         return float(self.comm.bcast(self.ledger.total(), root=0))
@@ -377,6 +378,10 @@ class Search(ABC):
         parts = f" ({trial.parts})" if trial.parts else ""
         mesh = f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns"
         self.voice.say(f"{mesh}, {step}{trial.seconds:.1f} s: {error}{parts}")
+
+
+def _unknown(reasons: Mapping[str, str]) -> str:
+    return "; ".join(f"error of the {name}: {reason}" for name, reason in reasons.items())
 
 
 def _lu_mib(unknowns: float) -> float:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import replace
+from contextlib import contextmanager
 from functools import partial
-from typing import cast
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import IncipientError, Interrupted, MeshError
 from ..interrupt import told_where_kept
 from ..planning.discretisation import order_of
-from ..planning.effects import inertia
 from ..planning.layout import coarse_sizes
 from ..planning.wall_cells import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
@@ -21,16 +20,12 @@ from ..scene import Scene
 from ..scene.numerics import MESH_SIZES, OF_SURFACE, OF_WALLS, ORDERS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
-from ..simulation.beside import InTurn
-from ..simulation.build import prepared
-from ..simulation.recorder import Recorder
 from ..simulation.simulate import loads_of, solved
 from ..simulation.state import Accounts, Run
-from ..simulation.steady import loads_at
+from ..simulation.steady import loads_at, unit_of
 from . import next_mesh
 from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
-from .errorbars import coarse_scenes, of_interaction, unit_of
 from .goal import relative
 from .next_mesh import (
     AIM,
@@ -42,7 +37,7 @@ from .next_mesh import (
     highest_order,
     next_order,
 )
-from .search import Attempt, Estimate, Search, SearchRecorder, computed_loads
+from .search import Attempt, Estimate, Search, computed_loads
 from .sizing import gathered, resized
 from .terms import (
     OF_MESH,
@@ -55,7 +50,7 @@ from .terms import (
 
 CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
 TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate (docs/validation/performance.md)
-# Fraction left of an estimated error on cells smaller by `finish.COARSER_CELLS`: 1.5^-4.
+# Fraction left of an estimated error on cells smaller by `dual.COARSER_CELLS`: 1.5^-4.
 COMPARED = 0.2
 # The search ends after so many meshes with a smaller reduction of the error.
 LOOKED_AT, LEAST_FALL = 3, 0.8
@@ -64,26 +59,13 @@ LOOKED_AT, LEAST_FALL = 3, 0.8
 class DualWeighted(Search):
     """Cells refined by their dual-weighted contributions to the error, together with the order."""
 
-    # Speed and improved loads of the previous mesh; the solved run of the first attempt, for the coarse runs.
-    _improved: tuple[float, Loads] | None = None
-    _at_hand: tuple[Run, ExitStack] | None = None
+    _improved: tuple[Any, Loads] | None = None  # of the previous mesh: speed, gap and domain; loads
     _plain = np.inf  # error of the uncorrected quantity on the last mesh
     _compared = False  # whether corrected loads of two meshes were compared
 
     def first(self, failures: int = 0) -> Attempt:
-        scene = self.scene
-        factor = 0.5**failures * coarsest(scene.gdim, inertia(Setup(scene)).present)
-        return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
-
-    @contextmanager
-    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
-        if self._at_hand is None:
-            with super().solved(attempt) as both:
-                yield both
-            return
-        (run, held), self._at_hand = self._at_hand, None
-        with held:
-            yield run, computed_loads(run)
+        factor = 0.5**failures * coarsest(self.scene)
+        return Attempt(self.set_up(self.scene), partial(coarse_sizes, factor, None))
 
     def solve(self, run: Run) -> Loads:
         force, torque = loads_at(run, self.speed)
@@ -96,21 +78,13 @@ class DualWeighted(Search):
             unit = goals.allowance * plain
             term = by_dual(goals, unit)
             self._plain = self.goal.error(computed, term.force, term.torque)
-            before, self._improved = self._improved, (self.speed, goals.loads(plain))
-            self._compared = self._corrects and before is not None and before[0] == self.speed
+            here = self.speed, run.scene.contact, run.scene.domain
+            before, self._improved = self._improved, (here, goals.loads(plain))
+            self._compared = self._corrects and before is not None and before[0] == here
             if self._compared and before is not None:
                 term = by_both(term, goals, unit, before[1])
             self.known.terms["discretisation"] = term
-            others = self.suited.terms if self.suited is not None else ()
-            between = of_interaction((*others, term), computed)
-            whole = (
-                term
-                if between is None
-                else replace(
-                    term, force=term.force + between.force, torque=term.torque + between.torque
-                )
-            )
-            error = self.goal.error(computed, whole.force, whole.torque)
+            error = self.goal.error(computed, term.force, term.torque)
             if error <= self.allowed:
                 return Estimate(error, term, term.doubt)  # no next mesh
             parts = [goals.shares(unit * goal) for goal in self.goal.goals(computed)]
@@ -124,14 +98,14 @@ class DualWeighted(Search):
         the uncorrected load needs less.
         """
         wanted = super().target(estimate)
-        if not (self._has_one_order and self._corrects):
+        if not (highest_order(self.scene) == ORDERS[0] and self._corrects):
             return wanted
         compared = min(COMPARED, wanted) if self._compared else COMPARED
         return max(AIM * self.allowed / self._plain, compared)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         before, shares, gdim = order_of(attempt.scene), estimate.shares, attempt.scene.gdim
-        order, excess = next_order(before, 1.0 / left, gdim, self._highest)
+        order, excess = next_order(before, 1.0 / left, gdim, highest_order(self.scene))
         together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
         # Contributions may cancel: their sum may exceed the error.
         cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
@@ -145,27 +119,6 @@ class DualWeighted(Search):
     @property
     def _corrects(self) -> bool:
         return self.numerics.error_bars and is_corrected(self.scene)
-
-    @property
-    def _highest(self) -> int:
-        return highest_order(self.scene.gdim, inertia(Setup(self.scene)).present)
-
-    @property
-    def _has_one_order(self) -> bool:
-        return self._highest == ORDERS[0]
-
-    @contextmanager
-    def coarse_runs(self) -> Iterator[InTurn]:
-        """Coarse runs for the errors of gap and domain; the last one may use the run of the first attempt."""
-        prepare = self._for_coarse_runs if self._has_one_order else None
-        with InTurn(self.comm, coarse_scenes, loads_of, prepare) as solve:
-            yield solve
-            self._at_hand = solve.handed_over(self.first().scene)
-
-    def _for_coarse_runs(self, coarse: Scene) -> AbstractContextManager[Run]:
-        first = self.first()
-        own = changed(coarse, numerics=first.scene.numerics.model_dump())
-        return prepared(own, self.comm, self.accounts, voice=self.voice, sizing=first.sizing)
 
 
 class Uniform(Search):
@@ -229,7 +182,7 @@ class Uniform(Search):
 class InTime(Search):
     """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`)."""
 
-    most = next_mesh.MOST_RUNS
+    most, kept = next_mesh.MOST_RUNS, ()
     _last: Scene | None = None
 
     def first(self, failures: int = 0) -> Attempt:
@@ -240,12 +193,14 @@ class InTime(Search):
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
-        scene = attempt.scene
-        self._recorder = SearchRecorder(self.recorder, scene, self.adaptation)
-        accounts = Accounts(known=self.known, spent=self.spent)  # separate times of each run
-        recorder = cast(Recorder, self._recorder)
-        with solved(scene, self.comm, recorder, self.voice, accounts=accounts) as run:
+        # Separate times of each run.
+        accounts = Accounts(known=self.known, spent=self.spent, described=self.described)
+        with solved(attempt.scene, self.comm, self.recorder, self.voice, accounts=accounts) as run:
             yield run, computed_loads(run)
+
+    def record(self, run: Run) -> Path | None:
+        self._recorded = run
+        return self.recorder.provisional(outcome(run))
 
     def estimate(self, run: Run, computed: Loads) -> Estimate:
         scene, terms = run.scene, self.known.terms
@@ -255,10 +210,8 @@ class InTime(Search):
             terms.pop(OF_MESH, None)
         self._last = scene
         runs = KeptRuns(self.known.loads, lambda: "", lambda each: loads_of(each, self.comm))
-        assert self._recorder is not None
         try:
-            kept = self._recorder.provisional(outcome(run))
-            with told_where_kept(kept, self.comm):
+            with told_where_kept(self.record(run), self.comm):
                 term = by_coarser_runs(scene, computed, runs, terms.get(OF_MESH))
         except Interrupted:
             raise

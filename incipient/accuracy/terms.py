@@ -13,8 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
-from ..planning.cells import LEVEL
-from ..planning.discretisation import far_cells, order_of
+from ..planning.discretisation import LEVEL, coarsest_grid, far_cell, order_of
 from ..planning.meshing import is_resolved
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads, Term
@@ -24,11 +23,13 @@ from ..setup.setup import Setup
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
+    FARTHER_MOVED,
     Solve,
     changed,
     coarse,
     comparisons,
     farther,
+    moves_mesh,
     on_another_mesh,
     on_coarser_mesh,
     order_in_time,
@@ -73,7 +74,7 @@ NOT_COARSER = (
 )
 NOT_RESOLVED = "cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {:.2g} or less"
 NO_LIMIT = (
-    "sides 1.5 times as far away change the force by {:.2g}, sides 2.25 times as far away by another {:.2g}: it does "
+    "sides {:g} times as far away change the force by {:.2g}, sides {:g} times as far away by another {:.2g}: it does "
     "not converge; use a larger domain, or a flow that does not depend on its size"
 )
 NO_MORE_BED = "not estimated with numerics.accuracy; a larger numerics.meshed_bed reduces it"
@@ -139,9 +140,8 @@ def _by_two_meshes(
 
 def _require_coarser(scene: Scene) -> None:
     if scene.is_averaged or scene.time is None:
-        setup = Setup(scene)
-        by_grid = far_cells(setup).coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
-        most = coarsest(setup) / COARSER_MESH if scene.is_averaged else by_grid
+        by_grid = coarsest_grid(scene) / COARSER_MESH**2 * (1.0 + 1e-9)
+        most = coarsest(Setup(scene)) / COARSER_MESH if scene.is_averaged else by_grid
         if scene.numerics.mesh_size > most:
             raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
     most = COARSEST_IN_SPACE / COARSER_MESH**2 * (1.0 + 1e-9)
@@ -228,9 +228,7 @@ def doubt_of_stream(scene: Scene) -> str:
     """
     if not is_stream(scene):
         return ""
-    order, cells = order_of(scene), far_cells(Setup(scene))
-    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(order)
-    most = LEVEL * scene.domain.height / largest
+    most = LEVEL * scene.domain.height / far_cell(scene, order_of(scene))
     if scene.numerics.mesh_size <= most:
         return ""
     return (
@@ -277,7 +275,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def _noise(coarse: Loads, computed: Loads) -> Floats:
-    if coarse.moved:
+    if coarse.moved or computed.moved:
         return np.zeros(6)
     return np.abs(np.concatenate([coarse.force - computed.force, coarse.torque - computed.torque]))
 
@@ -293,48 +291,48 @@ def _order_in_gap(near: float, far: float) -> float:
     return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
 
 
-def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None = None) -> Term:
+def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The error of sides that represent unbounded flow, from a coarse run with a larger domain.
 
     Loads on a fixed grain are corrected; a still larger domain gives the second estimate.
-
-    decay: power of the distance in the influence of the sides; None: that of the bed
     """
-    if decay is None:
-        decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
-    share = 1.0 / (1.0 - FARTHER**-decay)
-    how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
-    here, far = solve(coarse(scene)), solve(coarse(farther(scene)))
+    decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
+    factor = FARTHER_MOVED if scene.gdim == 2 and moves_mesh(scene) else FARTHER
+    share = 1.0 / (1.0 - factor**-decay)
+    how = f"a coarse run with sides {factor:g} times as far, decay with distance to the power {decay:.2g}"
+    here, far = solve(coarse(scene)), solve(coarse(farther(scene, factor)))
     term = Term.of_difference("domain", far, here, share, how)
     if not (is_corrected(scene) and len(here.force)):
         return term
     try:
-        farthest = solve(coarse(farther(scene, FARTHER**2)))
+        farthest = solve(coarse(farther(scene, factor**2)))
     except IncipientError as error:
         return replace(
-            term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}"
+            term, how=f"{how}; not corrected, sides {factor**2:.3g} times as far: {error}"
         )
     values = [np.concatenate([each.force, each.torque]) for each in (here, far, farthest)]
     noise = _noise(here, computed)
-    change, left = _to_unbounded(values, decay, float(np.linalg.norm(noise[:3])))
-    times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"
+    change, left = _to_unbounded(values, factor, decay, float(np.linalg.norm(noise[:3])))
+    times = f"{factor:g} and {factor**2:.3g} times as far"
     how = f"coarse runs with sides {times}, decay with distance to the power {decay:.2g} or slower"
     return replace(term, how=how).corrected(change, left + noise)
 
 
-def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
-    """The change of loads (6,) to unbounded flow, from three distances, and its uncertainty.
+def _to_unbounded(
+    values: list[Floats], factor: float, decay: float, noise: float
+) -> tuple[Floats, Floats]:
+    """The change of loads (6,) to unbounded flow, from three distances at a factor, and its uncertainty.
 
     The power is observed in the forces, within bounds. The uncertainty is the largest deviation of the estimates with
     other powers or fewer distances, plus the relative influence of the sides on their own effect.
     """
     near, far = (float(np.linalg.norm((after - before)[:3])) for before, after in pairwise(values))
     if far > max(near, noise):
-        raise ConvergenceError(NO_LIMIT.format(near, far))
-    seen = math.log(near / far) / math.log(FARTHER) if near and far else decay
+        raise ConvergenceError(NO_LIMIT.format(factor, near, factor**2, far))
+    seen = math.log(near / far) / math.log(factor) if near and far else decay
     slowest = SLOWEST_PART * decay, decay, SLOWEST_DECAY
     by_seen, by_decay, by_slower = (
-        1.0 / (1.0 - FARTHER ** -min(max(seen, least), decay)) for least in slowest
+        1.0 / (1.0 - factor ** -min(max(seen, least), decay)) for least in slowest
     )
     change = values[1] + by_seen * (values[2] - values[1]) - values[0]
     others = (
@@ -421,15 +419,23 @@ def no_gap(scene: Scene) -> str:
 
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or ""."""
-    if (scene.is_averaged and scene.body is None) or scene.has_separation:
-        return "does not apply: the length of the channel and its inflow belong to the scene"
-    if scene.domain.kind == "box":
-        return "does not apply: the domain is closed by walls"
-    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
-        return "not estimated: the bed is known only as far as its points reach"
-    if scene.has_surface and scene.surface is not None and scene.surface.outflow == "wall":
-        return "does not apply: the channel is closed by a wall"
-    return ""
+    bed, surface = scene.bed, scene.surface
+    reasons = (
+        (
+            (scene.is_averaged and scene.body is None) or scene.has_separation,
+            "does not apply: the length of the channel and its inflow belong to the scene",
+        ),
+        (scene.domain.kind == "box", "does not apply: the domain is closed by walls"),
+        (
+            bed is not None and bed.kind in ("polyline", "height-map", "mesh"),
+            "not estimated: the bed is known only as far as its points reach",
+        ),
+        (
+            scene.has_surface and surface is not None and surface.outflow == "wall",
+            "does not apply: the channel is closed by a wall",
+        ),
+    )
+    return next((reason for applies, reason in reasons if applies), "")
 
 
 def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:

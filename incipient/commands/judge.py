@@ -19,17 +19,9 @@ from ..results.kinds import JUDGEMENT, SERIES, ResultKind
 from .drawing import draw_and_tell
 from .options import BESIDE
 
-OPTIONS_OF = {
-    "jobs": ("batch",),
-    "since": ("forces", "series"),
-    "law": ("forces", "series"),
-    **dict.fromkeys(("density", "grain", "bed"), ("forces",)),
-}
-
 
 def judge(options: argparse.Namespace) -> None:
     """Judge a case and print the verdict; write it with `--out`."""
-    _refuse_unread(options)
     if options.forces is not None:
         _judge_forces(options)
     elif options.batch is not None:
@@ -41,13 +33,6 @@ def judge(options: argparse.Namespace) -> None:
         _judge_series(options)
     else:
         _judge_case(options)
-
-
-def _refuse_unread(options: argparse.Namespace) -> None:
-    for name, readers in OPTIONS_OF.items():
-        if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
-            needs = " or ".join(f"--{one}" for one in readers)
-            raise SceneError(f"--{name}: needs {needs}; add it, or leave --{name} out")
 
 
 def _judge_forces(options: argparse.Namespace) -> None:

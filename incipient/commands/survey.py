@@ -18,12 +18,10 @@ from ..survey.orientations import survey_poses
 from ..survey.procedure import survey as find
 from ..survey.request import Survey
 from .drawing import draw_and_tell
-from .options import refuse_old_workers
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
     """Survey a bed, or a grain in many poses; print and draw the result."""
-    refuse_old_workers(options)
     if comm.size > 1:
         remedy = "start it without mpirun, with --jobs, or with --scheduler on a cluster"
         raise SceneError(f"a survey computes each run on one rank; {remedy}")

@@ -18,7 +18,7 @@ from ..parallel import ONE_RANK, environment_alone, start_alone_quickly
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
 from ..scene.file import dumps
-from ..simulation.recorder import Recorder
+from ..simulation.recorder import History
 from ..simulation.simulate import simulate
 from . import quantities
 from .ladder import Rung
@@ -83,14 +83,6 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
     return MeasuredRun(rung, wall, quantities=values, **measured), compiled
 
 
-class _History(Recorder):
-    def __init__(self) -> None:
-        self.rows: list[dict[str, Any]] = []
-
-    def step(self, row: dict[str, Any]) -> None:
-        self.rows.append(row)
-
-
 def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene for the content of a `MeasuredRun` without wall time. Collective."""
     if task == "threshold":
@@ -101,7 +93,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
             raise ConvergenceError(f"there is no critical flow: {threshold.reason}")
         cost, values = threshold.cost, quantities.of_threshold(threshold)
     else:
-        history = _History()
+        history = History()
         result = simulate(scene, comm, history)
         cost, values = result.cost, quantities.of_run(scene, result, history.rows)
     if not values:

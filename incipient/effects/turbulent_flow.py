@@ -33,11 +33,11 @@ from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime, Moving
-from .run_part import RunPart, Solving, Stage
+from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ..coupled.coupling import Coupling
     from ..restart import Checkpoint
+    from ..simulation.state import Run
 
 
 class TurbulentFlow(RunPart):
@@ -89,7 +89,7 @@ class TurbulentFlow(RunPart):
         self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
         self.fields.watch(fluid)
 
-    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> None:
+    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> None:
         """Compute the steady flow with its turbulence from the inflow's, or `onwards` first from the present.
 
         `factor`: of the scene's speed, at the same viscosity; the flow is in its own units. Raises ConvergenceError.
@@ -118,7 +118,7 @@ class TurbulentFlow(RunPart):
                 f"the steady flow has not converged: its loads change by {100.0 * outcome.spread:.2g}%"
             )
 
-    def _loads(self, run: Solving) -> Callable[[], Floats]:
+    def _loads(self, run: Run) -> Callable[[], Floats]:
         """Function for force and torque over the grain's size, (6,), or the force on the bed, (3,)."""
         grain, probe = self._of_run.scene.grain, run.probe
         if probe is None or grain is None:
@@ -201,13 +201,13 @@ class TurbulentFlow(RunPart):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+    def stored(self, transient: Transient) -> dict[str, Any]:
         assert self.in_time is not None
         space = self.fields.space
         points = space.tabulate_dof_coordinates()
         return {"turbulence": stored_field(space, points, self.in_time.past)}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+    def restore(self, kept: Checkpoint) -> None:
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
         space = self.fields.space
@@ -217,7 +217,7 @@ class TurbulentFlow(RunPart):
 
     # -- output -----------------------------------------------------------------------------------
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+    def columns(self, step: TimeStep) -> dict[str, Any]:
         return self.wall_report().columns()
 
     def reported(self) -> dict[str, Any]:

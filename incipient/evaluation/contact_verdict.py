@@ -92,7 +92,6 @@ def bar_with_rocking(
         high=high,
         certain=False,
         modes=(mode,),
-        complete=False,
         frozen=drift,
     )
 

@@ -26,7 +26,7 @@ from ..scene import Body
 from ..scene.file import read
 from ..scene.mass import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
-from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, key
+from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, first_broken, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -99,16 +99,15 @@ class CaseLoad(Section):
     about: Vector | None = key("reference point of flow_couple; default: the centre of mass", None)
 
 
-def _as_many(name: str) -> Rule:
-    return Rule(name, lambda s: getattr(s, name) is not None and len(getattr(s, name)) != len(s.points),
-                lambda s: f"{len(getattr(s, name))} given for {counted(len(s.points), 'point')}",
-                "give one for each point")  # fmt: skip
-
-
 class CaseContacts(Section):
     """Contacts of the grain and the bed."""
 
-    rules = tuple(map(_as_many, ("normals", "areas")))
+    rules = (
+        Rule("{v[0]}", lambda s: [
+                (name, len(items), counted(len(s.points), "point")) for name in ("normals", "areas")
+                if (items := getattr(s, name)) is not None and len(items) != len(s.points)],
+             "{v[1]} given for {v[2]}", "give one for each point"),
+    )  # fmt: skip
 
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
@@ -154,10 +153,10 @@ class Case(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Case:
-        broken = (rule.problem(self) for rule in RULES if rule.broken(self))
+        problems = first_broken(RULES, self)
         checks = (check(self) for check in (_dimension, _outward, _on_surface))
-        if problem := next(chain(broken, chain.from_iterable(checks)), None):
-            raise refusal("Case", [problem], between=True)
+        if problem := next(chain(problems, chain.from_iterable(checks)), None):
+            raise refusal(problem, between=True)
         return self
 
     def require_flow(self, source: str) -> None:
@@ -320,7 +319,7 @@ def _outward(case: Case) -> Iterator[Problem]:
 def _on_surface(case: Case) -> Iterator[Problem]:
     if case.body is None:
         return
-    shape, contacts = case.body.grain(), case.to_contacts()
+    shape, contacts = case.body.grain, case.to_contacts()
     points = case.placement.to_body(contacts.points[:, : case.gdim])
     for index, level in enumerate(shape.level(points)):
         if abs(level) > ROUNDING * shape.size:

@@ -114,7 +114,7 @@ class GrainInPlace(Section):
         Raises SceneError unless the grain touches the bed.
         """
         down, centre = unit(np.array(self.gravity.direction)), np.array(self.body.centre)
-        grain, placement = self.body.grain(), self.body.placed(tuple(centre.tolist()))
+        grain, placement = self.body.grain, self.body.placed(tuple(centre.tolist()))
         frame = align_vectors(
             -down if self.bed.up is None else unit(np.array(self.bed.up)), [0, 0, 1]
         )[:3, :3]

@@ -58,7 +58,7 @@ class MotionInTime:
         error = f", {self.samples} samples" if self.error is None else f" +- {self.error:.2g}"
         often = f"begins {self.rate:.3g} times per unit of time ({self.low:.2g} to {self.high:.2g})"
         where = f"from time {self.since:.6g} on"
-        return f"{'motion':<20}probability at an instant {self.probability:.3g}{error}, {often}; {where}"
+        return f"{'motion':<20}instantaneous probability {self.probability:.3g}{error}, {often}; {where}"
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from ..arrays import Point
 from ..errors import SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import reading
@@ -21,9 +18,7 @@ from ..progress import Silent
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..scene import Scene
 from ..scene.file import dumps
-from ..scene.fluctuations import Gusts
-from ..scene.messages import one_line, problems_of
-from ..scene.points import read_points
+from ..scene.points import read_numbers
 from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
 from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
@@ -210,11 +205,8 @@ def _stored(path: Path) -> dict[str, Any]:
     return stored
 
 
-def _points(path: Path) -> list[Point]:
-    try:
-        points = read_points(path, 1, "data")
-    except ValidationError as error:
-        raise SceneError(one_line("--data", problems_of(error, Gusts))) from None
+def _points(path: Path) -> list[tuple[float, ...]]:
+    points = read_numbers(path, "x, y")
     for shields, probability in points:
         if not (shields > 0.0 and 0.0 <= probability <= 1.0):
             why = f"has the Shields number {shields:g} with the probability {probability:g}"

@@ -9,8 +9,6 @@ KEYS: dict[str, str] = {
     "surface.tension": "leave it out: the surface is that of water deeper than some millimetres",
     "surface.wave.zone": "make the domain longer ahead of the grain, so that reflected waves come late",
     "bed.leading_edge": "leave it out: plates in a turbulent flow are no longer simulated",
-    "bed.diameters": 'use bed.sizes and bed.spread, or kind = "spheres" with a file',
-    "runs.seed": "leave it out: the draws of errors are always the same",
     "turbulence.first_cell": "use numerics.mesh_size, which scales all cells",
 }
 

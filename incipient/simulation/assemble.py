@@ -59,7 +59,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
         separated = run.separated()
         measured = _measured(run)
-    return Result(
+    result = Result(
         title=scene.title,
         plan=run.plan,
         scene=scene.model_dump(mode="json"),
@@ -87,6 +87,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         quantities=known.quantities(),
         measured=measured,
     )
+    return run.accounts.described(result)
 
 
 def with_rests(run: Run, result: Result) -> Result:
@@ -120,9 +121,8 @@ def completed(
     if follows:
         corrected = with_rests(run, corrected)
     bars, omitted = _with_rocking(run, corrected, bars), _omissions(run, result)
-    return replace(
-        corrected, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run)
-    )
+    barred = replace(corrected, error_bars=bars, without_error_bars=why)
+    return run.accounts.described(replace(barred, omitted=omitted, cost=cost(run)))
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..fluid.transient import Transient
 from ..planning.discretisation import with_order
-from ..restart import Checkpoint, Progress, stored_flow, stored_mesh
+from ..restart import Checkpoint, Progress, StoredMotion, numbered_nodes, stored_flow, stored_mesh
 from ..scene.file import dumps
 from .state import Run
 
@@ -22,13 +22,19 @@ def collected(run: Run) -> Checkpoint:
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
     parts: dict[str, Any] = {**stored_flow(fluid, states)}
     for part in run.parts:
-        parts |= part.stored(coupling, transient)
+        parts |= part.stored(transient)
+    motion = None
+    if coupling is not None:
+        nodes = numbered_nodes(fluid.domain.mesh)
+        places = nodes.joined(np.stack(coupling.places, axis=1))
+        motion = StoredMotion(nodes.joined(coupling.motion.reference), places)
     return Checkpoint(
         # Later versions may choose another order.
         scene=dumps(with_order(run.scene, run.plan.order)),
         progress=_progress(run, transient),
         mesh=stored_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
+        motion=motion,
         **parts,
     )
 

@@ -1,4 +1,4 @@
-"""Mesh of a steady 3-D run, moved to other gaps and domains, and its second-order flow."""
+"""Mesh of a steady run, moved to other gaps and domains, and its second-order flow."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, spatial
 from ..coupled.tractions import TractionProbe
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..geometry.closest import lifted
+from ..geometry.plane.beds import Flat
 from ..geometry.space.beds import Plane
 from ..mesh.motion import LEAST_QUALITY, MeshMotion, Potentials, stretched
 from ..meshes import SYMMETRY
@@ -22,6 +23,7 @@ from ..results.errorbars import Loads
 from ..scene import Scene
 from ..setup.setup import Setup
 from .state import Run
+from .steady import unit_of
 
 # Tolerance of the flows, whose loads differ by per cents.
 TOLERANCE = 1e-5
@@ -43,7 +45,7 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
         centre, places = _centre(run, setup), _in_domain(run, setup)
         if places is None:
             return {}
-        places = places + weights * (centre - np.asarray(run.layout.placement.centre))
+        places = places + weights * (centre - spatial(run.layout.placement.centre))
         if motion.quality(places).relative <= LEAST_QUALITY:
             return {}
         moved[scene.model_dump_json()] = MovedMesh(run, setup, places, centre)
@@ -63,23 +65,23 @@ class MovedMesh:
         """Force and torque in a flow `speed` times the scene's. Collective; raises ConvergenceError."""
         run, places = self.run, self.run.domain.mesh.geometry.x
         before, fluid = places.copy(), run.fluid.coarse or run.fluid
+        order = ORDER if run.scene.gdim == 3 else fluid.space.order
         places[:] = self.places
         try:
             with ExitStack() as stack:
-                if fluid.space.order != ORDER or not np.array_equal(places, before):
-                    model = replace(fluid.model, order=ORDER)
+                if fluid.space.order != order or not np.array_equal(places, before):
+                    model = replace(fluid.model, order=order)
                     other = Fluid(run.domain, model, conditions(self.setup), fluid.reynolds)
                     stack.enter_context(other)
                     other.interpolate(fluid)
-                    if fluid.space.order == ORDER:
+                    if fluid.space.order == order:
                         self._follow(fluid, other)
                     self._solve(other)
                     fluid = other
                 resultant = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
         finally:
             places[:] = before
-        # The fluid's unit of speed is close to `speed` except in Stokes flow.
-        unit = speed * run.fluid.reynolds / run.plan.reynolds
+        unit = unit_of(run, speed)
         return Loads(unit * resultant.force, unit * resultant.torque, moved=True)
 
     def _follow(self, fluid: Fluid, other: Fluid) -> None:
@@ -101,23 +103,16 @@ def _centre(run: Run, setup: Setup) -> Floats:
     layout, scene = run.layout, setup.scene
     assert layout.placement is not None and layout.resting is not None and scene.grain is not None
     if scene.bed_shape is None or not scene.rests:
-        return np.asarray(layout.placement.centre)
-    return np.asarray(
-        lifted(
-            scene.grain,
-            layout.resting,
-            scene.bed_shape,
-            scene.contact_gap,
-        ).centre
-    )
+        return spatial(layout.placement.centre)
+    return spatial(lifted(scene.grain, layout.resting, scene.bed_shape, scene.contact_gap).centre)
 
 
 def _in_domain(run: Run, setup: Setup) -> Floats | None:
     """Node positions (n, 3) in the domain of another setup; None for another bed."""
 
     def box(domain: Any) -> Floats:
-        sides = (domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)
-        return np.array(sides).T
+        spans = *domain.spans, (domain.bottom, domain.ceiling), (0.0, 0.0)
+        return np.array(spans[:3]).T
 
     x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement
     old, new = (box(one.scene.domain) for one in (run.setup, setup))
@@ -127,9 +122,10 @@ def _in_domain(run: Run, setup: Setup) -> Floats | None:
     bed, resolved = run.scene.bed_shape, getattr(region, "resolved", None)
     if bed is not None and setup.base_flow.datum != run.setup.base_flow.datum:
         return None  # without a bed the bottom moves
-    if resolved is None and not (bed is None or (isinstance(bed, Plane) and not any(bed.slope))):
+    level = isinstance(bed, Flat) or (isinstance(bed, Plane) and not any(bed.slope))
+    if resolved is None and not (bed is None or level):
         return None
     kept = np.full(3, KEPT * run.scene.grain.size)
     if resolved is not None:
         kept[:2] = np.maximum(kept[:2], resolved.radius + resolved.passage)
-    return stretched(np.array(x), np.asarray(placement.centre), kept, old, new)
+    return stretched(np.array(x), spatial(placement.centre), kept, old, new)

@@ -54,6 +54,16 @@ class Recorder:
         """Record the result of a run, complete or not."""
 
 
+class History(Recorder):
+    """A recorder of time steps as `rows`."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+
+    def step(self, row: dict[str, Any]) -> None:
+        self.rows.append(row)
+
+
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:
     """Record the fields after a step on request. Collective."""
     if not recorder.wants_fields(number, last):

@@ -62,9 +62,9 @@ def simulate(
         return result
 
 
-def hand_over(run: Run, recorder: Recorder) -> Path | None:
-    """Record a solved steady flow without error bars; returns its directory. Collective."""
-    recorder.begin(run.scene, run.plan, run.domain)
+def hand_over(run: Run, recorder: Recorder, scene: Scene) -> Path | None:
+    """Record a solved steady flow as of a scene, without error bars; returns its directory. Collective."""
+    recorder.begin(scene, run.plan, run.domain)
     record_fields(recorder, run, 0, last=True)
     return recorder.provisional(outcome(run))
 

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
-from ..effects.run_part import RunPart
+from ..effects.effect import RunPart
 from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.layout import Layout
@@ -22,12 +22,13 @@ from .steadiness import Steadiness
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
-    from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
+    from ..effects.moving_surface import MovingSurface
     from ..effects.turbulent_flow import TurbulentFlow
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
+    from ..results.result import Result
     from ..results.wall_report import WallReport
     from .march import March
 
@@ -45,12 +46,14 @@ class Accounts:
     """Costs and known estimates, shared by the runs of a search.
 
     spent: why no further estimate may begin, or "".
+    described: adds the search to a result.
     """
 
     ledger: Ledger = field(default_factory=Ledger)
     iterations: dict[str, int] = field(default_factory=dict)
     known: Known = field(default_factory=Known)
     spent: Callable[[], str] = lambda: ""
+    described: Callable[[Result], Result] = lambda result: result
 
     def count(self, **numbers: int) -> None:
         for name, number in numbers.items():

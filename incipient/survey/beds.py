@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from pydantic import ValidationError
 from scipy.ndimage import center_of_mass, maximum
 
 from ..arrays import Floats, decimal
@@ -16,9 +15,8 @@ from ..errors import SceneError
 from ..geometry.space.heightmap import LARGEST_FILE, HeightMap, array_in, require_few
 from ..geometry.statics import nearest_motion
 from ..input_files import read_table, reading
-from ..scene.messages import one_line, problems_of
 from ..scene.points import read_numbers
-from .request import MOST_GRAINS, Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres
+from .request import Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres
 
 _G3POINT = ("Xc", "Yc", "Zc", "Dmax", "Dmed", "Dmin")
 FEWEST_PIXELS = 12  # of a label that is a grain
@@ -153,6 +151,8 @@ def _(bed: Deposited, base: Path) -> Spheres:
 
 def _radii(bed: Deposited) -> Floats:
     random, count = np.random.default_rng([bed.seed, 1]), bed.number
+    if bed.diameters:
+        return 0.5 * random.choice(np.array(bed.diameters), count)
     if bed.sizes == "uniform":
         return 0.5 * bed.diameter * random.uniform(1.0 - bed.spread, 1.0 + bed.spread, count)
     if bed.sizes == "lognormal":
@@ -164,11 +164,7 @@ def _radii(bed: Deposited) -> Floats:
 
 @spheres_of.register
 def _(bed: MeasuredSpheres, base: Path) -> Spheres:
-    columns = "x, y, z, diameter"
-    try:
-        rows = np.array(read_numbers(base / bed.file, 4, MOST_GRAINS, "bed", columns, 3))
-    except ValidationError as error:
-        raise SceneError(one_line("bed", problems_of(error, MeasuredSpheres))) from None
+    rows = np.array(read_numbers(base / bed.file, "x, y, z, diameter", 3))
     return _measured(rows[:, :3], 0.5 * rows[:, 3], bed.file)
 
 

@@ -84,7 +84,7 @@ def survey(
 
 def _mark(request: Survey, spheres: Spheres) -> str:
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
-    runs = request.runs.model_dump(exclude={"number", "with_error_bars"})
+    runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
     return hashlib.sha256(key.encode()).hexdigest()[:8]
 
@@ -161,7 +161,7 @@ def _with_thresholds(
 ) -> SurveyOutcome:
     grains, emulator = outcome.free, _emulator(outcome, runs)
     median, flow = outcome.surface.median, outcome.request.flow
-    critical = thresholds(grains, median, flow, runs, emulator)
+    critical = thresholds(grains, median, flow, runs, emulator, outcome.request.runs.seed)
     features[:, -1] = np.log10(runs[0].reynolds)
     known = {run.number for run in runs}
     unknown = [place for place, grain in enumerate(grains) if grain.number not in known]

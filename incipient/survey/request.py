@@ -32,6 +32,9 @@ class Deposited(Section):
         0.0,
         lt=1,
     )
+    diameters: Annotated[tuple[Positive, ...], Field(strict=False)] = key(
+        "Diameters to draw from, each equally likely, instead of sizes [length]", ()
+    )
     tries: int = key(
         "Places tried for each sphere, of which the lowest is taken: more give a more level bed",
         1,
@@ -114,6 +117,7 @@ class Runs(Section):
     with_error_bars: int = key(
         "Number of these runs with error estimates, which are applied to all", 2, ge=0
     )
+    seed: int = key("Seed of the emulator's draws", 0, ge=0)
 
 
 class Survey(Section):

@@ -56,6 +56,7 @@ def thresholds(
     flow: FlowPast,
     runs: Sequence[LoadCoefficients],
     emulator: Emulator,
+    seed: int = 0,
 ) -> list[Threshold]:
     """Thresholds of grains: by their own run in creeping flow, otherwise by the emulator.
 
@@ -73,12 +74,12 @@ def thresholds(
     shape = len(grains), -1, 6
     means, deviations = (part.reshape(shape) for part in emulator.predicted(np.array(features)))
     # An error bar of the runs, over the drag, is two standard deviations.
-    of_flow = 0.5 * relative_error(runs) * _drawn(OF_FLOW)
+    of_flow = 0.5 * relative_error(runs) * _drawn(seed, OF_FLOW)
     correlated = np.linalg.cholesky(emulator.correlation).T
     critical = []
     for place, grain in enumerate(grains):
         own = means[place]
-        ranges = deviations[place][:, None] * (_drawn(OF_EMULATOR, grain.number) @ correlated)
+        ranges = deviations[place][:, None] * (_drawn(seed, OF_EMULATOR, grain.number) @ correlated)
         if is_computed := grain.number in computed:
             own, ranges = computed[grain.number].values[None], np.zeros_like(ranges)
         common = np.abs(own[:, :1])[:, None] * of_flow
@@ -92,7 +93,7 @@ def thresholds(
 
 
 def _drawn(*seed: int) -> Floats:
-    return np.random.default_rng([0, *seed]).standard_normal((DRAWS, 6))
+    return np.random.default_rng(seed).standard_normal((DRAWS, 6))
 
 
 def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ..accuracy.errorbars import coarse_scenes, error_terms
-from ..accuracy.finish import improved_loads
+from ..accuracy.errorbars import error_terms
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
-from ..effects.turbulence import threshold_needs, threshold_notes
+from ..effects.turbulence import threshold_notes
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
 from ..parallel import Comm
@@ -24,11 +22,8 @@ from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.units import nominal_diameter
-from ..setup.setup import Setup
 from ..simulation.assemble import TO_COME, cost
-from ..simulation.beside import Beside
 from ..simulation.build import prepared
-from ..simulation.simulate import loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .bars import corrected, critical_bars
@@ -122,11 +117,15 @@ def _require(scene: Scene) -> None:
         ),
         (not scene.flow.at_rest, "a flow (flow.kind other than still)"),
         (scene.flow.keeps_shape, KEEPS_SHAPE),
+        # Meshes follow the speed of the flow.
+        (
+            not scene.is_averaged or scene.numerics.accuracy is None,
+            "numerics.accuracy left out with turbulence; see its error bars",
+        ),
     )
-    lacking = [need for met, need in needs if not met]
-    setup = Setup(scene)
-    for need in lacking or threshold_needs(setup):
-        raise SceneError(f"a threshold needs {need}")
+    for met, need in needs:
+        if not met:
+            raise SceneError(f"a threshold needs {need}")
 
 
 def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
@@ -177,9 +176,7 @@ def _with_bars(
             # The nearest computed flow may be far away for a proportional load.
             force = replace(force, flow=flow.load.flow_force)
             torque = replace(torque, flow=flow.load.flow_couple)
-            solve = Beside(run, coarse_scenes, loads_of, flow.factor)
-            improve = partial(improved_loads, comm=run.comm, speed=flow.factor)
-            terms = error_terms(run, force, torque, solve, flow.factor, improve)
+            terms = error_terms(run, force, torque, flow.factor)
             flow, terms = corrected(flow, terms)
             bars = critical_bars(flow, terms)
         except IncipientError as error:

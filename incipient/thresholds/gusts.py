@@ -15,7 +15,7 @@ from ..errors import SceneError
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
-from ..scene.gust import Gust
+from ..scene.gusts import Gust
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from .critical import find_threshold
@@ -185,14 +185,27 @@ def require_durations(durations: Sequence[float]) -> None:
 
 def _missing(scene: Scene) -> str:
     body, bed, flow = scene.body, scene.bed, scene.flow
-    if scene.is_averaged:
-        return "effects.turbulence: gusts are computed in laminar flow only; leave it out"
-    if body is None or body.motion != "released":
-        return 'body.motion: gusts are computed for a grain that rests on its bed; use "released"'
-    if bed is None or bed.kind == "flat":
-        return "bed.kind: a flat bed has no pocket to leave; use a bed with bedforms"
-    if not hasattr(flow, "gust"):
-        return f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile'
-    if flow.gust is not None and flow.gust.shape == "points":
-        return 'flow.gust.shape: "points" has no duration to vary; use "top-hat" or "cosine"'
-    return ""
+    gust = getattr(flow, "gust", None)
+    reasons = (
+        (
+            scene.is_averaged,
+            "effects.turbulence: gusts are computed in laminar flow only; leave it out",
+        ),
+        (
+            body is None or body.motion != "released",
+            'body.motion: gusts are computed for a grain that rests on its bed; use "released"',
+        ),
+        (
+            bed is None or bed.kind == "flat",
+            "bed.kind: a flat bed has no pocket to leave; use a bed with bedforms",
+        ),
+        (
+            not hasattr(flow, "gust"),
+            f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile',
+        ),
+        (
+            gust is not None and gust.shape == "points",
+            'flow.gust.shape: "points" has no duration to vary; use "top-hat" or "cosine"',
+        ),
+    )
+    return next((reason for applies, reason in reasons if applies), "")

@@ -13,7 +13,7 @@ from ..evaluation.contact_verdict import load_of
 from ..results.loads import Forces, Torques, named, named_torque
 from ..scene import Scene
 from ..simulation.loads import weights
-from ..simulation.recorder import Recorder
+from ..simulation.recorder import History
 from ..simulation.simulate import solved
 from ..simulation.state import Run
 
@@ -21,20 +21,12 @@ FEWEST_PERIODS = 3  # the first holds the transient of the start
 PERIODIC = 0.05  # largest change of the loads from period to period, of the largest load
 
 
-class _History(Recorder):
-    def __init__(self) -> None:
-        self.rows: list[dict[str, Any]] = []
-
-    def step(self, row: dict[str, Any]) -> None:
-        self.rows.append(row)
-
-
 def largest_demand(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Torques]:
     """Loads in the scene's flow multiplied by a factor, when they demand most of the contacts. Collective.
 
     `start` is used by steady flows only. Raises SceneError if the flow does not become periodic.
     """
-    scene, history = _faster(run.scene, factor), _History()
+    scene, history = _faster(run.scene, factor), History()
     with solved(scene, run.comm, history, accounts=run.accounts):
         pass
     assert scene.placement is not None and scene.contact is not None and run.contacts is not None

@@ -501,6 +501,7 @@ ALONE = """
 import sys
 from mpi4py import MPI
 from incipient import cli
+from incipient.commands import runs
 from incipient.errors import ConvergenceError
 
 def fails(options, comm):
@@ -511,8 +512,8 @@ def fails(options, comm):
     return 0
 
 cli.TO_COME = 1.0
-cli._commands = lambda: {"run": (fails, "run", cli.options.no_options)}
-raise SystemExit(cli.main(["run"]))
+runs.run = fails
+raise SystemExit(cli.main(["run", "scene.toml"]))
 """
 
 

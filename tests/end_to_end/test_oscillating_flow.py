@@ -31,7 +31,7 @@ from incipient.errors import SceneError
 from incipient.results.result import Result
 from incipient.scene import Scene, loads
 from incipient.setup.setup import Setup
-from incipient.simulation.recorder import Recorder
+from incipient.simulation.recorder import History
 from incipient.simulation.simulate import simulate, solved
 from incipient.thresholds.critical import find_threshold
 
@@ -167,7 +167,7 @@ def test_the_stress_on_the_bed_is_the_largest_of_a_period() -> None:
     setup = Setup(loads(LAYER.format(step=0.1)))
     flow, times, small = setup.base_flow, np.linspace(0.0, 2.0 * math.pi, 801), 1e-5
     speeds = np.array([flow.velocity(np.array([[0.0], [small], [0.0]]), t)[0, 0] for t in times])
-    stress = flow.viscosity * speeds / small
+    stress = setup.scene.viscosity * speeds / small
     assert (
         setup.bed_stress() == pytest.approx(math.sqrt(0.5)) == pytest.approx(stress.max(), rel=1e-4)
     )
@@ -212,17 +212,6 @@ def test_what_contradicts_an_oscillation_is_refused_with_its_key(
 
 
 # -- grains in it -----------------------------------------------------------------------------------
-
-
-class History(Recorder):
-    """The rows of a run."""
-
-    def __init__(self) -> None:
-        self.rows: list[dict[str, Any]] = []
-
-    def step(self, row: dict[str, Any]) -> None:
-        """Keep a row."""
-        self.rows.append(row)
 
 
 STEPS = 40

@@ -45,6 +45,7 @@ from incipient.restart import (
     StoredBody,
     StoredField,
     StoredMesh,
+    StoredMotion,
     read,
     spread_flow,
     spread_mesh,
@@ -193,13 +194,14 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
     velocity = StoredField(numbers((4, 3)), numbers((4, 2, 2)))
     pressure = StoredField(numbers((3, 3)), numbers((3, 2, 1)))
     body = StoredBody(
-        *(numbers(shape) for shape in ((4, 3), (4, 3), 3, (2, 6), 2, (4, 2, 3))),
+        *(numbers(shape) for shape in ((4, 3), 3, (2, 6), 2)),
         None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((0, 3)), met,
         [{"time": 0.1, "cells": 5}], np.array([1, 2]),
     )  # fmt: skip
     progress = Progress(2, 0.1 + 0.2, 1e-5, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)
     times = np.array([time, 0.5])
-    return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, velocity, pressure, body)
+    motion = StoredMotion(numbers((4, 3)), numbers((4, 2, 3)))
+    return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, velocity, pressure, motion, body)
 
 
 def assert_same(first: Any, second: Any) -> None:
@@ -239,7 +241,7 @@ def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
     with pytest.raises(
-        OutputError, match=r"of version 99, .* reads version 10; .* \(incipient 9\.9\)"
+        OutputError, match=r"of version 99, .* reads version 11; .* \(incipient 9\.9\)"
     ):
         read(path, COMM)
 

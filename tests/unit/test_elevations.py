@@ -8,7 +8,7 @@ from scenes import TANK, message
 
 from incipient.accuracy.coarse_runs import changed, farther
 from incipient.accuracy.goal import Goal, relative
-from incipient.accuracy.modelling import suited
+from incipient.accuracy.modelling import less_of_the_model
 from incipient.accuracy.next_mesh import cheapest, first
 from incipient.accuracy.terms import (
     SAFETY,
@@ -16,6 +16,7 @@ from incipient.accuracy.terms import (
     by_coarser_runs,
     doubt_of_stream,
     has_no_far_sides,
+    of_the_model,
 )
 from incipient.errors import SceneError
 from incipient.planning.discretisation import order_of
@@ -254,13 +255,14 @@ def test_an_accuracy_of_all_makes_a_channel_longer():
     def solved(one: Scene) -> Loads:
         return of(wave(20, size=1.0 + 0.2 * (12.0 / one.domain.length) ** 2))
 
-    found = suited(scene, 0.1, Goal.of(scene), solved, lambda line: None)
-    assert found.unmet == "" and [term.name for term in found.terms] == ["domain"]
-    true = 0.2 * (12.0 / found.scene.domain.length) ** 2
-    assert true < 0.05
+    computed = solved(scene)
+    (term,) = (estimate(computed, solved) for estimate in of_the_model(scene).values())
+    error = relative(Goal.of(scene), computed, term)
     # Relative to waves that are higher by the error itself.
-    assert found.error == pytest.approx(true / (1.0 + true), rel=1e-6)
-    assert found.scene.domain.origin == (-1.0, 0.0)
+    assert error == pytest.approx(0.2 / 1.2, rel=1e-6)
+    longer = less_of_the_model(scene, 0.1, (term,), {"domain": error})
+    assert 0.2 * (12.0 / longer.domain.length) ** 2 < 0.05
+    assert longer.domain.origin == (-1.0, 0.0)
 
 
 def test_the_first_mesh_of_a_stream_keeps_the_zone_at_its_inflow():

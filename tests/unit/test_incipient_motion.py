@@ -34,7 +34,7 @@ from incipient.contact.rocking import Rocking, follow
 from incipient.contact.safety import SafetyStatus, safety_factor
 from incipient.contact.verdict import judge
 from incipient.effects.effect import Solved
-from incipient.effects.moving_grain import FreeBodyEffect
+from incipient.effects.omitted import without_motion
 from incipient.errors import SceneError
 from incipient.evaluation.contact_verdict import (
     OTHER_CONTACTS,
@@ -813,7 +813,7 @@ def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
     assert told["judges"] == said["judges"]
     box = SafetyBar(0.0, 0.0, 0.0, True, ("rolling",), True, "gap", None, None)
     bar = bar_with_rocking(box, rocking.critical, ROCKS, 0.05, rocking.drift(rocking.last))
-    assert (bar.certain, bar.complete, bar.modes) == (False, False, (ROCKS,))
+    assert (bar.certain, bar.modes) == (False, (ROCKS,))
     assert bar.low < rocking.critical < bar.high
     assert bar.sentence().startswith("likely, but not proved: safety factor")
     assert not may_rock(judge(load, find_contacts(pebble(1.0)[0]), 0.6, inert).to_dict())
@@ -844,7 +844,7 @@ def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose()
     at = Decision(EffectName.FREE_BODY, False, "")
 
     def said(**verdict: object) -> list[str]:
-        return [one.how for one in FreeBodyEffect().left_out(Solved(None, None, None, verdict), at)]  # type: ignore[arg-type]
+        return [one.how for one in without_motion(Solved(None, None, None, verdict), at)]  # type: ignore[arg-type]
 
     assert said(first_motion=None, rocking=None) == []
     assert said(first_motion=0.1, rocking=None) == ["the grain moves from t = 0.1 on, but was held"]

@@ -694,7 +694,7 @@ def test_the_command_judges_a_series(kind: str, block: Case, tmp_path: Path, cap
     assert cli.main([*order, "--law", "U2"]) == 0
     said = capsys.readouterr().out
     assert "25.000% of the time" in said and "series.png" in said
-    assert "probability at an instant 0.25" in said
+    assert "instantaneous probability 0.25" in said
     # A push of 0.5 is held: for a quarter of the time it is 0.75, else 0.25, and grows as the square of the velocity.
     assert f"probability 0.05  {np.sqrt(0.5 / 0.75):.4g} " in said
     assert f"probability 0.5   {np.sqrt(0.5 / 0.25):.4g} " in said
@@ -1170,7 +1170,7 @@ def test_the_command(how: str, tmp_path: Path, capsys: Any) -> None:
     if how == "case":
         assert "mean from time 6 on" in said and "A block on a bed, forces of OpenFOAM\n" in said
     else:
-        assert "probability at an instant 0, 100 samples" in said
+        assert "instantaneous probability 0, 100 samples" in said
     for name in ("judgement.json", "series.csv", "series.json", "judgement.png", "series.png"):
         assert (tmp_path / "out" / name).is_file()
     stored = json.loads((tmp_path / "out" / "judgement.json").read_text())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import pi
 from typing import Any
 
@@ -13,16 +12,17 @@ from scenes import SETTLED, on_bed, sphere_on_plane
 
 import incipient
 from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, farther
-from incipient.accuracy.errorbars import coarse_scenes
+from incipient.accuracy.errorbars import coarse_scenes, nearby
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.modelling import SMALLEST_GAP, Suited, _is_noise, remedies, suited
-from incipient.accuracy.search import Search
+from incipient.accuracy.modelling import SMALLEST_GAP, irreducible, remedies, slowly_falling
+from incipient.accuracy.search import Attempt, Estimate, Search
 from incipient.accuracy.searches import DualWeighted
-from incipient.accuracy.terms import of_domain, of_gap
+from incipient.accuracy.terms import not_there, of_domain, of_gap, of_the_model
 from incipient.errors import ConvergenceError, SceneError
 from incipient.mesh.motion import MeshMotion, Potentials, stretched
 from incipient.meshes import SYMMETRY
 from incipient.progress import Silent
+from incipient.results.adaptation import Trial
 from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.scene import (
     Contact,
@@ -37,8 +37,8 @@ from incipient.scene import (
     loads,
 )
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation.beside import Beside, InTurn
 from incipient.simulation.build import prepared
+from incipient.simulation.moved_mesh import moved_meshes
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
 from incipient.simulation.steady import solve_steadily
@@ -81,7 +81,7 @@ def test_all_errors_are_brought_below_the_accuracy() -> None:
     assert [line.split()[0] for line in found.changes] == [
         *("contact.gap", "domain.origin", "domain.length", "domain.height")
     ]
-    assert "(of discretisation, gap and domain), asked for 0.03: reached" in result.text()
+    assert "(of discretisation, gap and domain), requested 0.03: reached" in result.text()
     much_larger = {"origin": [-60.0, 0.0], "length": 120.0, "height": 60.0}
     large = changed(
         narrow(), domain=much_larger, contact={"gap": 2e-4}, numerics={"mesh_size": 1.0}
@@ -108,7 +108,7 @@ def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> 
     result = incipient.run(scene, comm=MPI.COMM_SELF)
     found = result.adaptation
     assert found is not None and found.met and found.includes == ("discretisation",)
-    assert "(of discretisation), asked for 0.02: reached" in found.lines()[0]
+    assert "(of discretisation), requested 0.02: reached" in found.lines()[0]
     gap, domain, last = found.beside
     assert gap.startswith("not included: the error of the gap, ")
     assert domain.startswith("not included: the error of the domain, ") and domain.endswith(
@@ -153,12 +153,32 @@ def test_the_power_of_the_gap_is_measured() -> None:
     assert term.power == pytest.approx(1.0, abs=0.05)
 
 
+def sought(scene: Scene, solve: Solve) -> tuple[Search, Scene]:
+    """The search with the errors of gap and domain alone, and the scene with which it ends."""
+    search = seeking(scene)
+    attempt: Attempt | None = search.first()
+    ended, nothing = scene, Term("discretisation", np.zeros(3), np.zeros(3), "")
+    while attempt is not None:
+        search.report(Trial(2, 200, 1000, 0.0, 1.0))
+        ended, known = search.wished(attempt.scene), search.known.terms
+        computed, failed = solve(coarse(ended)), dict[str, str]()
+        for name, estimate in of_the_model(ended).items():
+            try:
+                known[name] = estimate(computed, solve)
+            except ConvergenceError as error:
+                failed[name] = str(error)
+        terms = (nothing, *(term for name, term in known.items()))
+        search.bars = ErrorBars(terms, not_there(ended), failed)
+        attempt = search._for_all(attempt, Estimate(0.0), computed, search.bars)
+    return search, ended
+
+
 def test_the_smallest_gap_is_said() -> None:
     """A disc on a bed cannot have a smaller one; the domain is large enough."""
     scene = changed(
         grain_on_bed(),
         contact={"gap": SMALLEST_GAP},
-        numerics={"accuracy": 1e-4, "correction": False},
+        numerics={"accuracy": 1e-4, "accuracy_includes": "all", "correction": False},
     )
 
     def solve(one: Scene) -> Loads:
@@ -166,30 +186,42 @@ def test_the_smallest_gap_is_said() -> None:
         force = np.array([1.0 + 10.0 * one.contact.gap, 0.0, 0.0])
         return Loads(force, np.zeros(3))
 
-    found = suited(scene, 1e-4, Goal.of(scene), solve, lambda line: None)
-    assert found.unmet == "the error of the gap, 1.0e-03, cannot be reduced"
-    assert found.scene is scene and found.error == pytest.approx(1e-3, rel=1e-2)
+    search, ended = sought(scene, solve)
+    assert search.reason == "not reached: the error of the gap, 1.0e-03, cannot be reduced"
+    assert ended.contact == scene.contact and search.reached == pytest.approx(1e-3, rel=1e-2)
 
 
-def test_a_coarse_run_that_fails_leaves_what_was_found() -> None:
-    """The first scene's errors are known; those of the next, with a smaller gap, are not."""
-    scene = changed(grain_on_bed(), numerics={"accuracy": 0.01})
+def test_a_datum_that_is_not_the_effective_one_is_advised_against() -> None:
+    said = [
+        irreducible(on_bed(*SETTLED, f"flow.datum={datum}"), {"gap": 0.01, "datum": 0.05})
+        for datum in ("crest", "auto")
+    ]
+    assert (
+        said[0]
+        == 'the error of the datum, 5.0e-02, cannot be reduced; flow.datum = "auto" reduces it'
+    )
+    assert said[1].endswith("the effective height of the bed is not known more accurately")
+
+
+def test_a_coarse_run_that_fails_leaves_its_error_unknown() -> None:
+    """The gap's error is known and small; the domain's, with a still larger one, is not."""
+    scene = changed(grain_on_bed(), numerics={"accuracy": 0.01, "accuracy_includes": "all"})
 
     def solve(one: Scene) -> Loads:
-        if one.domain != scene.domain and one.domain.height > 1.6 * scene.domain.height:
+        if one.domain != scene.domain:
             raise ConvergenceError("no steady flow found")
-        return Loads(np.array([1.0 + 1.0 / one.domain.height, 0.0, 0.0]), np.zeros(3))
+        return Loads(np.array([1.0, 0.0, 0.0]), np.zeros(3))
 
-    found = suited(scene, 0.01, Goal.of(scene), solve, lambda line: None)
-    assert found.scene is scene and {term.name for term in found.terms} == {"gap", "domain"}
-    assert found.unmet == "further errors of gap and domain are unknown: no steady flow found"
+    search, ended = sought(scene, solve)
+    why = "not known to be reached: error of the domain: no steady flow found"
+    assert (search.reason, search.met, search.reached) == (why, False, None)
+    assert ended.domain == scene.domain
 
 
-def by_a_power(power: float, sizes: list[float]) -> Solve:
-    """Forces that differ from one by a power of the domain's length, whatever the gap; notes the lengths."""
+def by_a_power(power: float) -> Solve:
+    """Forces that differ from one by a power of the domain's length, whatever the gap."""
 
     def solve(one: Scene) -> Loads:
-        sizes.append(one.domain.length)
         return Loads(
             np.array([1.0 - 0.2 * (one.domain.length / 8.0) ** -power, 0.0, 0.0]), np.zeros(3)
         )
@@ -198,73 +230,49 @@ def by_a_power(power: float, sizes: list[float]) -> Solve:
 
 
 def test_an_error_of_the_domain_that_hardly_falls_ends_the_search() -> None:
-    """One enlargement shows it; the error is then that of a decay to the power 1/3, here exactly."""
-    sizes: list[float] = []
-    scene = changed(narrow(), numerics={"accuracy": 0.01})
-    found = suited(scene, 0.01, Goal.of(scene), by_a_power(1 / 3, sizes), lambda line: None)
-    length = found.scene.domain.length
-    assert length == 24.0 and max(sizes) == 36.0
-    true = 0.2 * 3.0 ** (-1 / 3)
-    assert found.error == pytest.approx(true / (1.0 - true), rel=1e-6)
-    assert found.unmet == "the error of the domain, 1.6e-01, hardly decreases as the domain grows"
+    """One enlargement shows it; the error bar is then in doubt, so that no verdict rests on it."""
+    search, ended = sought(narrow(accuracy=0.01, accuracy_includes="all"), by_a_power(1 / 3))
+    assert ended.domain.length == 24.0 and not search.met
+    assert search.reason.startswith("not reached: the error of the domain, ")
+    assert search.reason.endswith(", hardly decreases")
+    assert search.known.terms["domain"].doubt in search.reason
 
 
 @pytest.mark.parametrize("power", [1.5, 2.0])
 def test_an_error_of_the_domain_that_falls_is_brought_below_the_accuracy(power: float) -> None:
-    sizes: list[float] = []
-    scene = changed(narrow(), numerics={"accuracy": 0.003})
-    found = suited(scene, 0.003, Goal.of(scene), by_a_power(power, sizes), lambda line: None)
-    assert not found.unmet and found.error < 0.0015 and found.scene.domain.length > 24.0
+    scene = narrow(accuracy=0.003, accuracy_includes="all")
+    search, ended = sought(scene, by_a_power(power))
+    assert (search.reason, search.met) == ("reached", True)
+    assert search.reached is not None and search.reached < 0.003
+    assert ended.domain.length > 24.0
 
 
 @pytest.mark.slow
 def test_over_half_discs_the_search_ends() -> None:
-    """A stream from the crests takes a very long way to adapt to the bed, which the datum's error knows of."""
+    """A stream from the crests takes a very long way to adapt to the bed; domain and datum show it."""
     scene = on_bed(*SETTLED, "numerics.accuracy=0.01", ALL)
     solve = KeptRuns({}, lambda: "", solved)
-
-    def sought(one: Scene) -> tuple[Suited, np.ndarray]:
-        found = suited(one, 0.01, Goal.of(one), solve, lambda line: None)
-        return found, solve(coarse(found.scene)).force
-
     crest = changed(scene, flow={"datum": "crest"})
-    (slow, short), (fast, limit) = sought(crest), sought(scene)
-    assert (
-        slow.unmet.startswith("the error of the datum, ")
-        and 'flow.datum = "auto" reduces' in slow.unmet
+    (slow, short), (fast, limit) = (
+        (search, solve(coarse(ended)).force)
+        for search, ended in (sought(one, solve) for one in (crest, scene))
     )
-    assert not fast.unmet and fast.error < 0.005
-    of_datum_alone = float(np.linalg.norm(slow.terms[-1].force) / np.linalg.norm(short))
-    assert relative(short, limit) / 3.0 < of_datum_alone < 3.0 * relative(short, limit)
+    assert slow.reason.startswith("not reached: the error of the domain, ")
+    assert slow.reason.endswith("hardly decreases") and not slow.met
+    assert fast.met and fast.reached is not None and fast.reached < 0.01
+    datum = float(np.linalg.norm(slow.known.terms["datum"].force) / np.linalg.norm(short))
+    assert relative(short, limit) / 3.0 < datum < 3.0 * relative(short, limit)
 
 
 # -- what the search makes of it ----------------------------------------------------------------------
-
-
-def test_not_reached_where_gap_and_domain_take_all_of_it() -> None:
-    search = seeking(narrow(accuracy=0.01, accuracy_includes="all"))
-    assert search.allowed == 0.01
-    search.suited = Suited(search.scene, (), 0.004)
-    assert search.allowed == pytest.approx(0.006)
-    search.conclude(0.005)
-    assert (search.reason, search.met) == ("reached", True)
-    search.suited = Suited(
-        search.scene, (), 0.02, "the error of the gap, 2.0e-02, cannot be reduced"
-    )
-    assert search.allowed == pytest.approx(0.005)
-    search.conclude(0.005)
-    assert search.reason == "not reached: the error of the gap, 2.0e-02, cannot be reduced"
-    assert not search.met
 
 
 def test_an_error_that_is_not_estimated_is_not_reached() -> None:
     """A bed of points is known only as far as they reach."""
     polyline = 'bed={kind="polyline", points=[[-1, 0], [30, 0]]}'
     scene = on_bed(polyline, "numerics.accuracy=0.01", ALL)
-    search = seeking(scene)
-    search.suited = Suited(scene, (), 0.001)
-    search.conclude(0.001)
-    assert search.reason.startswith("not known to be reached: that of the domain is not estimated")
+    search, _ = sought(scene, by_a_power(2.0))
+    assert search.reason.startswith("not known to be reached: error of the domain: not estimated")
     assert not search.met
 
 
@@ -312,17 +320,15 @@ def test_all_errors_of_flow_in_time() -> None:
 
 
 def test_a_gap_is_not_closed_where_its_error_is_that_of_coarse_meshes() -> None:
-    """A smaller gap whose error is no smaller is given up for the one before, and the search says so."""
+    """A gap a tenth as wide is to have less than a third of the error, whatever the domain's, which is as it was."""
     wide = on_bed(*SETTLED, "numerics.accuracy=0.01", ALL)
     narrow = changed(wide, contact={"gap": 0.001})
-    before, found = (
-        Suited(scene, errors={"gap": error, "domain": 1e-4})
-        for scene, error in ((wide, 2e-3), (narrow, 2.5e-3))
-    )
-    assert _is_noise(before, found)
-    assert not _is_noise(before, replace(found, errors={"gap": 1e-3}))
-    assert not _is_noise(before, replace(found, scene=farther(narrow)))
-    assert not _is_noise(Suited(wide), found)
+    terms = (Term("gap", np.zeros(3), np.zeros(3), "", power=1.0),)
+    before = {"gap": 2e-3, "domain": 1e-4}
+    for error, slow in ((2.5e-3, "gap"), (6e-4, "")):
+        now = {"gap": error, "domain": 1e-4}
+        assert slowly_falling(narrow, terms, now, wide, before) == slow
+    assert slowly_falling(farther(wide), terms, before, wide, before) == "domain"
 
 
 # Coarse runs of error bars in space on the mesh of the run, moved: to another gap, into a larger domain.
@@ -345,10 +351,6 @@ def on_plane(**changes: Any) -> Scene:
     return sphere_on_plane(**{**given, **changes})
 
 
-def never(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
-    raise AssertionError("the mesh of the run serves")
-
-
 @pytest.mark.slow
 def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     """With four times the gap the exact loads, to the error of such cells (1.1%, docs/contribute/defaults.md)."""
@@ -357,15 +359,14 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         before, own = run.domain.mesh.geometry.x.copy(), run.probe.resultant()
-        found = [
-            Beside(run, coarse_scenes, never)(each) for each in (one, two, four, farther, farthest)
-        ]
+        found = [nearby(run, scene, 1.0)(each) for each in (one, two, four, farther, farthest)]
         assert np.array_equal(run.domain.mesh.geometry.x, before)
-        faster = Beside(run, coarse_scenes, never, speed=3.0)(one)
+        faster = nearby(run, scene, 3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
     assert found[0].force == pytest.approx(own.force) and found[0].torque == pytest.approx(
         own.torque
     )
+    assert all(one.moved for one in found)
     assert faster.force == pytest.approx(3.0 * own.force)  # creeping: in proportion to the speed
     units = 6 * pi * scene.viscosity * 0.5 * 0.55, 4 * pi * scene.viscosity * 0.125
     assert found[2].force[0] / units[0] == pytest.approx(AT_FIVE_PERCENT[0], rel=0.015)
@@ -376,6 +377,22 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     # Sides closer to the sphere hold the fluid back: the force falls as they go, by less than a percent there.
     assert 0.99 * own.force[0] < found[3].force[0] < own.force[0]
     assert 0.99 * own.force[0] < found[4].force[0] < own.force[0]
+
+
+def test_the_mesh_of_a_disc_serves_for_other_gaps_and_domains() -> None:
+    """Loads as on meshes of their own; gaps and sides change them by a hundred times as much."""
+    scene = grain_on_bed()
+    others = coarse_scenes(scene)
+    with prepared(scene, MPI.COMM_SELF) as run:
+        solve_steadily(run, run.fluid)
+        solve = nearby(run, scene, 1.0)
+        moved = [solve(other) for other in others]
+    assert len(others) == 5 and all(one.moved for one in moved)
+    for other, found in zip(others, moved, strict=True):
+        own = solved(changed(other, numerics={"order": 3, "mesh_size": 1.0}))
+        assert relative(found.force, own.force) < 2e-4
+    assert relative(moved[2].force, moved[0].force) > 0.05
+    assert relative(moved[4].force, moved[0].force) > 0.009
 
 
 def test_half_a_sphere_is_lifted_with_the_plane_of_symmetry() -> None:
@@ -412,11 +429,12 @@ def test_far_sides_are_found_with_inertia() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         own = run.probe.resultant().force[0]
-        drags = [Beside(run, coarse_scenes, never)(each).force[0] for each in (farther, farthest)]
+        loads_ = [nearby(run, scene, 1.0)(each) for each in (farther, farthest)]
+    drags = [one.force[0] for one in loads_ if one.moved]
     assert drags == pytest.approx([own, own], rel=0.01) and len({own, *drags}) == 3
 
 
-def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
+def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its spheres would be stretched with the domain; then no scene is computed on the mesh of the run."""
     scene = on_plane(
         domain=Domain(length=4.0, width=4.0, height=3.0),
@@ -431,10 +449,11 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
         asked.append(speed)
         return Loads(np.zeros(3), np.zeros(3))
 
+    monkeypatch.setattr("incipient.simulation.simulate.loads_of", noted)
     with prepared(scene, MPI.COMM_SELF) as run:
-        beside = Beside(run, coarse_scenes, noted, speed=2.0)
+        solve = nearby(run, scene, 2.0)
         for each in coarse_scenes(scene):
-            beside(each)
+            solve(each)
     assert asked == [2.0] * 5
 
 
@@ -449,48 +468,9 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
     )
     here, *larger = coarse_scenes(scene)
     with prepared(scene, MPI.COMM_SELF) as run:
-        beside = Beside(run, coarse_scenes, never)
-        assert all(beside.serves(each.model_dump_json()) for each in (here, *larger))
+        served = {*moved_meshes(run, coarse_scenes(scene))}
+    assert served == {each.model_dump_json() for each in (here, *larger)}
     assert len(larger) == 2 and larger[1].domain.bottom < larger[0].domain.bottom < 0.0
-
-
-@pytest.mark.slow
-def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
-    """Where no mesh serves for all the run of each scene gives its loads; none is run a second time."""
-    scene = on_plane(
-        domain=Domain(length=4.0, width=4.0, height=3.0),
-        body=Sphere(diameter=1.0, x=2.0, density=2.65),
-        bed=SphereBed(radius=1.0, spacing=2.2, offset=(1.0, 2.0)),
-        contact=Contact(friction=0.5, gap=0.025),
-        numerics=Numerics(order=2, mesh_size=6.0),
-    )
-    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
-        found = [solve(each) for each in coarse_scenes(scene)[:2]]
-    assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
-
-
-@pytest.mark.slow
-def test_a_run_that_fails_is_not_handed_over_nor_used_again() -> None:
-    """One Newton update does not solve a flow at G d^2/nu = 40; the run before it has been freed by then."""
-    scene = on_plane(
-        domain=Domain(length=3.0, width=3.0, height=2.0),
-        fluid=Fluid(reynolds=40.0, scale="grain"),
-        body=Sphere(diameter=1.0, x=1.5, density=2.65),
-        numerics=Numerics(order=2, mesh_size=9.0, stabilisation="off"),
-    )
-    few = scene.numerics.model_copy(update={"max_iterations": 1, "tolerance": 1e-12})
-    failing = scene.model_copy(update={"numerics": few, "title": "fails"})
-    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
-        first = solve(scene)
-        with pytest.raises(ConvergenceError):
-            solve(failing)
-        assert solve.handed_over(failing) is None
-        again = solve(scene)
-        assert again.force == pytest.approx(first.force, rel=1e-6)
-        handed = solve.handed_over(scene)
-    assert handed is not None
-    with handed[1]:
-        assert handed[0].scene == scene
 
 
 # The first rank is elsewhere when the second meets a defect; freeing MUMPS's factors is collective.
@@ -499,8 +479,8 @@ import time
 from mpi4py import MPI
 from incipient.fluid.projection import Projection
 from incipient.scene import Domain, Fluid, Numerics, Sphere
-from incipient.accuracy.errorbars import coarse_scenes
-from incipient.simulation.beside import InTurn
+from incipient.simulation.build import prepared
+from incipient.simulation.steady import solve_steadily
 from scenes import sphere_on_plane
 
 comm = MPI.COMM_WORLD
@@ -510,9 +490,9 @@ direct = Numerics(order=2, mesh_size=9.0, stabilisation="off")
 fluid = Fluid(reynolds=400.0, scale="grain")
 scene = sphere_on_plane(domain=small, fluid=fluid, body=sphere, numerics=direct)
 try:
-    with InTurn(comm, coarse_scenes, None) as solve:
-        solve(scene)
-        with Projection(solve._run.fluid) as projection:
+    with prepared(scene, comm) as run:
+        solve_steadily(run, run.fluid)
+        with Projection(run.fluid) as projection:
             projection.apply()
             if comm.rank == 0:
                 time.sleep(50)
@@ -525,7 +505,7 @@ except ValueError as error:
 
 @pytest.mark.slow
 def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
-    """It leaves the contexts of coarse runs and of a projection at once, as its traceback has to be shown."""
+    """It leaves the contexts of a run and of a projection at once, as its traceback has to be shown."""
     done = mpirun(2, DEFECT, timeout=40)
     assert done.returncode == 3, done.stderr
     assert done.stdout.split("\n")[0] == "1: a defect of this rank"
@@ -546,18 +526,3 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
     assert np.array_equal(moved[near], line[near]) and np.array_equal(moved[:, 2], line[:, 2])
     assert stretched(line, centre, np.full(3, 9.0), old, new) is None
     assert stretched(line, centre, kept, new, np.array([old[0], [8.0, 8.0, 6.0]])) is None
-
-
-@pytest.mark.slow
-def test_coarse_runs_in_turn_have_the_mesh_of_the_first() -> None:
-    """Without a run beside them: the first is run, its mesh serves the others; another scene begins anew."""
-    scenes = coarse_scenes(coarse(on_plane()))
-    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
-        found = [solve(each) for each in scenes[:2]]
-        other = solve(coarse(on_plane(domain=Domain(length=60.0, width=60.0, height=30.0))))
-    assert all(one.moved for one in (*found, other))
-    with prepared(scenes[0], MPI.COMM_SELF) as run:
-        solve_steadily(run, run.fluid)
-        beside = [Beside(run, coarse_scenes, never)(each) for each in scenes[:2]]
-    for one, another in zip(found, beside, strict=True):
-        assert one.force == pytest.approx(another.force, rel=1e-4)

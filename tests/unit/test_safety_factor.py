@@ -541,7 +541,7 @@ def test_no_certainty_from_corners_that_move() -> None:
     """At every corner it moves, by one mode; without a torque, which is within the bars, it rests at any factor."""
     found = held_disc(0.1, 0.25)
     assert not found.certain
-    assert set(found.modes) == {"pivoting and sliding", "rest"} and not found.complete
+    assert set(found.modes) == {"pivoting and sliding", "rest"}
     assert found.low == pytest.approx(0.1633, abs=1e-4)
     assert found.high == np.inf
     assert found.relative == np.inf
@@ -570,20 +570,20 @@ def test_what_is_certain_is_said(
     torque: float, error: float, friction: float, outcome: str
 ) -> None:
     found = held_disc(torque, error, friction)
-    assert found.certain and found.complete is (outcome == "it rests")
+    assert found.certain
     assert f"certain within the error bars: {outcome}; safety factor" in found.sentence()
 
 
 def test_a_mode_is_not_certain_without_proof() -> None:
     """Without mass and inertia it is not asked; modes are those of the load and of its worst corner."""
     alone = held_disc(0.1, 0.02, inert=False)
-    assert alone.certain and not alone.complete
+    assert alone.certain
     assert "certain within the error bars: it moves; safety factor" in alone.sentence()
     points = np.array([[x, y, -0.1] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
     contacts = Contacts(points, np.tile([0, 0, -1.0], (4, 1)))
     load = Load(np.array([0.6, 0, 0]), np.zeros(3), np.array([0, 0, -1.0]), np.zeros(3))
     block = bar_of_safety(load, contacts, 0.3, (1.0, np.eye(3)), {"gap": 0.1 * np.eye(6)[0]})
-    assert block.certain and not block.complete
+    assert block.certain
     assert "it moves (sliding, at this load and at the worst within the bars)" in block.sentence()
 
 
