@@ -132,14 +132,11 @@ class GrainInPlace(Section):
         assert inert is not None
         mass, inertia = self.fluid.density * inert[0], self.fluid.density * inert[1]
         submerged = mass - self.fluid.density * grain.volume
-        zero = (0.0, 0.0, 0.0)
         return Case.model_validate(
             {
                 "title": f"Grain of volume {grain.volume:.6g} in place",
                 "load": {
                     "weight": submerged * self.gravity.acceleration * down,
-                    "flow_force": zero,
-                    "flow_couple": zero,
                     "centre": centre,
                 },
                 "contacts": {
