@@ -308,8 +308,7 @@ def test_a_large_wake_is_found():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [2, 3])
-def test_a_flow_with_dead_water_at_a_contact_converges(order):
+def test_a_flow_with_dead_water_at_a_contact_converges():
     """A stone at u* d/nu = 800 with the default gap: an earlier version did not find it in 300 steps.
 
     Its loads lie between those at u* d/nu = 430 and 1300, to 1%.
@@ -322,8 +321,7 @@ def test_a_flow_with_dead_water_at_a_contact_converges(order):
             "contact": Contact(friction=0.6),
             "domain": Domain(length=6.0, height=1.0),
         }
-        numerics = Numerics(mesh_size=2.0, order=order, error_bars=False)
-        found = incipient.run(channel(reynolds, numerics=numerics, **grain))
+        found = incipient.run(channel(reynolds, mesh_size=2.0, **grain))
         loads.append(found.force.flow[:2])
         assert found.turbulence.converged and len(found.turbulence.iteration.changes) < 60
     slow, asked, fast = loads
