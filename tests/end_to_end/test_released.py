@@ -380,9 +380,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     incipient.run(released(), directory)
     found = history(directory)
     assert {"rest", "rolling"} <= set(found["mode"]) and float(found["meshes"][-1]) > 1
-    assert (
-        len(found["time"]) == 15
-    )  # no step is repeated, as two were where the flow answered for what contacts do
+    # Two steps are halved: the flow's answer to what contacts do enters the secant of the coupling. Left out of it,
+    # 15 steps suffice, but contacts then do work (test_random_releases_with_flow.py).
+    assert len(found["time"]) == 17
     return directory
 
 
