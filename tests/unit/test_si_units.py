@@ -23,8 +23,8 @@ from incipient.scene import (
     Sphere,
     Units,
     dumps,
-    loads,
     grains,
+    loads,
 )
 from incipient.scene.units import nominal_diameter
 
