@@ -318,8 +318,6 @@ REFUSED = [
         "bed.spread: is needed by unequal sizes; give both spread and sizes",
     ),
     (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
-    (DEPOSITED + "diameters = [1.0]", "bed.diameters: is retired; use bed.sizes and bed.spread"),
-    (DEPOSITED + "[runs]\nseed = 1", "runs.seed: is retired; leave it out"),
     (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
     (DEPOSITED + "[flow]\nfriction = -0.1", "flow.friction: is -0.1; give a number of at least 0"),
     (DEPOSITED + "[runs]\norder = 7", "runs.order: is 7; give a number of at most 3"),
