@@ -29,12 +29,11 @@ from incipient.files import csv_text
 from incipient.scene import Effects, Fluid, LogLaw, OpenChannel, Scene, Turbulence
 from incipient.setup.mean_profile import MeanProfile
 from incipient.setup.setup import Setup
-from incipient.survey.beds import spheres_of
-from incipient.survey.deposition import Spheres
+from incipient.survey.beds import Spheres, spheres_of
 from incipient.survey.emulator import designed
 from incipient.survey.full_runs import COMPONENTS, scene_of
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
-from incipient.survey.request import Deposited, FlowPast, Runs, Surveyed, SurveyRequest
+from incipient.survey.request import Deposited, FlowPast, Runs, Survey, Surveyed
 from incipient.survey.thresholds import features_of
 from incipient.turbulence.developed import developed
 
@@ -125,7 +124,7 @@ def chosen(count: int) -> list[Pocket]:
 
 def scene(pocket: Pocket, shear_reynolds: float, turbulent: bool = False, check: str = "") -> Scene:
     """The scene of a run, in which d and, with inertia, u* are one."""
-    asked = SurveyRequest(bed=bed(SEEDS[0]), runs=Runs(**CHECKS.get(check, {})))
+    asked = Survey(bed=bed(SEEDS[0]), runs=Runs(**CHECKS.get(check, {})))
     level = Surface.of(first_bed()[0]).level - float(pocket.centre[2])
     made = scene_of(pocket, level / pocket.diameter, asked, shear_reynolds or 1.0)
     model = "k-omega-sst" if turbulent else "laminar" if shear_reynolds else "creeping"

@@ -20,7 +20,7 @@ from incipient.arrays import Floats, Integers
 from incipient.contact.batch import Cases, judge_many
 from incipient.contact.friction import FrictionCone
 from incipient.setup.mean_profile import LAYER, MeanProfile
-from incipient.survey.deposition import DOWN, Spheres, rolled
+from incipient.survey.beds import DOWN, Spheres, rolled
 from incipient.survey.emulator import FEWEST, FOLDS, Emulator
 from incipient.survey.full_runs import COMPONENTS
 from incipient.survey.pockets import Pocket

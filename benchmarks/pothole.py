@@ -259,7 +259,7 @@ def _path(axes: Any, run: Run, shape: Any, colour: str, every: float, label: str
     for time in times:
         x, y, angle = (float(np.interp(time, path[:, 0], path[:, k])) for k in (1, 2, 3))
         placement = Placement((x, y), angle)
-        outline = np.vstack([curve.moved(placement).point(s) for curve in shape.grain().outline()])
+        outline = np.vstack([curve.moved(placement).point(s) for curve in shape.grain.outline()])
         last = time == path[-1, 0]
         axes.fill(
             *outline.T,

@@ -31,7 +31,7 @@ def scene(case, reading="printed", shape="ellipse", settings=()):
     """A case of the figure; "neutral": the bead is as dense as the fluid, its radius of gyration the same."""
     path = Path(__file__).parent / f"scenes/pothole_{case}.toml"
     made = incipient.load(path, [*READINGS[reading], *settings], MPI.COMM_WORLD)
-    share = SHAPES[shape].grain().volume / made.body.mass if reading == "neutral" else 1.0
+    share = SHAPES[shape].grain.volume / made.body.mass if reading == "neutral" else 1.0
     keys = {"x": None, "mass": share * made.body.mass, "inertia": share * made.body.inertia}
     keys |= made.body.model_dump(include={"centre", "motion"})
     return made.model_copy(update={"body": SHAPES[shape].model_copy(update=keys)})

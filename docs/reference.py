@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from incipient import cli
+from incipient.commands.options import COMMANDS
 from incipient.scene import schema
 
 if TYPE_CHECKING:
@@ -212,15 +212,19 @@ def commands_page() -> str:
     parts.append(
         "| option | what |\n| --- | --- |\n| `--log-level` | how much to say: debug, info, warning, error |"
     )
-    for name, (_, text, options) in cli._commands().items():
+    for name, command in COMMANDS.items():
         parser = argparse.ArgumentParser(prog=f"incipient {name}", add_help=False)
-        options(parser)
+        command.add_options(parser)
         usage = textwrap.fill(
             " ".join(parser.format_usage().split()).removeprefix("usage: "),
             96,
             subsequent_indent="    ",
         )
-        parts += [f"## {name}", f"{text[0].upper()}{text[1:]}.", f"```text\n{usage}\n```"]
+        parts += [
+            f"## {name}",
+            f"{command.text[0].upper()}{command.text[1:]}.",
+            f"```text\n{usage}\n```",
+        ]
         lines = []
         for one in parser._actions:
             written = " ".join(filter(None, (", ".join(one.option_strings), argument(one))))

@@ -11,27 +11,23 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module, metadata
 from typing import Any, NoReturn
 
-from .commands import options
+from .commands.options import COMMANDS, RETIRED
 from .errors import IncipientError, OutputError, SceneError, shortened
 from .input_files import cause_of
 from .installed import required
 from .interrupt import SIGNALS, comes_of_interrupt, nobody_reads, open_streams, output_is_lost, say
 from .parallel import Comm, Meeting, on_first, ranks_there_are, start_alone_quickly
 
-Command = Callable[[argparse.Namespace, Comm], int]
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs ended by the system because of a closed pipe
 _MORE = "reduce the problem, or allow more memory"
 # Message of the loader of libraries without memory.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
-RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}
-# Commands that the first rank runs alone, without the others.
-ON_FIRST = ("flume", "show", "report", "table", "judge", "new", "schema")
 TO_COME = 10.0  # seconds within which other failed ranks arrive
 TO_SPEAK = 0.5  # seconds for the first rank's message before others end the run
 
@@ -73,131 +69,39 @@ def _parser() -> argparse.ArgumentParser:
     )
     version = f"%(prog)s {metadata.version('incipient')}"
     parser.add_argument("--version", action="version", version=version)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, (function, text, add_options) in _commands().items():
-        sub = commands.add_parser(name, help=text, description=text)
-        sub.set_defaults(command=function)
-        add_options(sub)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
+    for name, command in COMMANDS.items():
+        sub = commands.add_parser(name, help=command.text, description=command.text)
+        command.add_options(sub)
         levels = ("debug", "info", "warning", "error")
         sub.add_argument("--log-level", choices=levels, default="info", help="how much to report")
     for name in RETIRED:  # not listed without a help
-        commands.add_parser(name).set_defaults(command=_refuse, name=name, log_level="info")
+        commands.add_parser(name)
     return parser
 
 
-def _refuse(chosen: argparse.Namespace, comm: Comm) -> int:
-    raise SceneError(f"{chosen.name}: is retired; {RETIRED[chosen.name]}")
-
-
-def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
-    rows = (
-        (
-            "flume",
-            "flume",
-            options.of_flume,
-            "say whether a bed of grains moves, from published thresholds",
-        ),
-        ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
-        (
-            "resume",
-            "runs",
-            options.of_resume,
-            "continue a run that was cut short (also under mpirun)",
-        ),
-        (
-            "threshold",
-            "runs",
-            options.of_threshold,
-            "compute the flow at which the scene's grain first moves",
-        ),
-        (
-            "gust",
-            "runs",
-            options.of_gust,
-            "compute the weakest gusts that move the grain out of its pocket",
-        ),
-        (
-            "entrainment",
-            "runs",
-            options.of_entrainment,
-            "compute the probability of motion in a fluctuating flow",
-        ),
-        (
-            "plan",
-            "costs",
-            options.of_plan,
-            "show models, mesh size and cost of a run without solving",
-        ),
-        (
-            "cost",
-            "costs",
-            options.of_cost,
-            "measure error against time on a ladder of meshes, orders and steps",
-        ),
-        (
-            "show",
-            "showing",
-            options.of_show,
-            "draw the pictures of a finished run, or animate its flow",
-        ),
-        (
-            "report",
-            "showing",
-            options.of_report,
-            "write the results as one HTML page",
-        ),
-        (
-            "sweep",
-            "sweep",
-            options.of_sweep,
-            "run or judge many cases, or compute their thresholds",
-        ),
-        (
-            "survey",
-            "survey",
-            options.of_survey,
-            "compute the thresholds of the exposed grains of a bed",
-        ),
-        (
-            "table",
-            "tabulate",
-            options.of_table,
-            "print the results of a sweep, a row for each case",
-        ),
-        (
-            "judge",
-            "judge",
-            options.of_judge,
-            "judge forces from another program or a measurement",
-        ),
-        ("new", "writing", options.of_new, "write a commented example scene"),
-        ("schema", "writing", options.no_options, "print the JSON schema of scenes, for editors"),
-    )
-    return {name: (_later(module, name), text, add) for name, module, add, text in rows}
-
-
-def _later(module: str, name: str) -> Command:
-    def command(chosen: argparse.Namespace, comm: Comm) -> int:
-        function = getattr(import_module(f".commands.{module}", __package__), name)
-        if name not in ON_FIRST:
+def _run(chosen: argparse.Namespace, comm: Comm) -> int:
+    name = chosen.command
+    if name in RETIRED:
+        raise SceneError(f"{name}: is retired; {RETIRED[name]}")
+    _listen(chosen.log_level)
+    for number in SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _as_interrupt)
+    COMMANDS[name].check(chosen)
+    with _system_errors_reported(), required():
+        function = getattr(import_module(f".commands.{COMMANDS[name].module}", __package__), name)
+        if not COMMANDS[name].on_first:
             return int(function(chosen, comm))
         on_first(comm, function, chosen)
-        return 0
-
-    return command
+    return 0
 
 
 def _guarded(arguments: Sequence[str] | None) -> int:
     comm = ranks_there_are()
     meeting = Meeting(comm)
     try:
-        chosen = _parser().parse_args(arguments)
-        _listen(chosen.log_level)
-        for number in SIGNALS:
-            if signal.getsignal(number) != signal.SIG_IGN:
-                signal.signal(number, _as_interrupt)
-        with _system_errors_reported(), required():
-            code = int(chosen.command(chosen, comm))
+        code = _run(_parser().parse_args(arguments), comm)
         meeting.failed(False)
         return code
     except IncipientError as error:

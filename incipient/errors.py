@@ -47,6 +47,13 @@ class Interrupted(IncipientError):
     exit_code = 130
 
 
+def refuse_broken(*rules: tuple[object, str]) -> None:
+    """Raise SceneError with the message of the first rule whose condition holds."""
+    for is_broken, message in rules:
+        if is_broken:
+            raise SceneError(message)
+
+
 def shortened(said: object, most: int = 80) -> str:
     """Quotation, such as a library's error, in one line of at most `most` characters."""
     text = " ".join(str(said).split())

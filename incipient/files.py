@@ -8,18 +8,16 @@ import fcntl
 import io
 import itertools
 import json
-import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields, is_dataclass
-from enum import Enum
 from importlib import metadata
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import to_jsonable_python
 
 from .errors import OutputError, SceneError
 
@@ -121,15 +119,15 @@ def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
 
 
 @contextmanager
-def opened_hdf5(path: Path, remedy: str, error: type[OutputError] = OutputError) -> Iterator[Any]:
-    """HDF5 file for reading. Raises `error` with the remedy, also for errors of reading in the block."""
+def opened_hdf5(path: Path, remedy: str) -> Iterator[Any]:
+    """HDF5 file for reading. Raises OutputError with the remedy, also for errors of reading in the block."""
     import h5py
 
     try:
         with h5py.File(path, "r", locking=False) as file:
             yield file
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as caught:
-        raise error(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
+        raise OutputError(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
 
 
 def require_own(path: Path, folder: bool = False) -> None:
@@ -218,26 +216,12 @@ def write_json(path: Path, data: Any) -> None:
 
 def plain(data: Any) -> Any:
     """Data as dictionaries, lists, strings, finite numbers, booleans and None; see `write_json`."""
-    if isinstance(data, Enum):
-        return plain(data.value)
+    return to_jsonable_python(data, inf_nan_mode="null", fallback=_listed)
+
+
+def _listed(data: Any) -> Any:
     if isinstance(data, (np.generic, np.ndarray)):
-        return plain(data.tolist())
-    if data is None or isinstance(data, (bool, int, str)):
-        return data
-    if isinstance(data, float):
-        return data if math.isfinite(data) else None
-    if isinstance(data, Path):
-        return str(data)
-    return _plain_container(data)
-
-
-def _plain_container(data: Any) -> Any:
-    if is_dataclass(data) and not isinstance(data, type):
-        return {field.name: plain(getattr(data, field.name)) for field in fields(data)}
-    if isinstance(data, Mapping):
-        return {str(plain(key)): plain(value) for key, value in data.items()}
-    if isinstance(data, (list, tuple, set, frozenset)):
-        return [plain(value) for value in data]
+        return data.tolist()
     raise TypeError(f"{type(data).__name__} has no counterpart in JSON")
 
 
@@ -274,7 +258,7 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
     The row survives a crash of the machine only after `sync`. On a full disk an incomplete row is removed. Raises
     OutputError, also for a file with other columns.
     """
-    header, line = _csv_line(row.keys()), _csv_line(row.values())
+    header, line = csv_text([*row], [plain(row)]).encode().splitlines(keepends=True)
     require_own(path)
     own(path)
     with reported(path), path.open("a+b", buffering=0) as file:
@@ -321,9 +305,3 @@ def write_fully(file: io.RawIOBase, data: bytes) -> None:
     """Write unbuffered: a buffer would be written again on closing after a failure."""
     while data:
         data = data[file.write(data) or 0 :]
-
-
-def _csv_line(values: Any) -> bytes:
-    line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow([plain(value) for value in values])
-    return line.getvalue().encode()

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -124,6 +124,17 @@ def return_freed_memory() -> None:
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
+
+
+def optional(module: str, extra: str, called: str = "") -> Any:
+    """The library of a module that an extra installs, with that module. Raises MissingError."""
+    name = module.partition(".")[0]
+    try:
+        import_module(module)
+        return import_module(name)
+    except ImportError as error:
+        remedy = f"pip install 'incipient[{extra}]'"
+        raise MissingError(f"{called or name} cannot be used ({error}): {remedy}") from None
 
 
 def missing(error: BaseException) -> str | None:

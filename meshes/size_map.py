@@ -10,7 +10,12 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
-from incipient.geometry.space.surfaces import Cloud, Surface, in_blocks, tree
+from incipient.geometry.space.surfaces import (
+    Cloud,
+    Surface,
+    in_blocks,
+)
+from incipient.geometry.triangles import tree
 
 from .regions import Frame, SolidRegion
 from .sizes import Near, Sizes

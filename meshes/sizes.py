@@ -73,11 +73,13 @@ class WallLayers:
     number: int  # at most
     growth: float
     graded: bool = False  # thinner layers grow less: by a factor all of them become thinner
+    most: float = float("inf")  # largest factor by which first layers become thicker
 
     def scaled(self, factor: float) -> WallLayers:
         growth = self.growth**factor if self.graded else self.growth
-        first = {name: factor * size for name, size in self.first.items()}
-        return replace(self, first=first, growth=growth)
+        thicker = min(factor, max(self.most, 1.0))
+        first = {name: thicker * size for name, size in self.first.items()}
+        return replace(self, first=first, growth=growth, most=self.most / thicker)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,12 @@ import numpy as np
 from incipient.arrays import Floats, Integers, unit, unordered_keys
 from incipient.errors import MeshError
 from incipient.geometry.space.remeshing import Topology, remeshed, without_area
-from incipient.geometry.space.surfaces import Surface, connected, crossed, joined
+from incipient.geometry.space.surfaces import (
+    Surface,
+    connected,
+    crossed,
+    joined,
+)
 
 from .layers import NO_ROOM, STEEPER, Columns, evened, stacked
 from .regions import SolidRegion

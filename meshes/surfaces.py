@@ -17,8 +17,8 @@ from incipient.geometry.space.surfaces import (
     halved,
     in_blocks,
     level_surface,
-    tree,
 )
+from incipient.geometry.triangles import tree
 
 from .regions import Frame, PlacedSolid, SolidRegion
 

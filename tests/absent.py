@@ -37,7 +37,7 @@ OF_FREE_SURFACE = (
     "fluid.surface",
     "mesh.elevation",
     "coupled.surface",
-    "effects.free_surface.part",
+    "effects.moving_surface",
     "planning.surface_conditions",
 )
 OF_TURBULENCE = (

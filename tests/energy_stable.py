@@ -46,7 +46,7 @@ class EnergyStable(Fluid):
 
     def _rate_of_change(self, v: Any) -> Any:
         """J dv/dt + (1/2) dJ/dt v: sum a_k J_k v_k - (1/2) (sum a_k J_k) v, J_k the volumes of past states."""
-        velocities = [v, *self._past()]
+        velocities = [v, *(ufl.split(state)[0] for state in self.history)]
         volumes = [1, *map(volume_before, self._shifts)] if self._shifts else [1] * len(velocities)
         weights = [a * volume for a, volume in zip(self.rate, volumes, strict=True)]
         whole = sum(weight * u for weight, u in zip(weights, velocities, strict=True))

@@ -85,7 +85,7 @@ class GoalErrors:
     @property
     def is_upwinded(self) -> bool:
         """Whether the flow is upwinded but its update is not: one update may not suffice."""
-        return self.fluid.model.upwind and self.finer.model.exact
+        return self.fluid.model.upwind and self.finer.coarse is not None
 
     def correct_again(self) -> float:
         """Make a second Newton update, included in `force` and `torque`; returns its fraction of the total change.
@@ -133,7 +133,7 @@ class GoalErrors:
         hats = compat.space(self.fluid.domain.mesh, ("Lagrange", 1))
         weight = dolfinx.fem.Function(self.finer.space.mixed)
         hat, (w, q) = ufl.TestFunction(hats), ufl.split(weight)
-        residual = self.finer.residual_form(hat * w, hat * q, upwind=not self.finer.model.exact)
+        residual = self.finer.residual_form(hat * w, hat * q, upwind=self.finer.coarse is None)
         return hats, weight, compat.form(residual)
 
     def _weigh(self, goal: Floats, weight: Any) -> None:

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE, LEVEL
-from ..planning.discretisation import order_of
+from ..planning.discretisation import FAR_CELL, LEVEL, order_of
 from ..planning.effects import inertia
 from ..results.adaptation import Trial
 from ..scene import Scene
@@ -158,8 +157,7 @@ def first(scene: Scene) -> Scene:
     while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
         longer /= 2.0
     if is_stream(scene):
-        sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
-        size = sizes[min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
+        size = FAR_CELL[scene.gdim][min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
         cells = float(np.clip(LEVEL / size, 1.0, cells))
     return _resized(scene, cells, longer)
 

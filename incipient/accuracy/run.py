@@ -15,7 +15,7 @@ from ..simulation.simulate import solved
 from .finish import finished
 
 if TYPE_CHECKING:
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 def run_scene(

@@ -13,8 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
-from ..planning.cells import LEVEL
-from ..planning.discretisation import far_cells, order_of
+from ..planning.discretisation import LEVEL, coarsest_grid, far_cell, order_of
 from ..planning.meshing import is_resolved
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads, Term
@@ -141,9 +140,8 @@ def _by_two_meshes(
 
 def _require_coarser(scene: Scene) -> None:
     if scene.is_averaged or scene.time is None:
-        setup = Setup(scene)
-        by_grid = far_cells(setup).coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
-        most = coarsest(setup) / COARSER_MESH if scene.is_averaged else by_grid
+        by_grid = coarsest_grid(scene) / COARSER_MESH**2 * (1.0 + 1e-9)
+        most = coarsest(Setup(scene)) / COARSER_MESH if scene.is_averaged else by_grid
         if scene.numerics.mesh_size > most:
             raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
     most = COARSEST_IN_SPACE / COARSER_MESH**2 * (1.0 + 1e-9)
@@ -230,9 +228,7 @@ def doubt_of_stream(scene: Scene) -> str:
     """
     if not is_stream(scene):
         return ""
-    order, cells = order_of(scene), far_cells(Setup(scene))
-    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(order)
-    most = LEVEL * scene.domain.height / largest
+    most = LEVEL * scene.domain.height / far_cell(scene, order_of(scene))
     if scene.numerics.mesh_size <= most:
         return ""
     return (

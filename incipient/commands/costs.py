@@ -27,7 +27,6 @@ from ..planning.discretisation import order_of
 from ..planning.plan import Plan
 from ..scene import Scene
 from .drawing import tell_of_pictures
-from .options import alone
 
 # Results that a plan reads for its time, and the largest ratio of sizes over which times are scaled.
 NEWEST, RANGE = 50, 10.0
@@ -102,7 +101,8 @@ def _further_runs(scene: Scene) -> list[str]:
 
 def cost(options: argparse.Namespace, comm: Comm) -> int:
     """Measure error against CPU time in runs of the scene."""
-    alone("cost", comm)
+    if comm.size > 1:
+        raise SceneError("cost starts processes of its own; call it without mpirun")
     scene = incipient.load(options.scene, options.overrides, comm)
     ending = "_cost" if options.do == "run" else f"_{options.do}_cost"
     directory = options.out or Path("results") / f"{options.scene.stem}{ending}"

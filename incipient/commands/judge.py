@@ -10,28 +10,18 @@ from pathlib import Path
 
 from ..errors import SceneError
 from ..judging.batch import SUMMARY, judge_table, verdicts_name
-from ..judging.case import judge_case, load_case, load_case_without_flow, save, text
-from ..judging.forces import judge_forces
-from ..judging.motion import FlowThreshold
-from ..judging.openfoam import read_forces
-from ..judging.series import judge_series, read_series, save_series
+from ..judging.case import judge_case, load_case, save, text
+from ..judging.forces import judge_forces, read_forces
+from ..judging.series import FlowThreshold, judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..progress import telling
 from ..results.kinds import JUDGEMENT, SERIES, ResultKind
 from .drawing import draw_and_tell
 from .options import BESIDE
 
-OPTIONS_OF = {
-    "jobs": ("batch",),
-    "since": ("forces", "series"),
-    "law": ("forces", "series"),
-    **dict.fromkeys(("density", "grain", "bed"), ("forces",)),
-}
-
 
 def judge(options: argparse.Namespace) -> None:
     """Judge a case and print the verdict; write it with `--out`."""
-    _refuse_unread(options)
     if options.forces is not None:
         _judge_forces(options)
     elif options.batch is not None:
@@ -43,13 +33,6 @@ def judge(options: argparse.Namespace) -> None:
         _judge_series(options)
     else:
         _judge_case(options)
-
-
-def _refuse_unread(options: argparse.Namespace) -> None:
-    for name, readers in OPTIONS_OF.items():
-        if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
-            needs = " or ".join(f"--{one}" for one in readers)
-            raise SceneError(f"--{name}: needs {needs}; add it, or leave --{name} out")
 
 
 def _judge_forces(options: argparse.Namespace) -> None:
@@ -64,7 +47,7 @@ def _judge_forces(options: argparse.Namespace) -> None:
         why = f"{options.case} has the contacts; leave one of them out"
         raise SceneError(f"--grain and --bed: {why}")
     else:
-        case = load_case_without_flow(options.case, options.overrides)
+        case = load_case(options.case, options.overrides, needs_flow=False)
     forces = read_forces(options.forces)
     judged = judge_forces(case, forces, options.density, options.since, options.law)
     print(judged.text())
@@ -84,7 +67,7 @@ def _judge_case(options: argparse.Namespace) -> None:
 
 
 def _judge_series(options: argparse.Namespace) -> None:
-    case = load_case_without_flow(options.case, options.overrides)
+    case = load_case(options.case, options.overrides, needs_flow=False)
     series = judge_series(case, read_series(options.series, options.since))
     print(series.text())
     if options.law is not None:

@@ -28,10 +28,6 @@ def show(options: argparse.Namespace) -> None:
                 f"--{name} applies to the file of a sweep; leave it out for {options.directory}"
             )
     require_left_by(options.directory, RECORDS)
-    if options.field is not None and not options.animate:
-        raise SceneError("--field: needs --animate; add it")
-    if options.out is not None and not options.animate:
-        raise SceneError("--out: needs --animate; add it")
     if options.animate:
         print(animate_apart(options.directory, options.out, options.field or "velocity"))
     else:
@@ -46,7 +42,7 @@ def _name(drawn: Drawn) -> None:
 
 
 def _show_sweep(options: argparse.Namespace) -> None:
-    if options.animate or options.out is not None or options.field is not None:
+    if options.animate:
         why = "is the file of a sweep, which is not animated"
         raise SceneError(f"{options.directory}: {why}; leave the option out")
     asked = {name: getattr(options, name) for name in OF_SWEEPS}

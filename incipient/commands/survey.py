@@ -10,19 +10,21 @@ from typing import Any
 
 from ..errors import SceneError
 from ..output.ownership import refuse_foreign
-from ..parallel import Comm, on_first
+from ..parallel import Comm
 from ..progress import telling
 from ..results.kinds import POSES, SURVEY
-from ..survey.orientations import Poses, survey_poses
-from ..survey.procedure import load_request
+from ..scene.file import read
+from ..survey.orientations import survey_poses
 from ..survey.procedure import survey as find
+from ..survey.request import Survey
 from .drawing import draw_and_tell
-from .options import refuse_old_workers
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
     """Survey a bed, or a grain in many poses; print and draw the result."""
-    refuse_old_workers(options)
+    if comm.size > 1:
+        remedy = "start it without mpirun, with --jobs, or with --scheduler on a cluster"
+        raise SceneError(f"a survey computes each run on one rank; {remedy}")
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)
         if value is not None and value < least:
@@ -31,9 +33,9 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
     sweep = {name: getattr(options, name) for name in names}
     directory = options.out or Path("results") / f"{options.bed.stem}_survey"
     if options.orientations is None and options.seeds is None:
-        request, base = load_request(options.bed, options.overrides), options.bed.parent
+        request, base = read(Survey, options.bed, options.overrides), options.bed.parent
         named = (getattr(request.bed, key, None) for key in ("file", "heights", "labels"))
-        kind, read = SURVEY, [base / name for name in named if name]
+        kind, sources = SURVEY, [base / name for name in named if name]
         compute: Callable[..., Any] = partial(
             find, request, base, directory, comm, options.runs, sweep
         )
@@ -41,16 +43,15 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         remedy = "leave it out with --orientations and --seeds"
         raise SceneError(f"--runs: applies to a bed of grains; {remedy}")
     else:
-        poses = Poses(options.orientations or 1, options.seeds or 1)
-        kind, read = POSES, [options.bed]
+        poses = options.orientations or 1, options.seeds or 1
+        kind, sources = POSES, [options.bed]
         compute = partial(
-            survey_poses, options.bed, options.overrides, poses, directory, comm, sweep
+            survey_poses, options.bed, options.overrides, *poses, directory, comm, sweep
         )
-    on_first(comm, refuse_foreign, directory, kind.files, read)
-    with telling(comm.rank) as voice:
+    refuse_foreign(directory, kind.files, sources)
+    with telling(0) as voice:
         result = compute(voice)
-    if comm.rank == 0:
-        print(result.text())
-        print(f"numbers             {directory / kind.tables[0]}", flush=True)
-        draw_and_tell(directory)
+    print(result.text())
+    print(f"numbers             {directory / kind.tables[0]}", flush=True)
+    draw_and_tell(directory)
     return 0

@@ -8,7 +8,6 @@ from ..errors import ConvergenceError
 from ..parallel import Comm
 from ..progress import telling
 from ..sweep.procedure import SweepProgress, run
-from .options import refuse_old_workers
 
 # Options with the names of arguments of `sweep.run`.
 SHARED = (
@@ -19,7 +18,6 @@ SHARED = (
 
 def sweep(options: argparse.Namespace, comm: Comm) -> int:
     """Compute the missing cases of the file, and print a summary."""
-    refuse_old_workers(options)
     with telling(comm.rank) as voice:
         progress = run(
             options.scenes,

@@ -12,8 +12,8 @@ from ..files import csv_text
 from ..scene import Scene
 from ..scene.section import is_number, unit_of
 from ..sweep import table as tables
-from ..sweep.size_classes import HEADS, size_classes
 from ..sweep.store import DONE, FAILED, Store
+from ..sweep.table import HEADS, size_classes
 
 WIDE = 160  # width of a table without a terminal, in characters
 FIRST = 300  # number of cases printed

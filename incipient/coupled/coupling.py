@@ -62,10 +62,6 @@ class Coupling:
         self.places = [self._places()]
         self.quality, self._complaint = motion.quality(), ""
 
-    @property
-    def met(self) -> bool:
-        return any(part.met for part in self.parts)
-
     def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
         """Iterate on the parts' velocities at the end of a step from the last state."""
         if order != self._order:

@@ -23,7 +23,7 @@ from ..errors import ConvergenceError, SceneError
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..mesh.motion import RigidDisplacement
-from .part import Stage
+from .part import Part, Stage
 from .tractions import Resultant, TractionProbe
 
 # Relative change of the step length that requires a new derivative.
@@ -59,7 +59,7 @@ class Response:
     length: float
 
 
-class RigidPart:
+class RigidPart(Part):
     """A rigid body as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
@@ -88,7 +88,6 @@ class RigidPart:
             displacement.boundary,
         )
         self._load, self._room, self._stage = load, room, stage
-        self.met = False
         self.state = body.consistent(state)
         self.past = [self.state]
         self.mean_load = MeanLoad()
@@ -101,12 +100,8 @@ class RigidPart:
         self._response: Response | None = None
         self._motion: Motion | None = None
         self._factors = -1
-        self._follow: Callable[[], None] = lambda: None
 
     # -- the step, as the coupling sees it --------------------------------------------------------
-
-    def join(self, follow: Callable[[], None]) -> None:
-        self._follow = follow
 
     def predict(self, length: float, order: int) -> None:
         self._tried = self.predicted(length, order)

@@ -7,7 +7,6 @@ the constant area n . up ds below the surface; the velocity raises the surface w
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import nullcontext
 
 import dolfinx
@@ -23,7 +22,7 @@ from ..fluid import Fluid
 from ..forms.surface import crossing, flux, potential
 from ..mesh.elevation import RisingDisplacement
 from .drift import Drift
-from .part import Stage
+from .part import Part, Stage
 
 # Speed, relative to that of long waves, that counts as round-off.
 ROUND_OFF = 1e-14
@@ -38,7 +37,7 @@ STEEP = (
 )
 
 
-class SurfacePart:
+class SurfacePart(Part):
     """Free surface of a fluid as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
@@ -65,7 +64,7 @@ class SurfacePart:
         stage: Stage = lambda name: nullcontext(),
     ):
         self.fluid, self.mesh, self._load, self._stage = fluid, displacement, fluid.surface, stage
-        self.met, self._whole = False, 2.0 if fluid.domain.halved else 1.0
+        self._whole = 2.0 if fluid.domain.halved else 1.0
         self.past, self.times = [elevation], [fluid.time]
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
@@ -89,9 +88,6 @@ class SurfacePart:
             self._drift = fluid.holding(Drift(fluid, displacement))
 
     # -- the step, as the coupling sees it --------------------------------------------------------
-
-    def join(self, follow: Callable[[], None]) -> None:
-        """Do nothing."""
 
     def predict(self, length: float, order: int) -> None:
         time = self.times[0] + length
@@ -139,10 +135,6 @@ class SurfacePart:
         else:
             self._tried = self._tried + self._drift.correction(self._improved - self._tried)
 
-    def allowed(self, length: float) -> float:
-        """The length: contact is detected in `ends`."""
-        return length
-
     def accept(self) -> None:
         """Accept the flow's elevation, which conserves volume to round-off."""
         self._load.elevation.x.array[:] = self._improved
@@ -152,13 +144,6 @@ class SurfacePart:
     def restore(self) -> None:
         self._tried = self._improved = self.past[0]
         self._load.elevation.x.array[:] = self.past[0]
-
-    def forget(self) -> None:
-        """Do nothing."""
-
-    def velocities(self) -> Floats:
-        """Empty: the surface moves with the flow."""
-        return np.empty(0)
 
     # -- reported ----------------------------------------------------------------------------------
 

@@ -59,6 +59,17 @@ class Resultant:
     about: np.ndarray
 
 
+def resultant(domain: Domain, forces: Floats, places: Floats, about: Floats) -> Resultant:
+    """Resultant on the whole body of nodal forces (n, gdim) on the meshed part, at own nodes. Collective."""
+    about, forces = spatial(about), spatial(forces)
+    mine = np.array([forces.sum(axis=0), cross(spatial(places) - about, forces).sum(axis=0)])
+    force, torque = domain.comm.allreduce(mine)
+    if domain.halved:
+        # No zeros below zero.
+        force, torque = np.array([force, torque]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
+    return Resultant(force, torque, about)
+
+
 class EnclosedPressure:
     """Pressure below a resting grain, between the boundaries `names` on two closing lines. Collective.
 
@@ -237,15 +248,7 @@ class TractionProbe:
         return self.fluid.space.unknowns_at_nodes[self._blocks]
 
     def _sum(self, forces: np.ndarray) -> Resultant:
-        forces = spatial(forces)
-        arms = spatial(self._places()) - self.about
-        mine = np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
-        force, torque = self.fluid.domain.comm.allreduce(mine)
-        if self.fluid.domain.halved:
-            force, torque = (
-                np.array([force, torque]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
-            )  # no zeros below zero
-        return Resultant(force, torque, self.about)
+        return resultant(self.fluid.domain, forces, self._places(), self.about)
 
     def _places(self) -> np.ndarray:
         gdim = self.fluid.space.gdim

@@ -1,38 +1,125 @@
-"""The effects of a run."""
+"""The effects of a run: their terms, their parts, and their output quantities."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
+from ..body.state import BodyState
 from ..planning.effects import EffectName, accuracy_asked
 from ..planning.plan import Plan
 from ..results.left_out import Omission
-from ..results.of_runs import LOADS
+from ..results.of_runs import FLOW, LOADS, VERDICT
 from ..results.quantity import OutputQuantity
-from .effect import Effect, Solved
-from .flow import (
-    FlowEffect,
-    InertiaEffect,
-    MovingMeshEffect,
-    UnsteadinessEffect,
+from ..setup.setup import Setup
+from . import omitted
+from .effect import Effect, Solved, Stage
+from .moving_grain import QUANTITIES as OF_PATH
+from .turbulence import QUANTITIES as QUANTITIES
+
+if TYPE_CHECKING:
+    from ..fluid import FlowModel
+    from ..restart import Checkpoint
+    from ..simulation.state import Run
+    from .moving_grain.part import MovingGrain
+    from .moving_surface import MovingSurface
+
+
+def add_base_flow(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
+    """The force of the fluctuations of a turbulent base flow on its mean profile."""
+    return replace(model, body_force=setup.base_flow.body_force)
+
+
+def add_convection(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
+    """Stabilised convection, upwinded in the steady start of unsteady flow."""
+    start = plan.has(EffectName.UNSTEADINESS) and not unsteady
+    upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
+    stabilised = plan.stabilisation.present and not upwind
+    return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind)
+
+
+def add_rate_of_change(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
+    """The rate of change of unsteady flow, with the force of a gust."""
+    if not unsteady:
+        return model
+    from ..setup.driving_force import driven
+
+    force = driven(setup.base_flow, setup.scene.grain)
+    return replace(model, unsteady=True, convection=plan.convection, driven=force)
+
+
+def add_mesh_motion(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
+    """The velocity of the mesh, in unsteady flow."""
+    return replace(model, moving_mesh=unsteady)
+
+
+def _largest_of_cells(run: Run) -> float:
+    from ..fluid.derived import measured_cell_reynolds
+
+    return measured_cell_reynolds(run.fluid)
+
+
+CELL_REYNOLDS = OutputQuantity(
+    "measured_cell_reynolds",
+    "largest Reynolds number of a cell",
+    heading="other numbers",
+    measure=_largest_of_cells,
 )
-from .free_surface import FreeSurfaceEffect
-from .grain import ContactEffect, GravityEffect
-from .moving_grain import FreeBodyEffect
-from .turbulence import TurbulenceEffect
+
+
+def moving_surface(setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
+    """The part of a free surface, or None. Collective."""
+    if not setup.scene.has_surface:
+        return None
+    from .moving_surface import MovingSurface
+
+    return MovingSurface(setup, stage)
+
+
+def moving_grain(setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
+    """The part of a moving grain, at the start or in the state of a checkpoint, or None. Collective."""
+    if not setup.scene.moves:
+        return None
+    body = None if kept is None else kept.body
+    state = None if body is None else BodyState.unpacked(body.made_for)
+    assert setup.scene.body is not None
+    if setup.scene.body.touches:
+        from .moving_grain.on_bed import GrainOnBed
+
+        return GrainOnBed(setup, stage, state)
+    from .moving_grain.part import MovingGrain
+
+    return MovingGrain(setup, stage, state)
+
 
 # In the order of plans, results, and solution of the parts of a run.
 EFFECTS: tuple[Effect, ...] = (
-    InertiaEffect(),
-    UnsteadinessEffect(),
-    Effect(EffectName.TRACTION, *LOADS),
-    GravityEffect(),
-    ContactEffect(),
-    FlowEffect(),
-    MovingMeshEffect(),
-    FreeBodyEffect(),
-    FreeSurfaceEffect(),
-    TurbulenceEffect(),
+    Effect(
+        EffectName.INERTIA,
+        (CELL_REYNOLDS,),
+        add_convection,
+        left_out=omitted.without_inertia,
+    ),
+    Effect(
+        EffectName.UNSTEADINESS, terms=add_rate_of_change, left_out=omitted.without_unsteadiness
+    ),
+    Effect(EffectName.TRACTION, LOADS),
+    Effect(EffectName.GRAVITY, left_out=omitted.without_gravity),
+    Effect(EffectName.CONTACT, VERDICT, left_out=omitted.without_contact),
+    Effect(EffectName.FLOW, FLOW, add_base_flow),
+    Effect(EffectName.MOVING_MESH, terms=add_mesh_motion),
+    Effect(
+        EffectName.FREE_BODY,
+        OF_PATH,
+        part_in_time=moving_grain,
+        left_out=omitted.without_motion,
+    ),
+    Effect(
+        EffectName.FREE_SURFACE,
+        part_in_time=moving_surface,
+        left_out=omitted.without_free_surface,
+    ),
+    Effect(EffectName.TURBULENCE, QUANTITIES, left_out=omitted.without_turbulence),
 )
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..planning.effects import Decision, EffectName
-from ..planning.transition import REMEDY, transition
-from ..results.left_out import Omission
+from ..planning.effects import transition
 from ..results.quantity import OutputQuantity, at
+from ..results.trajectory import separation_words
 from ..setup.setup import Setup
-from .effect import Effect, SlowestFlow, Solved
 
 
 def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
@@ -34,110 +32,96 @@ TURBULENT = (
 )
 LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
 OSCILLATING = "in laminar {flow} over one grain{plane}; tau_b is the largest of a period"
-# Name in the report of the walls, words, column, key of the error, ends of the error bar.
-AT_WALLS = (
-    ("least", "least y+ of the walls", "y_plus_min", "", None),
-    ("largest", "largest y+ of the walls", "y_plus_max", "", None),
-    (
-        "shear_velocity",
-        "shear velocity u* along the walls, mean",
-        "",
-        "error_bars.shear_velocity.1",
-        None,
-    ),
-    (
-        "at_outflow",
-        "shear velocity u* at the outflow",
-        "bed_shear_velocity",
-        "",
-        _of_shear_velocity,
-    ),
-    ("friction", "friction C_f at the outflow", "friction", "", _of_friction),
-    (
-        "separated.0",
-        "x at which the flow along the bed separates",
-        "separation",
-        "error_bars.separated.0",
-        None,
-    ),
-    ("separated.1", "x at which it reattaches", "reattachment", "error_bars.separated.1", None),
-)
 
 
-HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
-# As measured (docs/contribute/defaults.md).
-EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
-SLOW = 20.0  # Reynolds number by depth and mean velocity of the slowest flow that a search looks at
-# Where a slower flow than the slowest one moves the grain: a threshold cannot be searched below a mean profile.
-BY_SWEEP = 'sweep fluid.reynolds below flow.kind = "log-law", without turbulence'
+def _roughness_reynolds(stored: Mapping[str, Any]) -> float | None:
+    walls = stored.get("turbulence") or {"roughness": 0.0}
+    if not walls["roughness"]:
+        return None
+    return walls["shear_velocity"] * walls["roughness"] / walls["viscosity"]
 
 
-class TurbulenceEffect(Effect):
-    """A model of the mean flow."""
-
-    name = EffectName.TURBULENCE
-    quantities = (
-        *(
-            OutputQuantity(f"turbulence.{key}", words, "", column, error, ends, "at the walls")
-            for key, words, column, error, ends in AT_WALLS
-        ),
-        OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
+def _at_walls(key: str, words: str, short: str, column: str = "", **more: Any) -> OutputQuantity:
+    return OutputQuantity(
+        f"turbulence.{key}",
+        words,
+        column=column,
+        heading="at the walls",
+        line="turbulence",
+        short=short,
+        **more,
     )
 
-    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
-        scene = solved.run.scene
-        if scene.flow.kind == "log-law":
-            how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
-            remedy = "loads are those of the mean flow, gusts exceed them"
-            yield Omission(self.name, None, how, True, remedy)
-        elif transitional := transition(Setup(scene)):
-            how = f"{transitional.number} {transitional.value:.4g} is above {transitional.least:g}"
-            yield Omission(
-                self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
-            )
+
+QUANTITIES = (
+    _at_walls("least", "least y+ of the walls", "y+ from", "y_plus_min"),
+    _at_walls("largest", "largest y+ of the walls", "to", "y_plus_max"),
+    _at_walls(
+        "roughness_reynolds",
+        "roughness Reynolds number u* k_s/nu",
+        "u* k_s/nu",
+        derive=_roughness_reynolds,
+    ),
+    _at_walls(
+        "at_outflow",
+        "shear velocity u* at the outflow",
+        "u* at the outflow",
+        "bed_shear_velocity",
+        ends=_of_shear_velocity,
+    ),
+    _at_walls("friction", "friction C_f at the outflow", "C_f", "friction", ends=_of_friction),
+    _at_walls(
+        "shear_velocity",
+        "shear velocity u* along the walls, mean",
+        "mean u* along the walls",
+        error="error_bars.shear_velocity.1",
+    ),
+    *(
+        OutputQuantity(
+            f"turbulence.separated.{end}",
+            f"x at which the flow along the bed {does}",
+            "length",
+            column,
+            error=f"error_bars.separated.{end}",
+            heading="at the walls",
+        )
+        for end, (does, column) in enumerate(
+            (("separates", "separation"), ("reattaches", "reattachment"))
+        )
+    ),
+    OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
+)
+HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
+SLOW = 20.0  # Reynolds number by depth and mean velocity of the slowest flow that a search looks at
 
 
-def slowest_flow(setup: Setup) -> SlowestFlow | None:
-    """Slowest flow of a search, a laminar one, in 3-D from a low Shields number; None without a model."""
+def slowest_flow(setup: Setup) -> tuple[float, float] | None:
+    """Factors on the scene's flow of the slowest, laminar flow of a search, and of a first guess; None: no model.
+
+    In 3-D the guess is a low Shields number; a search begins there if it holds the grain. In 2-D it is zero.
+    """
     if not setup.is_averaged:
         return None
-    walls = setup.walls
-    slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
-    start, expected = 0.0, ""
-    if setup.scene.gdim == 3:
-        start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
-    return SlowestFlow(slowest, "looked at", BY_SWEEP, start, expected)
-
-
-def threshold_needs(setup: Setup) -> Iterator[str]:
-    """Missing keys of the scene for a search, whose meshes follow the speed of the flow."""
-    if setup.is_averaged and setup.scene.numerics.accuracy is not None:
-        yield "numerics.accuracy left out with turbulence; see its error bars"
+    slowest = SLOW * setup.walls.viscosity / (setup.walls.mean * setup.walls.depth)
+    low = HOLDS * setup.stress_unit / setup.bed_stress() if setup.scene.gdim == 3 else 0.0
+    return slowest, low**0.5
 
 
 def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
     """Flow of a threshold at a factor of the scene's, and whether it can be laminar."""
-    plane = " in 2-D" if setup.scene.gdim == 2 else ""
-    about = TURBULENT if setup.is_averaged else LAMINAR
-    if setup.scene.flow.oscillates:
-        about = OSCILLATING
-    yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
-    if transitional := transition(setup, factor):
-        yield transitional.text(" at the threshold")
+    plane, scene = " in 2-D" if setup.scene.gdim == 2 else "", setup.scene
+    about = TURBULENT if scene.is_averaged else OSCILLATING if scene.flow.oscillates else LAMINAR
+    yield about.format(flow=f"{scene.flow.kind} flow", plane=plane)
+    if transitional := transition(setup, factor, " at the threshold"):
+        yield transitional
 
 
-def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
-    """Turbulence of a run besides its quantities: a sentence, and rows of words and value."""
+def findings(stored: dict[str, Any]) -> tuple[str, str] | None:
+    """Turbulence of a run besides its quantities: a sentence, and the intervals of reverse flow."""
     if (walls := stored.get("turbulence")) is None:
         return None
-    from ..results.wall_report import MOST_COARSE, longest
+    from ..results.wall_report import MOST_COARSE
 
-    spans, others = longest(walls["backward"])
-    rows: list[tuple[str, Any]] = [
-        ("reverse flow next to the bed from x, to x", tuple(span)) for span in spans
-    ]
-    rows += [("further, shorter intervals", others)] if others else []
     sentence = f"y+ of the walls is {walls['least']:.3g} to {walls['largest']:.3g}."
     if walls.get("judged_along") and (walls["coarse_along"] or 0.0) > MOST_COARSE:
         sentence += " Warning: cells along the walls do not resolve their friction."
@@ -145,4 +129,4 @@ def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None
         sentence += (
             f" Warning: not converged; loads are means, within {100 * walls['spread']:.2g}%."
         )
-    return sentence, rows
+    return sentence, separation_words(walls["backward"])

@@ -27,17 +27,17 @@ from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order
 from ..planning.effects import EffectName
 from ..planning.wall_cells import rise
-from ..restart.redistribution import spread_values, stored_values
+from ..restart import spread_field, stored_field
 from ..results.wall_report import LARGEST_CHANGE, WallReport
 from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
 from ..turbulence.in_time import InTime, Moving
-from .run_part import RunPart, Solving, Stage
+from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ..coupled.coupling import Coupling
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
+    from ..simulation.state import Run
 
 
 class TurbulentFlow(RunPart):
@@ -89,7 +89,7 @@ class TurbulentFlow(RunPart):
         self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
         self.fields.watch(fluid)
 
-    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> None:
+    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> None:
         """Compute the steady flow with its turbulence from the inflow's, or `onwards` first from the present.
 
         `factor`: of the scene's speed, at the same viscosity; the flow is in its own units. Raises ConvergenceError.
@@ -118,7 +118,7 @@ class TurbulentFlow(RunPart):
                 f"the steady flow has not converged: its loads change by {100.0 * outcome.spread:.2g}%"
             )
 
-    def _loads(self, run: Solving) -> Callable[[], Floats]:
+    def _loads(self, run: Run) -> Callable[[], Floats]:
         """Function for force and torque over the grain's size, (6,), or the force on the bed, (3,)."""
         grain, probe = self._of_run.scene.grain, run.probe
         if probe is None or grain is None:
@@ -201,19 +201,23 @@ class TurbulentFlow(RunPart):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+    def stored(self, transient: Transient) -> dict[str, Any]:
         assert self.in_time is not None
-        return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
+        space = self.fields.space
+        points = space.tabulate_dof_coordinates()
+        return {"turbulence": stored_field(space, points, self.in_time.past)}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+    def restore(self, kept: Checkpoint) -> None:
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
-        self.in_time.past = spread_values(self.fields.space, kept.turbulence)
+        space = self.fields.space
+        points = space.tabulate_dof_coordinates()
+        self.in_time.past = spread_field(space.mesh.comm, kept.turbulence, points)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
     # -- output -----------------------------------------------------------------------------------
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+    def columns(self, step: TimeStep) -> dict[str, Any]:
         return self.wall_report().columns()
 
     def reported(self) -> dict[str, Any]:

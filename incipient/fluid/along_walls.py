@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ class AlongWall:
     lengths: np.ndarray
     velocities: np.ndarray
     shear_velocities: np.ndarray
-    edges: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    edges: np.ndarray
 
     @property
     def speeds(self) -> np.ndarray:
@@ -101,33 +101,42 @@ def at_end(x: np.ndarray) -> np.ndarray:
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
-    """Read the flow along a named boundary at corners of cells, averaged over facets. Collective.
+    """Read the flow along a named boundary with a law of the wall; `shear_velocity` is UFL. Collective."""
+    v = fluid.walls.relative(ufl.split(fluid.state)[0], boundary)
+    return _along(fluid, boundary, v, shear_velocity)
 
-    `shear_velocity` is UFL. Corners at both ends of the domain are left out.
-    """
+
+def along_no_slip_wall(fluid: Fluid, boundary: str) -> AlongWall:
+    """Read the shear stress along a named no-slip wall, in place of velocities. Collective."""
+    n, v = ufl.FacetNormal(fluid.domain.mesh), ufl.split(fluid.state)[0]
+    traction = -2 * fluid.viscosity * ufl.dot(ufl.sym(ufl.grad(v)), n)
+    stress = traction - ufl.inner(traction, n) * n
+    return _along(fluid, boundary, stress, ufl.inner(stress, stress) ** 0.25)
+
+
+def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> AlongWall:
+    """Corners of cells along a boundary but for the ends of the domain, with means over facets. Collective."""
     domain, gdim = fluid.domain, fluid.space.gdim
     space = compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
-    nodes = _owned_nodes(space, domain, boundary)
+    nodes = boundary_blocks(space, domain.facets_of(boundary))
+    nodes = nodes[nodes < space.dofmap.index_map.size_local]
 
     def forms() -> list[Any]:
         w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
         one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
-        v = fluid.walls.relative(ufl.split(fluid.state)[0], boundary)
-        measure = domain.measure(boundary)
-        known = one, n, v, shear_velocity * one
-        return [compat.form(ufl.inner(value, w) * measure) for value in known]
+        known = one, n, velocity, shear_velocity * one
+        return [compat.form(ufl.inner(value, w) * domain.measure(boundary)) for value in known]
 
-    made = fluid.kept(f"flow along {boundary}", forms)
-    columns = [
-        space.tabulate_dof_coordinates()[nodes, :gdim],
-        *(_at(one, nodes, gdim) for one in made),
-    ]
-    whole = _on_all_ranks(domain, columns)
+    compiled = fluid.kept(f"flow along {boundary}", forms)
+    means = [compat.owned_entries(one).reshape(-1, gdim)[nodes] for one in compiled]
+    columns = np.hstack([space.tabulate_dof_coordinates()[nodes, :gdim], *means])
+    whole = np.concatenate(domain.comm.allgather(columns))
+    whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
     inner = ~_at_ends(domain, whole[:, 0])
     edges = _edges(domain, boundary, whole[:, :gdim])
     edges = np.cumsum(inner)[edges[inner[edges].all(axis=1)]] - 1
-    places, lengths, *means = np.split(whole[inner], 5, axis=1)
-    normals, velocities, shears = (mean / lengths[:, :1] for mean in means)
+    places, lengths, *sums = np.split(whole[inner], 5, axis=1)
+    normals, velocities, shears = (one / lengths[:, :1] for one in sums)
     return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0], edges)
 
 
@@ -145,66 +154,3 @@ def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:
     low = domain.comm.allreduce(mine.min(), op=MPI.MIN)
     high = domain.comm.allreduce(mine.max(), op=MPI.MAX)
     return np.asarray(np.minimum(x - low, high - x) <= ROUNDING * (high - low))
-
-
-def along_no_slip_wall(fluid: Fluid, boundary: str) -> AlongWall:
-    """Read the shear stress along a named no-slip wall in 2-D, without its ends. Collective.
-
-    `velocities` give the direction of the shear stress. Stresses are nodal tractions averaged over two facets.
-    """
-    domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
-    nodes = _owned_nodes(space, domain, boundary)
-    lengths, normals = _lengths_and_normals(fluid, space, boundary)
-    rows = fluid.space.unknowns_at_nodes[nodes]
-    columns = [
-        space.tabulate_dof_coordinates()[nodes, :gdim],
-        _at(lengths, nodes, gdim)[:, :1],
-        _at(normals, nodes, gdim),
-        -fluid.residual()[rows],
-    ]
-    whole = _on_all_ranks(domain, columns)
-    places, *others = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
-    length, normal, pull = (_mean_of_facets(one)[1:-1] for one in others)
-    normals = normal / length
-    units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    stress = pull / length
-    along = stress - (stress * units).sum(axis=1, keepdims=True) * units
-    shear_velocities = np.sqrt(np.linalg.norm(along, axis=1))
-    return AlongWall(places[1:-1], normals, length[:, 0], along, shear_velocities)
-
-
-def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:
-    nodes = boundary_blocks(space, domain.facets_of(boundary))
-    return nodes[nodes < space.dofmap.index_map.size_local]
-
-
-def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
-    w, n = ufl.TestFunction(space), ufl.FacetNormal(fluid.domain.mesh)
-    one = ufl.as_vector([1.0] + [0.0] * (len(w) - 1))
-    measure = fluid.domain.measure(boundary)
-    forms: list[Any] = fluid.kept(
-        f"lengths and normals of {boundary}",
-        lambda: [compat.form(ufl.inner(known, w) * measure) for known in (one, n)],
-    )
-    return forms
-
-
-def _on_all_ranks(domain: Domain, columns: list[np.ndarray]) -> np.ndarray:
-    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
-    return np.asarray(whole[np.lexsort(whole[:, : domain.gdim].T[::-1])])
-
-
-def _mean_of_facets(values: np.ndarray) -> np.ndarray:
-    """Sums (n, m) over the two facets about each node; ends are unchanged."""
-    if len(values) < 7:
-        return values
-    padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
-    found = 0.5 * padded[:-4] + padded[1:-3] + padded[2:-2] + padded[3:-1] + 0.5 * padded[4:]
-    found[:2], found[-2:] = values[:2], values[-2:]
-    # Sums next to the ends would include the corner of the domain.
-    found[1], found[-2] = found[2], found[-3]
-    return found
-
-
-def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:
-    return compat.owned_entries(form).reshape(-1, gdim)[nodes]

@@ -136,25 +136,17 @@ class Constraints:
         return conditions
 
     def _pressure_pin(self) -> Any:
-        index_map = self.space.pressure.dofmap.index_map
-        numbers = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
-        own = np.flatnonzero(numbers == _first_node(self.space.pressure)).astype(np.int32)
+        """Zero at the node with the lowest coordinates, the same on any number of ranks."""
+        points, comm = self.space.pressure.tabulate_dof_coordinates(), self._domain.comm
+        size = comm.allreduce(float(np.abs(points).max(initial=0.0)), op=MPI.MAX)
+        # Rounded against round-off among nodes on a straight side.
+        places = np.round(points / size, 9) + 0.0
+        lowest = [tuple(places[i]) for i in np.lexsort(places.T[::-1])[:1]]
+        first = min(place for some in comm.allgather(lowest) for place in some)
+        own = np.flatnonzero((places == first).all(axis=1)).astype(np.int32)
         zero = dolfinx.fem.Function(self.space.pressure)
         mixed = self.space.pressure_map[own].astype(np.int32)
         return dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))
-
-
-def _first_node(space: Any) -> int:
-    """Global number of the node with the lowest coordinates."""
-    index_map = space.dofmap.index_map
-    points = space.tabulate_dof_coordinates()
-    comm = space.mesh.comm
-    size = comm.allreduce(float(np.abs(points).max(initial=0.0)), op=MPI.MAX)
-    # Rounded against round-off among nodes on a straight side.
-    places = np.round(points[: index_map.size_local] / size, 9) + 0.0
-    order = np.lexsort(places.T[::-1])[:1]
-    mine = [(tuple(places[i]), index_map.local_range[0] + int(i)) for i in order]
-    return min(first for owned in comm.allgather(mine) for first in owned)[1]
 
 
 def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:

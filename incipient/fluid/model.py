@@ -35,9 +35,7 @@ class FlowModel:
     reference_map: map of a fixed reference domain; None: renewed at each step
     stabilisation: of convection on coarse cells (`forms.terms.grad_div`)
     upwind:        streamline upwinding (`forms.terms.streamline_upwind`), which `Block` needs
-    exact:         upwinding in the Jacobian alone
-    upwind_order:  element order in the upwinding; 0: that of the flow
-    solver:        a name in `solvers.SOLVERS`, or "two-level" (`flow.build_fluid`)
+    solver:        a name in `solvers.SOLVERS`, or "two-level"
     viscosity:     kinematic (UFL); None: 1/Re
     shear_velocity: from k (UFL), for walls with friction
     """
@@ -52,8 +50,6 @@ class FlowModel:
     moving_mesh: bool = False
     stabilisation: bool = False
     upwind: bool = False
-    exact: bool = False
-    upwind_order: int = 0
     solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None
     shear_velocity: Any = None

@@ -25,7 +25,7 @@ NEAR = 0.9
 # Tolerance of the second-order flow of the two-level solver, whose loads estimate the error.
 TOLERANCE_BELOW = 1e-7
 
-Watch = Callable[[float, int, float], Any]
+Watch = Callable[[int, float, int, float], Any]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def solve_steady(
     tolerance: float,
     max_iterations: int = 25,
     first_share: float = 1.0,
-    watch: Watch = lambda share, iteration, size: None,
+    watch: Watch = lambda order, share, iteration, size: None,
     reached: float = 0.0,
     smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
@@ -50,7 +50,7 @@ def solve_steady(
 
     Higher-order elements start from the second-order solution, which is approached from the fraction
     `first_share` of the Reynolds number; if `reached`, the fraction solved by the present state, is `NEAR`
-    they start directly. `watch` receives (fraction, iteration, size of the Newton update).
+    they start directly. `watch` receives (order, fraction, iteration, size of the Newton update).
 
     Raises ConvergenceError; the fluid then holds the last converged state and its Reynolds number.
     """
@@ -111,31 +111,32 @@ def approach(
     Raises ConvergenceError below `smallest_step`; the fluid holds the last converged state, or the start.
     """
     target, steps = fluid.reynolds, []
-    path = _Path(fluid, reached)
+    known = fluid.state.x.array.copy()
     stride = share = 1.0 if reached else min(first_share, 1.0)
     while True:
         last = share >= 1.0
         fluid.reynolds = target * share
-        path.extrapolate(share)
+        if 0.0 < target * reached < STOKES:
+            fluid.state.x.array[fluid.space.pressure_map] *= reached / share
         try:
             report = fluid.solve(
                 tolerance if last else TOLERANCE_ON_THE_WAY,
                 max_iterations if last else ITERATIONS_ON_THE_WAY,
-                partial(watch, share),
+                partial(watch, fluid.space.order, share),
             )
         except ConvergenceError:
-            path.restore()
+            _restore(fluid, known, target, reached)
             raise
         steps.append(Step(fluid.space.order, share, report))
+        if report.converged and last:
+            return tuple(steps)
         if report.converged:
-            path.accept(share)
-            if last:
-                return tuple(steps)
+            known = fluid.state.x.array.copy()
             # Fast convergence allows larger steps.
             growth = float(np.clip(3.0 * 4 / max(report.iterations, 1), 1.5, 4.0))
             reached, stride = share, stride * growth
         else:
-            path.restore()
+            _restore(fluid, known, target, reached)
             if report.failure and not report.corrections and not reached:
                 raise ConvergenceError(report.failure)
             stride = 0.5 * (share - reached)
@@ -147,40 +148,14 @@ def approach(
         share = min(1.0, reached + stride)
 
 
+def _restore(fluid: Fluid, values: np.ndarray, target: float, share: float) -> None:
+    fluid.state.x.array[:] = values
+    # At the start, without a Reynolds number, zero would make the stress infinite.
+    fluid.reynolds = target * (share or 1.0)
+
+
 def _how(report: NewtonReport, share: float) -> str:
     number, at = report.iterations, f"at {100 * share:.3g}%"
     if report.failure:
         return f"{at} the linear system of Newton update {number + 1} is not solved"
     return f"{at} Newton update {number} is still {report.corrections[-1]:.2g} of the flow"
-
-
-class _Path:
-    def __init__(self, fluid: Fluid, reached: float):
-        self.fluid, self.target = fluid, fluid.reynolds
-        self.states: list[tuple[float, np.ndarray]] = [(reached, fluid.state.x.array.copy())]
-
-    def accept(self, share: float) -> None:
-        self.states = [*self.states[-1:], (share, self.fluid.state.x.array.copy())]
-
-    def restore(self) -> None:
-        share, values = self.states[-1]
-        self.fluid.state.x.array[:] = values
-        # At the start, without a Reynolds number, zero would make the stress infinite.
-        self.fluid.reynolds = self.target * (share or 1.0)
-
-    def extrapolate(self, share: float) -> None:
-        """Secant through the last two states, in the logarithm of the Reynolds number."""
-        if len(self.states) < 2:
-            self._scale_pressure(share)
-            return
-        if self.states[0][0] == 0.0:
-            return
-        (before, old), (now, new) = self.states
-        slope = np.log(share / now) / np.log(now / before)
-        self.fluid.state.x.array[:] = new + min(slope, 1.0) * (new - old)
-
-    def _scale_pressure(self, share: float) -> None:
-        ((reached, start),) = self.states
-        if 0.0 < self.target * reached < STOKES:
-            pressures = self.fluid.space.pressure_map
-            self.fluid.state.x.array[pressures] = reached / share * start[pressures]

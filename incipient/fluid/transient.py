@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -127,9 +127,8 @@ class Transient:
         self._past: list[Past] = []
         self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
-        self._new_mesh = (
-            -np.inf
-        )  # time of the last remeshing: earlier states come from another mesh
+        # Time of the last remeshing: earlier states come from another mesh.
+        self._new_mesh = -np.inf
         self._length_kept: float | None = None
         self._shortest = 0.0
 
@@ -157,7 +156,7 @@ class Transient:
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
             length = min(GROWTH * self.next_length, step)
             if self.accuracy is not None:
-                length = self._next_length(taken)
+                length = taken.length * self._growth(taken.error, self.accuracy)
             self.next_length = max(length, self._shortest)
             yield taken
 
@@ -208,8 +207,10 @@ class Transient:
         for rejected in range(MOST_REJECTED):
             report = self._attempt(length)
             error = self._error(length) if report.converged else None
-            good = report.converged and not self._too_large(error)
-            allowed = self._allowed(length, good)
+            good = report.converged and (error or 0.0) <= 1.5 * (self.accuracy or np.inf)
+            allowed = 0.5 * length
+            if good:
+                allowed = length if self.interface is None else self.interface.allowed(length)
             if allowed >= length:
                 allowance, self.last_error = self._tolerance(), self._credible(error)
                 self.number += 1
@@ -223,23 +224,15 @@ class Transient:
                 break
             length = allowed
         why = "" if self.interface is None else self.interface.complaint()
+        implicit = self.fluid.model.convection == "implicit"
+        linear = ', numerics.convection = "extrapolated"' if implicit else ""
+        remedy = (
+            f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
+        )
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (why or report.failure or self._remedy())
+            + (why or report.failure or remedy)
         )
-
-    def _remedy(self) -> str:
-        linear = (
-            ', numerics.convection = "extrapolated"'
-            if self.fluid.model.convection == "implicit"
-            else ""
-        )
-        return f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
-
-    def _allowed(self, length: float, good: bool) -> float:
-        if not good:
-            return 0.5 * length
-        return length if self.interface is None else self.interface.allowed(length)
 
     def _remember(self) -> None:
         velocities = np.empty(0) if self.interface is None else self.interface.velocities()
@@ -265,24 +258,23 @@ class Transient:
 
     def _solved(self, length: float) -> NewtonReport:
         if self.interface is not None:
-            return self.interface.attempt(length, 2 if self._is_second else 1, self._tolerance())
+            return self.interface.attempt(length, self._order, self._tolerance())
         return self.fluid.solve(self._tolerance())
 
     @property
-    def _is_second(self) -> bool:
-        return self.order == 2 and len(self._past) > 1
+    def _order(self) -> int:
+        return min(self.order, len(self._past))
 
     def _discretise(self, length: float) -> None:
         fluid, past = self.fluid, self._past
-        second = self._is_second
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
-        rate, extrapolation = backward_difference(2 if second else 1, length, ratio)
+        rate, extrapolation = backward_difference(self._order, length, ratio)
         fluid.discretise_time(rate, extrapolation)
         for function, before in zip(fluid.history, [*past[:2], past[-1]], strict=False):
             function.x.array[:] = before.state
         fluid.time = past[0].time + length
         fluid.drive(fluid.time, past[0].time, past[min(1, len(past) - 1)].time)
-        if second:
+        if self._order == 2:
             known = [one.state for one in past]
             fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
 
@@ -298,26 +290,28 @@ class Transient:
         if self.interface is not None:
             self.interface.restore()
 
-    def _too_large(self, error: float | None) -> bool:
-        return self.accuracy is not None and error is not None and error > 1.5 * self.accuracy
-
     def _error(self, length: float) -> float | None:
-        second = self._is_second
-        needed = 3 if second else 2
-        if len(self._past) < needed:
+        order = self._order
+        past = self._past[: order + 1]
+        if len(past) <= order:
             return None
-        past = self._past[:needed]
-        times = [self.fluid.time, *(p.time for p in past)]
-        # a0 times the leading truncation error: v_tt/2 dt, and v_ttt/6 dt (dt + previous dt).
-        a0 = backward_difference(2 if second else 1, length, length / (times[1] - times[2]))[0][0]
-        factor = np.prod([times[0] - t for t in times[1:-1]]) / a0
-        states = [self.fluid.state.x.array, *(p.state for p in past)]
-        error = self._relative(factor * _divided_difference(times, states))
+        now, times = self.fluid.time, [p.time for p in past]
+        # The leading truncation error, v_tt/2 dt or v_ttt/6 dt (dt + previous dt), over a0.
+        a0 = backward_difference(order, length, length / (times[0] - times[1]))[0][0]
+        factor = 1 / (a0 * (now - times[-1]))
+
+        def missed(values: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
+            return factor * (values - extrapolated(times, known, now))
+
+        values = self.fluid.state.x.array
+        parts = missed(values, [p.state for p in past]), values
+        squares, whole = map(self.fluid.squared_velocities, parts)
+        error = float(np.sqrt(squares / whole)) if whole else 0.0
         if self.interface is None:
             return error
-        velocities = [self.interface.velocities(), *(p.velocities for p in past)]
-        change = float(np.linalg.norm(factor * _divided_difference(times, velocities)))
-        size = max(float(np.linalg.norm(velocities[0])), self.fluid.speed())
+        velocities = self.interface.velocities()
+        change = float(np.linalg.norm(missed(velocities, [p.velocities for p in past])))
+        size = max(float(np.linalg.norm(velocities)), self.fluid.speed())
         return max(error, change / size if size else 0.0)
 
     def _credible(self, error: float | None) -> float | None:
@@ -330,18 +324,11 @@ class Transient:
             else min(error, self.last_error)
         )
 
-    def _relative(self, values: np.ndarray) -> float:
-        error, whole = (
-            self.fluid.squared_velocities(a) for a in (values, self.fluid.state.x.array)
-        )
-        return float(np.sqrt(error / whole)) if whole else 0.0
-
-    def _next_length(self, taken: TimeStep) -> float:
-        if taken.error is None or self.accuracy is None:
-            return taken.length
-        exponent = 1 / (self.order + 1)
-        factor = SAFETY * (self.accuracy / max(taken.error, 1e-300)) ** exponent
-        return taken.length * float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
+    def _growth(self, error: float | None, accuracy: float) -> float:
+        if error is None:
+            return 1.0
+        factor = SAFETY * (accuracy / max(error, 1e-300)) ** (1 / (self.order + 1))
+        return float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
 
 
 class QuasiSteady(Transient):
@@ -360,11 +347,3 @@ def _landing(left: float, step: float) -> float:
     if left <= step * (1 + 1e-9):
         return left
     return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step
-
-
-def _divided_difference(times: list[float], states: list[Any]) -> Any:
-    if len(states) == 1:
-        return states[0]
-    newer = _divided_difference(times[:-1], states[:-1])
-    older = _divided_difference(times[1:], states[1:])
-    return (newer - older) / (times[0] - times[-1])

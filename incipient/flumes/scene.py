@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ..scene import loads
-from ..setup.numbers import numbers_of
-from ..setup.setup import Setup
+from ..setup.setup import Setup, numbers_of
 from .answer import FlumeAnswer
 
 CREST = 0.866  # height that the text below leaves for the bed [d]

@@ -121,7 +121,7 @@ class Balls(Shape):
 
 
 def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
-    """Centres (n, dimension) and radii (n,), checked to be connected."""
+    """Centres (n, dimension) and radii (n,), checked to be connected and none to lie within another."""
     from scipy.sparse.csgraph import connected_components  # which takes time to import
 
     points, sizes = np.reshape(centres, (-1, dimension)).astype(float), np.array(radii, float)
@@ -131,14 +131,15 @@ def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple
     if parts > 1:
         k = int(np.argmax(part != part[0]))
         raise SceneError(f"number {k} of the union does not overlap the others; move it closer")
+    first, second = np.indices(apart.shape)
+    larger = (sizes > sizes[:, None]) | ((sizes == sizes[:, None]) & (second > first))
+    hidden = (larger & (apart <= sizes - sizes[:, None] + 1e-12 * sizes)).any(axis=1)
+    if hidden.any():
+        kind = {2: "disc", 3: "sphere"}[dimension]
+        raise SceneError(
+            f"{kind} {np.argmax(hidden)} of the union lies within the others; leave it out"
+        )
     return points, sizes
-
-
-def require_exposed(owners: np.ndarray, count: int, kind: str) -> None:
-    """Refuse discs or spheres that lie within others."""
-    hidden = np.setdiff1d(np.arange(count), owners)
-    if len(hidden):
-        raise SceneError(f"{kind} {hidden[0]} of the union lies within the others; leave it out")
 
 
 def largest_distance(points: Floats) -> float:

@@ -14,21 +14,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats, decimal, spatial, unwarned
+from ..arrays import Floats, decimal, unwarned
 from ..contact.batch import CHUNK, Batch, Cases, judge_many
 from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
 from ..files import csv_text, make_directory, part_of, replaced, write_json, write_text_atomically
-from ..parquet import pyarrow
+from ..installed import optional
 from ..progress import Silent
 from .case import ROUNDING
-from .table import Table, read_table, require_columns
+from .table import Table, names_of, read_table, require_columns, vectors
 
 SUMMARY = "batch.json"
 REMEDY = "give it, or --set {name}=VALUE for all rows"
@@ -86,32 +85,31 @@ def judge_table(
     make_directory(directory)
     progress.begin("verdicts")
     count, judged = len(cases), 0
-    factors, held, modes = np.full(count, np.nan), np.zeros(count, dtype=bool), [""] * count
+    answers: dict[str, list[Any]] = {
+        "row": list(range(1, count + 1)),
+        "name": table.labels or [""] * count,
+        "safety_factor": [None] * count,
+        "held": [None] * count,
+        "mode": [""] * count,
+        "reason": [""] * count,
+    }
     with suppress(KeyboardInterrupt):
         for batch in _judged(cases, jobs):
             rows = slice(judged, judged + len(batch.factors))
-            factors[rows], held[rows], modes[rows] = batch.factors, batch.held, batch.mode_names
+            answers["safety_factor"][rows] = batch.factors.tolist()
+            answers["held"][rows], answers["mode"][rows] = batch.held.tolist(), batch.mode_names
             faults = {place + judged: why for place, why in batch.reasons.items()} | faults
             judged = rows.stop
             progress.count("verdicts", judged, count)
     faults |= dict.fromkeys(range(judged, count), "not judged: interrupted; call again")
-    answers: dict[str, list[Any]] = {
-        "row": list(range(1, count + 1)),
-        "name": table.labels or [""] * count,
-        "safety_factor": factors.tolist(),
-        "held": held.tolist(),
-        "mode": modes,
-        "reason": [""] * count,
-    }
     for place, why in faults.items():
         answers["safety_factor"][place] = answers["held"][place] = None
-        modes[place], answers["reason"][place] = "", why
+        answers["mode"][place], answers["reason"][place] = "", why
     _write(directory / verdicts_name(path), answers)
     reasons = {place + 1: faults[place] for place in sorted(faults)[:MOST_REASONS]}
-    by_mode = dict(Counter(filter(None, modes)).most_common())
-    least = min(
-        (factor for factor in answers["safety_factor"] if factor is not None), default=np.inf
-    )
+    by_mode = dict(Counter(filter(None, answers["mode"])).most_common())
+    known = (factor for factor in answers["safety_factor"] if factor is not None)
+    least = min(known, default=np.inf)
     verdicts = Verdicts(count, len(faults), by_mode, least, reasons)
     write_json(directory / SUMMARY, asdict(verdicts))
     if judged < count:
@@ -145,66 +143,58 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
         **table.columns,
         **{key: np.full(len(table), constant) for key, constant in constants.items()},
     }
-    axes = "xyz" if {"force_z", "contact_1_z"} & value.keys() else "xy"
-    contacts = max((int(name[1]) for name in map(_CONTACT.fullmatch, value) if name), default=1)
-
-    def of(name: str) -> list[str]:
-        return [f"{name}_{axis}" for axis in axes]
-
-    torque_columns, inertia = (
-        (["couple"], ["inertia"]) if axes == "xy" else (of("couple"), of("inertia"))
-    )
+    gdim = 3 if {"force_z", "contact_1_z"} & value.keys() else 2
+    number = max((int(name[1]) for name in map(_CONTACT.fullmatch, value) if name), default=1)
     points, normals = (
-        [of(f"{kind}_{number}") for number in range(1, contacts + 1)]
-        for kind in ("contact", "normal")
+        [f"{kind}_{k}" for k in range(1, number + 1)] for kind in ("contact", "normal")
     )
-    numbers = [*of("force"), *torque_columns, *of("weight"), *of("centre"), "friction"]
+
+    def names(*quantities: str) -> list[str]:
+        return [name for quantity in quantities for name in names_of(quantity, gdim)]
+
+    numbers = [*names("force", "couple", "weight", "centre"), "friction"]
     numbers += ["cohesion"] if "cohesion" in value else []
-    needed = [*numbers, *chain(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
-    products = [f"inertia_{axes}" for axes in _PRODUCTS] if axes == "xyz" else []
-    optional = ["name", *of("about"), "cohesion", "mass", *inertia, *products]
+    inertia = names("inertia")
+    needed = [*numbers, *names(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
+    optional = ["name", *names("about"), "cohesion", "mass", *inertia]
+    optional += [f"inertia_{axes}" for axes in _PRODUCTS] if gdim == 3 else []
     require_columns("batch", value, needed, optional, REMEDY)
-
-    def vector(names: Sequence[str]) -> Floats:
-        return np.stack([value[name] for name in names], axis=1)
-
     faults = dict(table.faults)
     for name in numbers:
         for place in np.flatnonzero(~np.isfinite(value[name])).tolist():
             faults.setdefault(place, f"{name} is empty or not finite; give a number")
-    outward = np.stack([_third(vector(names)) for names in normals], axis=1)
-    lengths = np.linalg.norm(outward, axis=2, keepdims=True)
-    force, centre = spatial(vector(of("force"))), spatial(vector(of("centre")))
-    torque = np.pad(vector(torque_columns), ((0, 0), (3 - len(torque_columns), 0)))
+    force, torque, weight, centre = (
+        vectors(value, name, gdim) for name in ("force", "couple", "weight", "centre")
+    )
     if "about_x" in value:  # tau_c = tau_a + (a - c) ^ F
-        torque += np.cross(spatial(vector(of("about"))) - centre, force)
+        torque = torque + np.cross(vectors(value, "about", gdim) - centre, force)
+    outward = _of_contacts(value, normals, gdim)
+    lengths = np.linalg.norm(outward, axis=2, keepdims=True)
     cases = Cases(
-        np.stack([_third(vector(names)) for names in points], axis=1),
+        _of_contacts(value, points, gdim),
         np.where(np.abs(lengths - 1.0) <= ROUNDING, outward / lengths, outward),
         force,
         torque,
-        spatial(vector(of("weight"))),
+        weight,
         centre,
         FrictionCone(value["friction"], value.get("cohesion", np.zeros(len(table)))),
-        value.get("mass", np.full(len(table), np.nan)),
-        _inertia(value, inertia),
+        *((value["mass"], _inertia(value, inertia)) if "mass" in value else ()),
     )
     return cases, faults
 
 
-def _third(vectors: Floats) -> Floats:
-    return np.where(np.isnan(vectors).all(axis=1)[:, None], np.nan, spatial(vectors))
+def _of_contacts(value: Mapping[str, Floats], names: Sequence[str], gdim: int) -> Floats:
+    """Vectors (n, contacts, 3), NaN of missing contacts."""
+    of_each = np.stack([vectors(value, name, gdim) for name in names], axis=1)
+    return np.where(np.isnan(of_each[..., :gdim]).all(axis=2, keepdims=True), np.nan, of_each)
 
 
 def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
-    if "mass" not in value:
-        return np.full((len(value["friction"]), 3, 3), np.nan)
     diagonal = np.stack([value[name] for name in moments], axis=1)
-    matrices = np.zeros((len(diagonal), 3, 3))
-    matrices[:, range(3), range(3)] = diagonal
+    matrices = np.where(np.eye(3), diagonal[:, None], 0.0)
     for axes in _PRODUCTS:
         first, other = ("xyz".index(axis) for axis in axes)
-        product = np.nan_to_num(value.get(f"inertia_{axes}", np.zeros(len(diagonal))), nan=0.0)
+        product = np.nan_to_num(value.get(f"inertia_{axes}", 0.0), nan=0.0)
         matrices[:, first, other] = matrices[:, other, first] = product
     matrices[np.isnan(value["mass"]) & np.isnan(diagonal).all(axis=1)] = np.nan
     return matrices
@@ -217,7 +207,7 @@ def _write(path: Path, answers: dict[str, list[Any]]) -> None:
         named = (dict(zip(answers, row, strict=True)) for row in rows)
         write_text_atomically(path, csv_text(list(answers), named))
         return
-    arrow = pyarrow()
+    arrow = optional("pyarrow.parquet", "parquet")
     text, number = arrow.string(), arrow.float64()
     kinds = (arrow.int64(), text, number, arrow.bool_(), text, text)
     table = arrow.table(dict(answers), schema=arrow.schema(zip(answers, kinds, strict=True)))

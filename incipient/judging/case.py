@@ -7,6 +7,7 @@ or a matrix.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,14 +19,14 @@ from ..contact import Contacts, Load
 from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
+from ..errors import SceneError
 from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement
-from ..input_files import read_text
 from ..scene import Body
-from ..scene.file import parse, read
+from ..scene.file import read
 from ..scene.mass import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
-from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, key
+from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, first_broken, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -92,22 +93,21 @@ class CaseLoad(Section):
     """The load on the grain without the forces of the bed."""
 
     weight: Vector = key("force at the centre of mass besides that of the flow, such as the weight")
-    flow_force: Vector = key("force of the flow on the grain")
-    flow_couple: Torque = key("torque of the flow about the point `about`")
+    flow_force: Vector | None = key("force of the flow on the grain", None)
+    flow_couple: Torque | None = key("torque of the flow about the point `about`", None)
     centre: Vector | None = key("centre of mass; default: that of [body]", None)
     about: Vector | None = key("reference point of flow_couple; default: the centre of mass", None)
-
-
-def _as_many(name: str) -> Rule:
-    return Rule(name, lambda s: getattr(s, name) is not None and len(getattr(s, name)) != len(s.points),
-                lambda s: f"{len(getattr(s, name))} given for {counted(len(s.points), 'point')}",
-                "give one for each point")  # fmt: skip
 
 
 class CaseContacts(Section):
     """Contacts of the grain and the bed."""
 
-    rules = tuple(map(_as_many, ("normals", "areas")))
+    rules = (
+        Rule("{v[0]}", lambda s: [
+                (name, len(items), counted(len(s.points), "point")) for name in ("normals", "areas")
+                if (items := getattr(s, name)) is not None and len(items) != len(s.points)],
+             "{v[1]} given for {v[2]}", "give one for each point"),
+    )  # fmt: skip
 
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
@@ -153,10 +153,16 @@ class Case(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Case:
-        for check in (_centre_and_shape, _dimension, _outward, _on_surface):
-            if problem := next(check(self), None):
-                raise refusal("Case", [problem], between=True)
+        problems = first_broken(RULES, self)
+        checks = (check(self) for check in (_dimension, _outward, _on_surface))
+        if problem := next(chain(problems, chain.from_iterable(checks)), None):
+            raise refusal(problem, between=True)
         return self
+
+    def require_flow(self, source: str) -> None:
+        for name in ("flow_force", "flow_couple"):
+            if getattr(self.load, name) is None:
+                raise SceneError(f"{source}: load.{name}: is missing; add the load of the flow")
 
     @property
     def gdim(self) -> int:
@@ -178,8 +184,10 @@ class Case(Section):
 
     def to_load(self) -> Load:
         """The load; the torque about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
-        force = spatial(self.load.flow_force)
-        torque = spatial_torque(self.load.flow_couple) + np.cross(self.about - self.centre, force)
+        force = spatial(self.load.flow_force or ())
+        torque = spatial_torque(self.load.flow_couple or 0.0) + np.cross(
+            self.about - self.centre, force
+        )
         return Load(force, torque, spatial(self.load.weight), self.centre)
 
     def to_contacts(self) -> Contacts:
@@ -190,8 +198,8 @@ class Case(Section):
 
     def standard_errors(self) -> StandardErrors:
         errors = self.errors or CaseErrors()
-        force, torque = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
-        return StandardErrors(spatial(force), spatial_torque(torque), errors.friction, self.about)
+        force, torque = spatial(errors.flow_force or ()), spatial_torque(errors.flow_couple or 0.0)
+        return StandardErrors(force, torque, errors.friction, self.about)
 
     def mass_and_inertia(self) -> tuple[float, Floats] | None:
         if self.grain is not None:
@@ -199,34 +207,15 @@ class Case(Section):
         return None if self.body is None else mass_and_inertia(self.body, self.placement)
 
 
-class _CaseWithoutFlow(Case):
-    @model_validator(mode="before")
-    @classmethod
-    def _still(cls, data: Any) -> Any:
-        load = data.get("load")
-        if not isinstance(load, dict):
-            return data
-        weight = load.get("weight")
-        in_3d = isinstance(weight, list) and len(weight) == 3
-        zero = {
-            "flow_force": [0.0] * (3 if in_3d else 2),
-            "flow_couple": [0.0] * 3 if in_3d else 0.0,
-        }
-        return {**data, "load": {**zero, **load}}
-
-
-def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
+def load_case(path: Path | str, overrides: Sequence[str] = (), needs_flow: bool = True) -> Case:
     """Read a case from a TOML file, changed by overrides such as ``"contacts.friction=0.4"``.
 
-    Raises SceneError, naming the file, the key, the reason and the remedy.
+    Raises SceneError, naming the file, the key, the reason and the remedy; `needs_flow`: also without a flow.
     """
-    return read(Case, path, overrides)
-
-
-def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
-    """As `load_case`, with force and torque of the flow zero unless given."""
-    text = read_text(path, "give the name of a case file")
-    return parse(_CaseWithoutFlow, text, path.parent, overrides, str(path))
+    case = read(Case, path, overrides)
+    if needs_flow:
+        case.require_flow(str(path))
+    return case
 
 
 def judge_case(case: Case) -> dict[str, Any]:
@@ -274,35 +263,31 @@ def _matrix(inertia: Any) -> Floats:
     return np.asarray(array * np.eye(3) if array.ndim < 2 else array)
 
 
-def _centre_and_shape(case: Case) -> Iterator[Problem]:
-    body, centre = case.body, case.load.centre
-    if body is not None and case.grain is not None:
-        yield Problem(("body",), "both [body] and [grain] are given", "leave one out")
-    if body is not None and body.centre is None:
-        yield Problem(("body", "x"), "a case has no bed to rest the grain on", "give body.centre")
-    if body is None and centre is None:
-        yield Problem(
-            ("load", "centre"), "is missing", "add the centre of mass, at which the weight acts"
-        )
-    own = None if body is None else body.centre
-    if own is not None and centre is not None and not np.allclose(spatial(own), spatial(centre)):
-        yield Problem(("load", "centre"), "is not body.centre", "leave one out")
+def _centres_differ(case: Case) -> bool:
+    own, centre = None if case.body is None else case.body.centre, case.load.centre
+    return None not in (own, centre) and not np.allclose(spatial(own or ()), spatial(centre or ()))
+
+
+# Rules between sections.
+RULES = (
+    Rule("body", lambda c: c.body is not None and c.grain is not None,
+         "both [body] and [grain] are given", "leave one out"),
+    Rule("body.x", lambda c: c.body is not None and c.body.centre is None,
+         "a case has no bed to rest the grain on", "give body.centre"),
+    Rule("load.centre", lambda c: c.body is None and c.load.centre is None,
+         "is missing", "add the centre of mass, at which the weight acts"),
+    Rule("load.centre", _centres_differ, "is not body.centre", "leave one out"),
+)  # fmt: skip
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
-    load, errors = case.load, case.errors or CaseErrors()
-    values: dict[Key, Any] = {
-        ("load", "flow_force"): load.flow_force,
-        ("load", "flow_couple"): load.flow_couple,
-        ("load", "centre"): load.centre,
-        ("load", "about"): load.about,
-        ("errors", "flow_force"): errors.flow_force,
-        ("errors", "flow_couple"): errors.flow_couple,
-        ("grain", "inertia"): case.grain and case.grain.inertia,
-    }
-    for name in ("points", "normals"):
-        listed = enumerate(getattr(case.contacts, name))
-        values |= {("contacts", name, index): vector for index, vector in listed}
+    errors, contacts = case.errors or CaseErrors(), case.contacts
+    names = ("flow_force", "flow_couple", "centre", "about")
+    values: dict[Key, Any] = {("load", name): getattr(case.load, name) for name in names}
+    values |= {("errors", name): getattr(errors, name) for name in names[:2]}
+    values["grain", "inertia"] = case.grain and case.grain.inertia
+    values |= {("contacts", "points", k): point for k, point in enumerate(contacts.points)}
+    values |= {("contacts", "normals", k): normal for k, normal in enumerate(contacts.normals)}
     dimensions = {
         where: 2 if isinstance(value, float) or len(value) == 2 else 3
         for where, value in values.items()
@@ -334,7 +319,7 @@ def _outward(case: Case) -> Iterator[Problem]:
 def _on_surface(case: Case) -> Iterator[Problem]:
     if case.body is None:
         return
-    shape, contacts = case.body.grain(), case.to_contacts()
+    shape, contacts = case.body.grain, case.to_contacts()
     points = case.placement.to_body(contacts.points[:, : case.gdim])
     for index, level in enumerate(shape.level(points)):
         if abs(level) > ROUNDING * shape.size:

@@ -1,20 +1,200 @@
-"""Verdicts on the forces of another program's run: on their mean with its standard errors, and on all times."""
+"""Forces of another program's run, and verdicts: on their mean with its standard errors, and on all times.
+
+They are read as OpenFOAM's function object `forces` writes them. `force.dat` and `moment.dat` of openfoam.com have
+total, pressure, viscous and possibly porous columns; `forces.dat` of openfoam.org and foam-extend pressure and viscous
+force, then moments, possibly with porous ones. A folder has one folder for each start, named by its time; a run that
+finds a file adds its start to the name (`force_5.dat`). Later starts replace earlier ones.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Booleans, Floats
 from ..errors import SceneError
+from ..input_files import LARGEST_TABLE, reading
 from .case import Case, CaseErrors, judge_case, text
-from .motion import FEWEST, FlowThreshold, mean_in_time, samples_from
-from .openfoam import ForcesInTime
-from .series import Series, judge_series
+from .series import FEWEST, FlowThreshold, Series, judge_series, mean_in_time, samples_from
+from .table import columns_of
 
 FRACTION = 0.5  # of the time, the last, over which a mean is taken by default
+DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+RUN = re.compile(rf"(?P<kind>forces?|moment)(?:_(?P<start>{DECIMAL}))?\.dat")
+CENTRE = re.compile(r"#\s*CofR\s*:?\s*\(?([^)\n]*)\)?", re.IGNORECASE)
+ROUNDING = 1e-5  # of a total that is written beside its parts, relative to the largest part
+FORMATS = "force.dat and moment.dat (openfoam.com) or forces.dat (openfoam.org, foam-extend)"
+
+
+@dataclass(frozen=True, eq=False)
+class ForcesInTime:
+    """Force and moment on the grain, in the units of the other program.
+
+    times: (n,); forces, moments: (n, 3), the latter about `centre` (3,); sources: files, each with its times
+    """
+
+    times: Floats
+    forces: Floats
+    moments: Floats
+    centre: Floats
+    sources: tuple[str, ...] = ()
+
+    def only(self, which: Booleans) -> ForcesInTime:
+        chosen = {name: getattr(self, name)[which] for name in ("times", "forces", "moments")}
+        return replace(self, **chosen)
+
+
+def read_forces(path: Path) -> ForcesInTime:
+    """Read the forces in a file or folder of OpenFOAM.
+
+    Raises SceneError if there are none, a file is of no known format, moments or their centre are missing, or the files
+    of a folder can be joined in more than one way.
+    """
+    if path.is_dir():
+        return _joined(path, sorted(_runs(path), key=lambda run: (run.start, run.again)))
+    if path.name.startswith("moment"):
+        raise _refusal(f"{path} has only moments; give the force.dat next to it, or their folder")
+    return _of_file(path)
+
+
+@dataclass(frozen=True)
+class _Run:
+    start: float
+    again: bool
+    path: Path
+
+    def is_older(self, later: _Run, overlap: bool) -> bool:
+        if self.again:
+            return not overlap
+        if self.path.parent == later.path.parent:
+            return later.again
+        return -np.inf < self.start < later.start
+
+
+def _runs(path: Path) -> Iterator[_Run]:
+    for file in [*sorted(path.glob("*.dat")), *sorted(path.glob("*/*.dat"))]:
+        name, folder = RUN.fullmatch(file.name), file.parent
+        if name is None or (folder != path and not re.fullmatch(DECIMAL, folder.name)):
+            continue
+        if name["kind"] == "moment":
+            beside = (
+                file.with_name(kind + file.name[len("moment") :]) for kind in ("force", "forces")
+            )
+            if not any(other.is_file() for other in beside):
+                raise _refusal(f"{file} has no file of forces next to it; move it away")
+            continue
+        start = -np.inf if folder == path else float(folder.name)
+        yield _Run(float(name["start"] or start), name["start"] is not None, file)
+
+
+def _moments_beside(path: Path) -> Path:
+    return path.with_name(re.sub("^forces?", "moment", path.name))
+
+
+def _of_file(path: Path) -> ForcesInTime:
+    table, header = _table(path)
+    if "moment" in header:  # both in one file
+        _require_columns(path, table, "forces.dat", (13, 19))
+        halves = table[:, 1:].reshape(len(table), 2, -1, 3).sum(axis=2)
+        return ForcesInTime(table[:, 0], halves[:, 0], halves[:, 1], _centre(path, header))
+    _require_columns(path, table, "force.dat", (10, 13))
+    beside = _moments_beside(path)
+    if not beside.is_file():
+        raise _refusal(f"{beside} is missing; write moments also, with CofR in the function object")
+    moments, header = _table(beside)
+    if moments.shape != table.shape or not np.array_equal(moments[:, 0], table[:, 0]):
+        raise _refusal(f"{beside} has other times than {path.name}; give files of one run")
+    for values, name in ((table, path), (moments, beside)):
+        parts = values[:, 4:].reshape(len(values), -1, 3)
+        wrong = np.abs(values[:, 1:4] - parts.sum(axis=1)) > ROUNDING * np.abs(parts).max()
+        if wrong.any():
+            why = (
+                f"the total at time {values[wrong.any(axis=1), 0][0]:g} is not the sum of its parts"
+            )
+            raise _refusal(f"{name}: {why}; write it again")
+    return ForcesInTime(table[:, 0], table[:, 1:4], moments[:, 1:4], _centre(beside, header))
+
+
+def _require_columns(path: Path, table: Floats, name: str, counts: tuple[int, int]) -> None:
+    if table.shape[1] not in counts:
+        needs = f"{name} has {counts[0]}, or {counts[1]} with porous ones"
+        raise _refusal(f"{path} has {table.shape[1]} numbers a line; {needs}")
+
+
+def _table(path: Path) -> tuple[Floats, str]:
+    with reading(path, f"give {FORMATS}", LARGEST_TABLE, name=f"--forces: {path}"):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        header = "\n".join(line for line in lines if line.startswith("#"))
+        rows = [re.sub("[()]", " ", line).split() for line in lines if line[:1] not in ("#", "")]
+        if len(rows) > 1 and len(rows[-1]) != len(rows[0]):  # of a run that was stopped, or goes on
+            rows.pop()
+        table = np.array(rows, dtype=float)
+    if not len(table):
+        raise _refusal(f"{path} has no samples yet; continue the run, or move the file away")
+    if len(times := table[~np.isfinite(table).all(axis=1), 0]):
+        raise _refusal(f"{path} is not finite at time {times[0]:g}; remove such lines")
+    if len(times := table[1:, 0][np.diff(table[:, 0]) <= 0.0]):
+        why = f"has time {times[0]:g} twice or out of order"
+        raise _refusal(f"{path} {why}; keep one line for each time")
+    return table, header.lower()
+
+
+def _centre(path: Path, header: str) -> Floats:
+    centres = {tuple(map(float, re.findall(DECIMAL, text))) for text in CENTRE.findall(header)}
+    if len(centres) > 1:
+        raise _refusal(
+            f"{path} has moments about {len(centres)} points (CofR); give one run's file"
+        )
+    centre = np.array(list(*centres))
+    if len(centre) != 3 or not np.isfinite(centre).all():
+        remedy = "add a line '# CofR : (x y z)' on top, or write it with a newer version"
+        raise _refusal(f"{path} does not name the point of its moments; {remedy}")
+    return centre
+
+
+def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
+    if not runs:
+        remedy = f"give a folder with {FORMATS}, or with folders by time"
+        raise _refusal(f"{folder} holds no forces; {remedy}")
+    parts = [_of_file(run.path) for run in runs]
+    names = [str(run.path.relative_to(folder)) for run in runs]
+    joined: dict[str, ForcesInTime] = {}
+    for k, (run, part) in enumerate(zip(runs, parts, strict=True)):
+        before = np.ones(len(part.times), dtype=bool)
+        for n in range(k + 1, len(runs)):
+            if not run.is_older(runs[n], bool(part.times[-1] > parts[n].times[0])):
+                why = "have the same times, and which is newer is not known"
+                raise _conflict(folder, names[k], names[n], why)
+            before &= (part.times <= runs[n].start) & (part.times < parts[n].times[0])
+        if before.any():
+            joined[names[k]] = part.only(before)
+    first, *others = joined
+    centre = joined[first].centre
+    for name in others:
+        if (joined[name].centre != centre).any():
+            why = f"have moments about {centre} and {joined[name].centre}"
+            raise _conflict(folder, first, name, why)
+    sources = [f"{name} {part.times[0]:g} to {part.times[-1]:g}" for name, part in joined.items()]
+    sources += [f"{name} superseded" for name in names if name not in joined]
+    times, forces, moments = (
+        np.concatenate([getattr(part, name) for part in joined.values()])
+        for name in ("times", "forces", "moments")
+    )
+    return ForcesInTime(times, forces, moments, centre, tuple(sources))
+
+
+def _conflict(folder: Path, first: str, second: str, why: str) -> SceneError:
+    remedy = "give one of them, or move the obsolete one away"
+    return _refusal(f"{first} and {second} in {folder} {why}; {remedy}")
+
+
+def _refusal(message: str) -> SceneError:
+    return SceneError(f"--forces: {message}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +225,7 @@ def judge_forces(
     Args:
         density: of the fluid, over that with which the other program computed the forces.
         since: start of the samples; None: all samples, and the mean of the last half of the time.
-        law: growth of loads with the velocity, one of `motion.LAWS`, for flows that move the grain.
+        law: growth of loads with the velocity, one of `series.LAWS`, for flows that move the grain.
 
     Raises SceneError for too few samples, or a density that is not positive.
     """
@@ -68,11 +248,8 @@ def judge_forces(
     load = case.load.model_copy(update={**_flow(case.gdim, mean), "about": about})
     errors = (case.errors or CaseErrors()).model_copy(update=_flow(case.gdim, error))
     case = case.model_copy(update={"load": load, "errors": errors})
-    names = ["force_x", "force_y", "force_z", "couple_x", "couple_y", "couple_z"]
-    if case.gdim == 2:
-        names[2:] = ["", "", "", "couple"]
-    columns = dict(zip(names, loads.T, strict=True)) | {"time": forces.times}
-    columns.pop("", None)
+    columns = columns_of("force", loads[:, :3], case.gdim)
+    columns |= columns_of("couple", loads[:, 3:], case.gdim) | {"time": forces.times}
     judgement, series = judge_case(case), judge_series(case, columns, start)
     threshold = None
     if law is not None:

@@ -16,7 +16,7 @@ from trimesh.bounds import oriented_bounds_2D
 from trimesh.geometry import align_vectors
 
 from ..arrays import Floats, unit
-from ..errors import SceneError
+from ..errors import SceneError, refuse_broken
 from ..geometry import HeightMap, Placement, Plane, clearance
 from ..geometry.closest import touching
 from ..geometry.space.files import triangles_in
@@ -114,7 +114,7 @@ class GrainInPlace(Section):
         Raises SceneError unless the grain touches the bed.
         """
         down, centre = unit(np.array(self.gravity.direction)), np.array(self.body.centre)
-        grain, placement = self.body.grain(), self.body.placed(tuple(centre.tolist()))
+        grain, placement = self.body.grain, self.body.placed(tuple(centre.tolist()))
         frame = align_vectors(
             -down if self.bed.up is None else unit(np.array(self.bed.up)), [0, 0, 1]
         )[:3, :3]
@@ -182,16 +182,21 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
 
     Raises SceneError if something is missing or wrong, or the grain does not touch its bed.
     """
+    has_shape = any(override.startswith("body.shape") for override in overrides)
+    refuse_broken(
+        (
+            grain is None and not has_shape,
+            "--forces without a case: --grain is missing; give the file of its surface, or body.shape",
+        ),
+        (
+            bed is None,
+            "--forces without a case: --bed is missing; give the file of its surface, or flat",
+        ),
+    )
     files = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
         centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
         files += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
-    elif not any(override.startswith("body.shape") for override in overrides):
-        remedy = "give the file of its surface, or body.shape"
-        raise SceneError(f"--forces without a case: --grain is missing; {remedy}")
-    if bed is None:
-        remedy = "give the file of its surface, or flat"
-        raise SceneError(f"--forces without a case: --bed is missing; {remedy}")
     sections = "[fluid]\n[gravity]\n[contact]"  # so that their keys are reported as missing
     return parse(GrainInPlace, sections, ".", [*files, *overrides], SOURCE).case()
 
@@ -200,16 +205,16 @@ def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
     gap = clearance(grain, placement, bed)[0] / grain.size
-    if abs(gap) <= tolerance:
-        return
+    is_below = float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]
     remedy = "give a larger contact.tolerance, in grain sizes, or another gravity.direction"
-    why = f"{gap:.3g} of its size above the bed"
-    if gap < 0.0:
-        why = f"in the bed, by {-gap:.3g} of its size"
-        if float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]:
-            why = "below the bed"
-            remedy = "reverse gravity.direction, or give bed.up"
-    raise SceneError(f"--bed: the grain is {why}; {remedy}")
+    refuse_broken(
+        (
+            gap < -tolerance and is_below,
+            "--bed: the grain is below the bed; reverse gravity.direction, or give bed.up",
+        ),
+        (gap < -tolerance, f"--bed: the grain is in the bed, by {-gap:.3g} of its size; {remedy}"),
+        (gap > tolerance, f"--bed: the grain is {gap:.3g} of its size above the bed; {remedy}"),
+    )
 
 
 def _narrowest(points: Floats) -> Floats:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import csv
 from array import array
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Floats, number
+from ..arrays import Floats, number, spatial
 from ..errors import SceneError, shortened
 from ..input_files import LARGEST_TABLE, reading
-from ..parquet import pyarrow
+from ..installed import optional
 
 NAME = "name"  # the only column of text
 KINDS = (
@@ -95,7 +95,7 @@ def _numbers(names: Sequence[str], row: Sequence[str]) -> list[float]:
 
 
 def _parquet(path: Path) -> Table:
-    arrow = pyarrow()
+    arrow = optional("pyarrow.parquet", "parquet")
     kinds = arrow.types
     of_numbers = (kinds.is_integer, kinds.is_floating, kinds.is_decimal, kinds.is_null)
     columns, labels = dict[str, Floats](), list[str]()
@@ -119,6 +119,25 @@ def _require_different(path: Path, names: Sequence[str]) -> None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise SceneError(f"{path}: has two columns {shortened(twice)}; remove one of them")
+
+
+def names_of(quantity: str, gdim: int) -> list[str]:
+    """Columns of a vector; in 2-D torque and inertia have one."""
+    if gdim == 2 and quantity in ("couple", "inertia"):
+        return [quantity]
+    return [f"{quantity}_{axis}" for axis in "xyz"[:gdim]]
+
+
+def vectors(columns: Mapping[str, Floats], quantity: str, gdim: int) -> Floats:
+    """Vectors (n, 3) from their columns."""
+    table = np.stack([columns[name] for name in names_of(quantity, gdim)], axis=1)
+    return spatial(table) if table.shape[1] > 1 else np.pad(table, ((0, 0), (2, 0)))
+
+
+def columns_of(quantity: str, values: Floats, gdim: int) -> dict[str, Floats]:
+    """Columns of vectors (n, 3)."""
+    names = names_of(quantity, gdim)
+    return dict(zip(names, values.T[2:] if len(names) == 1 else values.T, strict=False))
 
 
 def require_columns(

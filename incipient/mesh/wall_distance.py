@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from .. import compat
 from ..arrays import Floats, Integers
-from ..geometry.space.surfaces import nearest_on_triangles
+from ..geometry.triangles import nearest_on_triangles
 from .cells import cell_facets, local_cells, shape_functions
 from .domain import Domain
 

@@ -81,20 +81,12 @@ def _name(path: Path) -> str:
     return re.sub(r"(\.\d+|\.part)$", "", path.name)
 
 
-def remove_pictures(directory: Path) -> None:
-    """Remove outdated pictures of a run; raises OutputError."""
-    remove([directory / name for name in PICTURES])
-
-
 def keep_complete_result(directory: Path) -> None:
     """Rename the result of a complete run before a less complete one replaces it; raises OutputError."""
     path = directory / RESULT
-    try:
-        complete = json.loads(path.read_text())["status"] == "complete"
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return
-    if complete:
-        put_aside(path)
+    with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
+        if json.loads(path.read_text())["status"] == "complete":
+            put_aside(path)
 
 
 def put_aside(path: Path) -> Path:

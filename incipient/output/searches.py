@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from ..arrays import Point
 from ..errors import SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import reading
@@ -20,9 +18,7 @@ from ..progress import Silent
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, ResultKind
 from ..scene import Scene
 from ..scene.file import dumps
-from ..scene.fluctuations import Gusts
-from ..scene.messages import one_line, problems_of
-from ..scene.points import read_points
+from ..scene.points import read_numbers
 from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
 from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
@@ -56,6 +52,28 @@ def write(
     write_json(path / kind.record, stored)
     if columns:
         write_text_atomically(path / f"{kind.name}.csv", csv_text(columns, rows))
+
+
+@contextmanager
+def _kept(
+    kind: ResultKind,
+    scene: Scene,
+    directory: Path | str | None,
+    comm: Comm,
+    columns: Sequence[str] = (),
+) -> Iterator[Callable[..., Path | None]]:
+    """A function that writes a record and rows of a table to a locked directory, or nothing without one."""
+    if directory is None:
+        yield lambda stored, rows=(): None
+        return
+    path = Path(directory)
+
+    def keep(stored: Mapping[str, Any], rows: Rows = ()) -> Path:
+        on_first(comm, write, kind, path, scene, stored, columns, rows)
+        return path
+
+    with locked(path, comm, make=True):
+        yield keep
 
 
 @dataclass(frozen=True)
@@ -95,17 +113,9 @@ def threshold(
         IncipientError: on all ranks, one line; the threshold without error bars stays in the directory.
     """
     comm = comm or world()
-    if directory is None:
-        return find_threshold(scene, comm, voice)
-    path = Path(directory)
-
-    def keep(result: Threshold) -> Path:
-        on_first(comm, write, THRESHOLD, path, scene, result.to_dict())
-        return path
-
-    with locked(path, comm, make=True):
-        result = find_threshold(scene, comm, voice, keep)
-        keep(result)
+    with _kept(THRESHOLD, scene, directory, comm) as keep:
+        result = find_threshold(scene, comm, voice, lambda result: keep(result.to_dict()))
+        keep(result.to_dict())
     return result
 
 
@@ -133,19 +143,15 @@ def gusts(
     search = GustSearch(scene, comm, voice or Silent())
     require_durations(durations)
     static = search.static_strength()
+    with _kept(GUSTS, scene, directory, comm, OF_GUSTS) as keep:
 
-    def keep(point: CriticalGust) -> None:
-        points.append(point)
-        announce(point)
-        if directory is not None:
+        def add(point: CriticalGust) -> None:
+            points.append(point)
+            announce(point)
             curve = GustCurve(scene, static, tuple(points)).to_dict()
-            on_first(comm, write, GUSTS, Path(directory), scene, curve, OF_GUSTS, curve["points"])
+            keep(curve, curve["points"])
 
-    if directory is None:
-        search.critical(durations, keep)
-    else:
-        with locked(Path(directory), comm, make=True):
-            search.critical(durations, keep)
+        search.critical(durations, add)
     return GustCurve(scene, static, tuple(points))
 
 
@@ -176,13 +182,10 @@ def entrainment(
     comm = comm or world()
     weakest = None if gusts is None else WeakestGusts.of(_stored(Path(gusts) / "gusts.json"))
     measured = [] if data is None else _points(Path(data))
-    if directory is None:
-        return find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
-    path = Path(directory)
-    with locked(path, comm, make=True):
+    with _kept(ENTRAINMENT, scene, directory, comm, OF_ENTRAINMENT) as keep:
         result = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
-        stored, rows = {**result.to_dict(), "data": measured}, [_row(one) for one in result.curve]
-        on_first(comm, write, ENTRAINMENT, path, scene, stored, OF_ENTRAINMENT, rows)
+        rows = [_row(strength) for strength in result.curve]
+        keep({**result.to_dict(), "data": measured}, rows)
     return result
 
 
@@ -202,11 +205,8 @@ def _stored(path: Path) -> dict[str, Any]:
     return stored
 
 
-def _points(path: Path) -> list[Point]:
-    try:
-        points = read_points(path, 1, "data")
-    except ValidationError as error:
-        raise SceneError(one_line("--data", problems_of(error, Gusts))) from None
+def _points(path: Path) -> list[tuple[float, ...]]:
+    points = read_numbers(path, "x, y")
     for shields, probability in points:
         if not (shields > 0.0 and 0.0 <= probability <= 1.0):
             why = f"has the Shields number {shields:g} with the probability {probability:g}"

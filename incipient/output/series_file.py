@@ -31,10 +31,6 @@ _ATTRIBUTE_TYPES = {1: "Scalar", 2: "Vector"}
 _SAME_TIME = 1e-12  # relative difference of equal times
 
 
-class Unreadable(OutputError):
-    """A step is missing or damaged."""
-
-
 @dataclass(frozen=True)
 class StoredStep:
     """Fields read back: points (nodes, 3), cells (cells, nodes per cell), fields (nodes,) or (nodes, 3)."""
@@ -67,14 +63,18 @@ class SeriesFile:
         make_directory(self._stem, self._stem)
         for path in _paths(self._stem):
             try:
-                if _time_of(path) > after + _SAME_TIME * abs(after):
-                    with reported(path):
-                        path.unlink()
-                    continue
-                self._grids.append(self._grid(path))
-                self._number = int(path.stem) + 1
-            except Unreadable as error:
+                is_later = _time_of(path) > after + _SAME_TIME * abs(after)
+                # Later steps may link to the mesh of one that is removed.
+                grid = "" if is_later else self._grid(path)
+            except OutputError as error:
                 log.warning("%s; it is now %s", str(error).rpartition("; ")[0], put_aside(path))
+                continue
+            if is_later:
+                with reported(path):
+                    path.unlink()
+            else:
+                self._grids.append(grid)
+                self._number = int(path.stem) + 1
         if self._grids:
             self._write_xdmf()
         else:
@@ -125,12 +125,12 @@ class SeriesFile:
 
 
 def times(stem: Path) -> list[float]:
-    """Times of the steps of a series, in order. Raises Unreadable without steps."""
+    """Times of the steps of a series, in order. Raises OutputError without steps."""
     return [_time_of(path) for path in _stored(stem)]
 
 
 def read_step(stem: Path, index: int = -1) -> StoredStep:
-    """One step (default: the last) of a series. Raises Unreadable for a missing or damaged step."""
+    """One step (default: the last) of a series. Raises OutputError for a missing or damaged step."""
     with _opened(_stored(stem)[index]) as file:
         stored = {name: file[name][()] for name in file}
         cells, points = (stored.pop(name) for name in MESH)
@@ -143,7 +143,7 @@ def _paths(stem: Path) -> list[Path]:
 
 def _stored(stem: Path) -> list[Path]:
     if not (paths := _paths(stem)):
-        raise Unreadable(f"{stem}: holds no fields; run the scene with output.fields = true")
+        raise OutputError(f"{stem}: holds no fields; run the scene with output.fields = true")
     return paths
 
 
@@ -153,4 +153,4 @@ def _time_of(path: Path) -> float:
 
 
 def _opened(path: Path) -> AbstractContextManager[Any]:
-    return opened_hdf5(path, "run the scene again", Unreadable)
+    return opened_hdf5(path, "run the scene again")

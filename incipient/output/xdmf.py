@@ -12,6 +12,8 @@ from dolfinx.fem import Function
 from mpi4py import MPI
 
 from .. import compat
+from ..arrays import spatial
+from ..mesh.cells import cell_facets
 from ..parallel import NumberedRows, joined, on_first
 from .series_file import SeriesFile
 
@@ -49,23 +51,19 @@ class QuadraticNodes:
         2-D vectors get a third component of zero; at a jump between cells one side is taken.
         """
         shape = tuple(function.ufl_shape)
-        if shape not in ((), (1,), (2,), (3,)):
-            raise ValueError(f"a field of shape {shape} can not be written; write its components")
-        target, dofs = self._target(shape)
+        target, rows = self._target(shape)
         target.interpolate(function)
         target.x.scatter_forward()
-        nodal = target.x.array.reshape(-1, *shape)[dofs.ravel()]
-        nodes = self._space.dofmap.index_map
-        count = nodes.size_local + nodes.num_ghosts
-        values = np.zeros((count, 3) if shape else count)
-        # The numbering may differ from that of the scalar space: map through the cells.
-        values[(self._dofs.ravel(), slice(*shape)) if shape else self._dofs.ravel()] = nodal
-        return self._nodes.joined(values[self._local])
+        nodal = target.x.array.reshape(-1, *shape)[rows]
+        return self._nodes.joined(spatial(nodal) if shape else nodal)
 
     def _target(self, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
+        """A quadratic function, and its rows at the nodes; its numbering may differ from the scalar space's."""
         if shape not in self._targets:
             space = compat.space(self.mesh, ("Lagrange", 2), shape)
-            self._targets[shape] = Function(space), compat.cell_dofs(space)
+            rows = np.zeros(self._dofs.max(initial=0) + 1, dtype=np.int64)
+            rows[self._dofs] = compat.cell_dofs(space)
+            self._targets[shape] = Function(space), rows[self._local]
         return self._targets[shape]
 
     def _cells(self) -> np.ndarray:
@@ -80,10 +78,7 @@ class QuadraticNodes:
             [layout.entity_closure_dofs(dimension - 1, side) for side in range(dimension + 1)]
         )
         sides = sides[:, compat.vtk_order(dimension - 1, sides.shape[1])]
-        topology.create_connectivity(dimension, dimension - 1)
-        _, first = np.unique(
-            topology.connectivity(dimension, dimension - 1).array, return_index=True
-        )
+        _, first = np.unique(cell_facets(self.mesh, len(self._dofs))[0], return_index=True)
         owned = facets[facets < topology.index_map(dimension - 1).size_local]
         cell, side = np.divmod(first[owned], dimension + 1)
         return self._dofs[cell[:, None], sides[side]]

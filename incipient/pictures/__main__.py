@@ -1,41 +1,36 @@
-"""`python -m incipient.pictures PATH` draws pictures of results or a sweep, or an animation."""
+"""`python -m incipient.pictures OPTIONS` draws pictures of results or a sweep, or an animation; options are JSON."""
 
-import argparse
+import json
 import sys
 from pathlib import Path
 
 from ..errors import IncipientError
 from ..installed import require_limits
 
-parser = argparse.ArgumentParser()
-parser.add_argument("path", type=Path)
-parser.add_argument("--animate", action="store_true")
-parser.add_argument("--out", type=Path)
-parser.add_argument("--field", default="velocity")
-for name in ("--quantity", "--against", "--by"):
-    parser.add_argument(name)
-options = parser.parse_args()
+options = json.loads(sys.argv[1])
+path = Path(options.pop("path"))
 
 
-def announce(path: Path) -> None:
+def announce(picture: Path) -> None:
     """Print the path of a picture."""
-    print(path, flush=True)
+    print(picture, flush=True)
 
 
 try:
     require_limits()  # before libraries are imported
-    if options.animate:
+    if "field" in options:
         from .film import animate
 
-        announce(animate(options.path, options.out, options.field))
-    elif options.path.is_file():
+        target = options["target"] and Path(options["target"])
+        announce(animate(path, target, options["field"]))
+    elif path.is_file():
         from .charts import sweep
 
-        sweep.draw(options.path, announce, options.quantity, options.against, options.by)
+        sweep.draw(path, announce, **options)
     else:
         from . import directory_pictures
 
-        directory_pictures.draw(options.path, announce)
+        directory_pictures.draw(path, announce)
 except IncipientError as error:
     print(error, file=sys.stderr)
     raise SystemExit(error.exit_code) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -22,29 +23,28 @@ class Drawn:
 
 def draw_apart(directory: Path) -> Drawn:
     """Draw the pictures of a directory's results in another process."""
-    return _apart("not drawn", str(directory))
+    return _apart("not drawn", path=str(directory))
 
 
 def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
     """Draw the pictures of a sweep in another process; options of `sweep.draw`."""
-    arguments = [f"--{name}={value}" for name, value in options.items() if value is not None]
-    return _apart("not drawn", str(file), *arguments)
+    return _apart("not drawn", path=str(file), **options)
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     """Write the animation of `film.animate` in another process; raises OutputError."""
-    named = () if target is None else (f"--out={target}",)
-    drawn = _apart("no animation", str(directory), "--animate", f"--field={field}", *named)
+    out = None if target is None else str(target)
+    drawn = _apart("no animation", path=str(directory), target=out, field=field)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
     (path,) = drawn.paths
     return path
 
 
-def _apart(nothing: str, *arguments: str) -> Drawn:
+def _apart(nothing: str, **options: str | None) -> Drawn:
     surroundings = environment_alone()
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
-    command = [sys.executable, "-P", "-m", "incipient.pictures", *arguments]
+    command = [sys.executable, "-P", "-m", "incipient.pictures", json.dumps(options)]
     # Names of files need not be UTF-8.
     surroundings["PYTHONIOENCODING"] = "utf-8:surrogateescape"
     surroundings["MPLBACKEND"] = "agg"  # pictures are files, wherever the user looks at others

@@ -24,7 +24,7 @@ from ..results.kinds import (
     THRESHOLD,
     ResultKind,
 )  # fmt: skip
-from . import flow, style, surfaces, trajectory, verdict, walls
+from . import flow, style, surfaces, trajectory, verdict
 from .charts import cost, searches, survey
 from .record import StoredRun, parsed_json, read
 
@@ -41,6 +41,26 @@ CHARTS: dict[ResultKind, Callable[[dict[str, Any], Path], Figure]] = {
 }
 
 
+def _has_verdict(run: StoredRun) -> bool:
+    """Whether the grain rests; one under way has a verdict only where it has met the bed."""
+    return run.surface is not None and not (run.moves and run.result.get("verdict") is None)
+
+
+# Pictures of a run in their order: name, what draws it, and whether a run has it.
+OF_RUN: tuple[tuple[str, Callable[[StoredRun], Figure], Callable[[StoredRun], Any]], ...] = (
+    ("trajectory", trajectory.picture, lambda run: run.moves),
+    ("flow", partial(flow.picture, shown=flow.SPEED), bool),
+    ("pressure", partial(flow.picture, shown=flow.PRESSURE), bool),
+    ("vorticity", partial(flow.picture, shown=flow.VORTICITY), lambda run: not run.in_space),
+    ("elevation", surfaces.elevation, lambda run: run.in_space and run.has_free_surface),
+    ("traction", surfaces.traction, lambda run: run.surface is not None),
+    ("verdict", verdict.of_run, _has_verdict),
+    ("walls", flow.along_walls, lambda run: (run.result.get("turbulence") or {}).get("along")),
+    ("profiles", flow.profiles, lambda run: run.is_box and not (run.in_space or run.moves)),
+    ("mesh", flow.mesh, bool),
+)
+
+
 def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
     """Draw all pictures of the results in a directory, as PNG files beside them.
 
@@ -54,7 +74,8 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
         makers: Mapping[str, Callable[[], Figure]] = {}
         with _failures_in(record, failures):
             if kind is RUN:
-                makers = _of_run(read(directory))
+                run = read(directory)
+                makers = {name: partial(make, run) for name, make, has in OF_RUN if has(run)}
             else:
                 makers = {kind.name: partial(CHARTS[kind], parsed_json(record), directory)}
         for name, make in makers.items():
@@ -83,26 +104,3 @@ def _failures_in(path: Path, failures: list[str]) -> Iterator[None]:
     except Exception as error:
         why = " ".join(f"{type(error).__name__}: {error}".split())
         failures.append(f"{path}: cannot be drawn: {why}")
-
-
-def _of_run(run: StoredRun) -> dict[str, Callable[[], Figure]]:
-    makers: dict[str, Callable[[StoredRun], Figure]] = {}
-    if run.moves:
-        makers["trajectory"] = trajectory.picture
-    makers["flow"] = partial(flow.picture, shown=flow.SPEED)
-    makers["pressure"] = partial(flow.picture, shown=flow.PRESSURE)
-    if not run.in_space:
-        makers["vorticity"] = partial(flow.picture, shown=flow.VORTICITY)
-    elif run.setting("domain", "top") == "free-surface":
-        makers["elevation"] = surfaces.elevation
-    if run.surface is not None:
-        makers["traction"] = surfaces.traction
-        # A grain under way rests on nothing; where it has met the bed there is a verdict.
-        if not (run.moves and run.result.get("verdict") is None):
-            makers["verdict"] = verdict.of_run
-    if walls.has_walls(run):
-        makers["walls"] = walls.picture
-    if run.setting("domain", "kind") == "box" and not (run.in_space or run.moves):
-        makers["profiles"] = flow.profiles
-    makers["mesh"] = flow.mesh
-    return {name: partial(make, run) for name, make in makers.items()}

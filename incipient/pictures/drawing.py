@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
-from matplotlib.patches import FancyArrowPatch, Patch, Polygon
+from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
@@ -23,7 +22,6 @@ from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, ST
 
 # Of the view: from across the flow, above the horizontal.
 _TURNED, _RAISED = np.radians([24.0, 17.0])
-_PIXELS = 1320  # of the height of a rendering
 # Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arcs of the
 # torque and of the turn, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
 _STRONGEST, _ACCELERATION, _NORMAL, _TORQUE, _OUTSIDE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.6, 0.09
@@ -33,8 +31,6 @@ _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbe
 _UPRIGHT = 0.95  # cosine: an axis of turning that is upright
 _ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
-
-Marks = list[tuple[Artist, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +96,16 @@ def render(
     """Render a grain's surface, points (n, 3) and triangles (m, 3), and its bed into the axes' limits."""
     pyvista = pyvista_off_screen()
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    shape = [round(_PIXELS * (x1 - x0) / (y1 - y0)), _PIXELS]
+    shape = [round(1320 * (x1 - x0) / (y1 - y0)), 1320]
     plotter = pyvista.Plotter(off_screen=True, window_size=shape, lighting="three lights")
     plotter.background_color = "white"
     plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
     plotter.enable_depth_peeling(6)  # translucent surfaces in the right order
     size = float(np.ptp(points, axis=0).max())
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    looks: Looks = {"ambient": 0.3, "smooth_shading": True, "split_sharp_edges": True}
-    looks |= {"feature_angle": _SHARP}
+    looks: Looks = {
+        "ambient": 0.3, "smooth_shading": True, "split_sharp_edges": True, "feature_angle": _SHARP,
+    }  # fmt: skip
     if len(triangles):
         surface = pyvista.PolyData.from_regular_faces(points, triangles)
         surface = surface.compute_normals(auto_orient_normals=True, point_normals=False)
@@ -126,8 +123,8 @@ def render(
     plotter.reset_camera_clipping_range()
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
-    looks = {"aspect": "auto", "interpolation": "antialiased", "zorder": 1}
-    axes.imshow(image, extent=(x0, x1, y0, y1), **looks)
+    extent = (x0, x1, y0, y1)
+    axes.imshow(image, extent=extent, aspect="auto", interpolation="antialiased", zorder=1)
 
 
 def draw_directions(axes: Axes, sight: Sight) -> None:
@@ -135,10 +132,12 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
-    looks: Looks = {"arrowprops": {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}}
+    line = {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}
     for name, direction in zip("xyz", 0.07 * (x1 - x0) * sight(np.eye(3)), strict=True):
-        x, y = (corner + direction).tolist()
-        axes.annotate(name, corner.tolist(), (x, y), fontsize=8, ha="center", va="center", **looks)
+        axes.annotate(
+            name, tuple(corner), tuple(corner + direction), fontsize=8, ha="center", va="center",
+            arrowprops=line,
+        )  # fmt: skip
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -149,32 +148,34 @@ def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
         normal = normals[group[0]]
         rims = (points[group][:, None] + _PIECE * size * _circle(normal)).reshape(-1, 3)
         piece = np.vstack([rims, rims + _THICK * size * normal])
-        looks: Looks = {"facecolor": GROUND, "edgecolor": INK, "lw": 0.7, "alpha": 0.85}
-        axes.add_artist(Polygon(hull(sight(piece)), zorder=2, **looks))
+        axes.add_artist(
+            Polygon(
+                hull(sight(piece)), facecolor=GROUND, edgecolor=INK, lw=0.7, alpha=0.85, zorder=2
+            )
+        )
 
 
-def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> Marks:
-    """Draw contacts, load and motion; returns the legend's marks.
-
-    `places` (n, 3): along the grain's outline, in 3-D on its surface.
-    """
+def draw_case(axes: Axes, case: Judged, sight: Sight, places: np.ndarray, size: float) -> None:
+    """Draw contacts, load and motion; `places` (n, 3): along the grain's outline, in 3-D on its surface."""
     scale = _STRONGEST * size / case.largest
     points, normals = case.contacts.points, case.contacts.normals
-    colours = [STATES[state][0] for state in case.states]
-    for point, normal, force, colour in zip(points, normals, case.forces, colours, strict=True):
-        reach = max(_SHORTEST_CONE * size, _BEYOND * scale * float(np.linalg.norm(force)))
-        if case.friction:
-            draw_cone(axes, sight, point, -normal, np.arctan(case.friction), reach, colour)
+    angle = np.degrees(np.arctan(case.friction))
+    for point, normal, force, state in zip(points, normals, case.forces, case.states, strict=True):
+        colour = STATES[state][0]
+        drawn = draw_contact(
+            axes, sight, point, -normal, scale * force, case.friction, size, colour
+        )
         if force.any():
-            arrow(axes, sight(point), sight(point + scale * force), colour, 2.4, zorder=7.5)
+            drawn.pop().set_label(case.occasion)
+        for cone in drawn:
+            cone.set_label(f"friction cone, half-angle {angle:.3g}°")
     for group in case.patches:  # contacts that have an area, given by their corners
-        looks: Looks = {"color": INK, "lw": 5, "alpha": 0.35, "zorder": 5.5}
-        axes.add_artist(Polygon(hull(sight(points[group])), **looks))
-    mark_contacts(axes, sight(points), sight(normals), case.significant, colours, size)
+        patch = hull(sight(points[group]))
+        axes.add_artist(Polygon(patch, color=INK, lw=5, alpha=0.35, zorder=5.5))
+    mark_contacts(axes, case, sight, size)
     if case.motion is not None:
         _draw_motion(axes, case.motion, sight, case.load.centre, places, size)
     _draw_load(axes, case, sight, size)
-    return _marks_of(case)
 
 
 def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
@@ -191,22 +192,29 @@ def _draw_load(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
     axes.plot(*sight(centre), "o", color=INK, ms=3.5, zorder=9)
 
 
-def draw_cone(
+def draw_contact(
     axes: Axes,
     sight: Sight,
     point: np.ndarray,
     inwards: np.ndarray,
-    angle: float,
-    reach: float,
+    arm: np.ndarray,
+    friction: float,
+    size: float,
     colour: str,
-) -> Artist:
-    """The friction cone at a contact, about a normal into the grain."""
-    rim = point + reach * (np.cos(angle) * inwards + np.sin(angle) * _circle(inwards))
-    if not sight.planar:
-        axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
-    around = hull(sight(np.vstack([point, rim])))
-    looks: Looks = {"facecolor": to_rgba(colour, 0.17), "edgecolor": to_rgba(colour, 0.8)}
-    return axes.add_artist(Polygon(around, lw=0.8, zorder=5, **looks))
+) -> list[Artist]:
+    """Friction cone about a normal into the grain, without friction none, and the arrow (3,) of the force if any."""
+    drawn: list[Artist] = []
+    if friction:
+        reach = max(_SHORTEST_CONE * size, _BEYOND * float(np.linalg.norm(arm)))
+        rim = point + reach * (inwards + friction * _circle(inwards)) / np.hypot(1.0, friction)
+        if not sight.planar:
+            axes.plot(*sight(rim).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
+        around = hull(sight(np.vstack([point, rim])))
+        cone = Polygon(around, fc=to_rgba(colour, 0.17), ec=to_rgba(colour, 0.8), lw=0.8, zorder=5)
+        drawn.append(axes.add_artist(cone))
+    if arm.any():
+        drawn.append(arrow(axes, sight(point), sight(point + arm), colour, 2.4, zorder=7.5))
+    return drawn
 
 
 def arrow(
@@ -229,27 +237,37 @@ def label(
     across, up = unit(direction)
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
-    looks: Looks = {"ha": beside, "va": above, "fontsize": points, "zorder": 10, "bbox": PAPER}
-    axes.text(place[0], place[1], text, color=colour, **looks)
+    axes.text(
+        place[0],
+        place[1],
+        text,
+        color=colour,
+        ha=beside,
+        va=above,
+        fontsize=points,
+        zorder=10,
+        bbox=PAPER,
+    )
 
 
-def mark_contacts(
-    axes: Axes,
-    points: np.ndarray,
-    normals: np.ndarray,
-    significant: Sequence[int],
-    colours: Iterable[str],
-    size: float,
-) -> None:
-    """Contact points (n, 2) with normals into the bed; the significant reaction surface is ringed."""
-    for index, (point, normal, colour) in enumerate(zip(points, normals, colours, strict=True)):
-        stands_out = index in significant
+def mark_contacts(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
+    """Contact points with normals into the bed; the significant reaction surface is ringed."""
+    points, normals = sight(case.contacts.points), sight(case.contacts.normals)
+    for index, (point, normal, state) in enumerate(zip(points, normals, case.states, strict=True)):
+        colour, words = STATES[state]
+        significant = index in case.significant
         end = point + _NORMAL * size * normal
-        ends = np.array([point, end]).T
-        axes.plot(*ends, "--", color=REACTION if stands_out else colour, lw=1.1, zorder=6)
-        if stands_out:
-            axes.plot(*point, "o", color="white", ms=11, mec=REACTION, mew=2.2, zorder=8)
-        axes.plot(*point, "o", color=colour, ms=5.5, mec="white", mew=0.7, zorder=9)
+        line = REACTION if significant else colour
+        axes.plot(*np.array([point, end]).T, "--", color=line, lw=1.1, zorder=6)
+        if significant:
+            axes.plot(
+                *point, "o", color="white", ms=11, mec=REACTION, mew=2.2, zorder=8,
+                label="significant reaction surface of the paper",
+            )  # fmt: skip
+        axes.plot(
+            *point, "o", color=colour, ms=5.5, mec="white", mew=0.7, zorder=9,
+            label=f"contact {words}",
+        )  # fmt: skip
         if len(points) > 1:
             label(axes, end + 0.02 * size * normal, normal, f"{index + 1}", INK, 7.5)
 
@@ -266,16 +284,23 @@ def _draw_motion(
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
     axes.add_artist(
-        Polygon(later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5)
+        Polygon(
+            later,
+            fill=False,
+            edgecolor=MOTION,
+            lw=1.1,
+            ls=(0, (4, 2.5)),
+            zorder=4.5,
+            label="outline shortly afterwards",
+        )
     )
     if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
         tip = sight(centre + _ACCELERATION * size * unit(motion.acceleration))
-        axes.add_artist(FancyArrowPatch(
-            tuple(sight(centre)), tuple(tip), arrowstyle="simple,tail_width=5,head_width=14,head_length=11",
-            facecolor=MOTION, edgecolor="white", lw=0.9, shrinkA=0, shrinkB=0, zorder=6.8,
-        ))  # fmt: skip
+        drawn = arrow(axes, sight(centre), tip, MOTION, 5.0, zorder=6.8)
+        drawn.set_label("acceleration of the centre")
     if np.linalg.norm(motion.angular) * size > 1e-6 * fastest:
-        _turning(axes, sight, centre, motion.angular, _OUTSIDE * size, MOTION, 2.4)
+        arc = _turning(axes, sight, centre, motion.angular, _OUTSIDE * size, MOTION, 2.4)
+        arc.set_label("sense of rotation")
 
 
 def _turning(
@@ -286,7 +311,7 @@ def _turning(
     radius: float,
     colour: str,
     width: float,
-) -> None:
+) -> Artist:
     axis = unit(axis)
     # Upwards, or toward the eye if the axis is upright.
     eye = sight.directions[1 if abs(axis @ sight.directions[1]) < _UPRIGHT else 2]
@@ -294,9 +319,10 @@ def _turning(
     onwards = np.cross(axis, top)
     angles = np.linspace(-_ARC, _ARC, 40)[:, None]
     points = sight(centre + radius * (np.cos(angles) * top + np.sin(angles) * onwards))
-    looks: Looks = {"color": colour, "lw": width, "fill": False, "zorder": 7}
-    looks |= {"arrowstyle": "-|>", "mutation_scale": 6 + 3.5 * width}
-    axes.add_artist(FancyArrowPatch(path=Path(points), **looks))
+    return axes.add_artist(FancyArrowPatch(
+        path=Path(points), color=colour, lw=width, fill=False, arrowstyle="-|>",
+        mutation_scale=6 + 3.5 * width, zorder=7,
+    ))  # fmt: skip
 
 
 def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
@@ -312,23 +338,3 @@ def _across(direction: np.ndarray) -> np.ndarray:
 def _circle(normal: np.ndarray) -> np.ndarray:
     first, angles = _across(normal), np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
     return np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
-
-
-def _marks_of(case: Judged) -> Marks:
-    states = [STATES[state] for state in dict.fromkeys(case.states)]
-    marks: Marks = [
-        (Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states
-    ]
-    if case.friction:
-        angle = np.degrees(np.arctan(case.friction))
-        opening = f"friction cone, {angle:.3g}° to either side of the normal"
-        marks.append((Patch(facecolor="#55555533", edgecolor="#555555", lw=0.8), opening))
-    if case.forces.any():
-        marks.append((Line2D([], [], color="#555555", lw=2.4, marker=">", ms=6), case.occasion))
-    if case.significant:
-        ring = Line2D([], [], color=REACTION, ls="--", lw=1.1, marker="o", ms=9, mfc="white", mew=2)
-        marks.append((ring, "significant reaction surface of the paper's criteria"))
-    if case.motion is not None:
-        mark = Line2D([], [], color=MOTION, lw=4)
-        marks.append((mark, "acceleration of the centre, sense of turning, outline a little later"))
-    return marks

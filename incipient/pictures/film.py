@@ -19,9 +19,9 @@ from ..output.series_file import read_step, times
 from . import style
 from .flow import PRESSURE, SPEED, VORTICITY, Shown
 from .history import contact_forces, read_history
-from .outlines import spoke
+from .outlines import seen_from_the_side
 from .record import StoredRun, parsed_json, read_scene
-from .style import INK, Looks, View
+from .style import INK
 
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
@@ -85,9 +85,10 @@ class _Film:
             first = self.run(0)
         self.size = first.model.grain.size if self.scene.get("body") else 1.0
         self.contacts = contact_forces(directory, first.model.contact) if first.moves else None
-        self.levels = self._levels()
+        self.levels, top = self._ranges()
         self.norm = BoundaryNorm(self.levels, 256, extend="both")
-        self.view = self._view(first)
+        x0, x1, y0, y1 = first.views[0]
+        self.view = (x0, x1, y0, max(y1, top))  # a free surface rises above where it began
         self.figure, (self.axes,) = style.panels([self.view], first.headline, first.plane.upwards)
         bar = self.figure.colorbar(ScalarMappable(self.norm, field.colours), ax=self.axes)
         bar.set_label(f"{field.name} [scene units]")
@@ -101,21 +102,16 @@ class _Film:
             result = {"grain": {"computed_centre": place.centre, "quaternion": place.quaternion}}
         return StoredRun(self.directory, result, self.scene, step, None)
 
-    def _levels(self) -> np.ndarray:
-        sampled = []
-        for number in range(len(self.moments)):
-            values = self.field.values(self.run(number).field(self.field.stored))
+    def _ranges(self) -> tuple[np.ndarray, float]:
+        """Colour levels, and the highest point, of all frames."""
+        sampled, tops = [], []
+        for run in map(self.run, range(len(self.moments))):
+            values = self.field.values(run.field(self.field.stored))
             sampled.append(values[:: max(1, len(values) // _SAMPLES)])
+            tops.append(run.fields.points[:, -1 if run.in_space else 1].max())
         norm = self.field.limits(np.concatenate(sampled))
         ticks = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10])
-        return np.asarray(ticks.tick_values(norm.vmin or 0.0, norm.vmax or 0.0))
-
-    def _view(self, first: StoredRun) -> View:
-        x0, x1, y0, y1 = first.views[0]
-        if first.setting("domain", "top") == "free-surface":  # it rises above where it began
-            runs = map(self.run, range(len(self.moments)))
-            y1 = max(float(run.fields.points[:, -1 if run.in_space else 1].max()) for run in runs)
-        return x0, x1, y0, y1
+        return np.asarray(ticks.tick_values(norm.vmin or 0.0, norm.vmax or 0.0)), max(tops)
 
     def show(self, number: int) -> list[Artist]:
         run, time, axes = self.run(number), float(self.moments[number]), self.axes
@@ -123,16 +119,18 @@ class _Film:
         axes.clear()
         axes.set(aspect="equal", xlabel="x [scene units]", ylabel=f"{plane.upwards} [scene units]")
         axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
-        looks: Looks = {"levels": self.levels, "cmap": self.field.colours, "norm": self.norm}
-        bands = axes.tricontourf(plane.triangulation(), values, extend="both", zorder=1, **looks)
+        bands = axes.tricontourf(
+            plane.triangulation(), values, levels=self.levels, cmap=self.field.colours,
+            norm=self.norm, extend="both", zorder=1,
+        )  # fmt: skip
         plane.draw_solids(axes, [bands])
         if self.field is SPEED:
             self._arrows(*plane.velocities(plane.box, _ARROWS))
         if self.history is not None:
             place = self.history.at(time)
             if not run.in_space and plane.grains:  # how the grain is turned
-                ends = spoke(plane.grains[0], place)
-                axes.plot(*ends.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
+                _, spoke = seen_from_the_side(run.model.grain, place)
+                axes.plot(*spoke.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
             before = self.history.centres[self.history.times < time]
             points = np.vstack([before, (place.centre[0], place.centre[-1])])
             for colour, width in (("white", 2.4), (INK, 1.0)):  # seen on any colour
@@ -140,13 +138,13 @@ class _Film:
         if self.contacts is not None:
             self.contacts.draw(axes, time, self.size)
         axes.set(xlim=self.view[:2], ylim=self.view[2:])
-        style.show_as_written(self.figure)
         return []
 
     def _arrows(self, x: np.ndarray, y: np.ndarray, velocity: np.ma.MaskedArray) -> None:
         """Velocities (2, rows, columns), with arrows as long as the root of the speed."""
         reached = velocity / self.levels[-1]
         speeds = np.ma.masked_less(np.linalg.norm(reached, axis=0), _SLOWEST)
-        looks: Looks = {"angles": "xy", "scale_units": "xy", "scale": 1.1 / (x[1] - x[0])}
-        looks |= {"width": 0.0022, "pivot": "mid", "alpha": 0.85, "zorder": 2}
-        self.axes.quiver(x, y, *(reached / np.sqrt(speeds)), color="white", **looks)
+        self.axes.quiver(
+            x, y, *(reached / np.sqrt(speeds)), color="white", angles="xy", scale_units="xy",
+            scale=1.1 / (x[1] - x[0]), width=0.0022, pivot="mid", alpha=0.85, zorder=2,
+        )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Pictures of speed, pressure, vorticity and mesh; in 3-D in the vertical plane of the grain."""
+"""Pictures of speed, pressure, vorticity, walls and mesh; in 3-D in the vertical plane of the grain."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from matplotlib.figure import Figure
 
 from .plane import BESIDE, Plane, level_of, pyvista_off_screen
 from .record import StoredRun
-from .style import FLOW, INK, PUSH, Looks, View, headline, panels
+from .style import FLOW, GROUND, INK, PUSH, View, headline, panels
 
 _CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds the colour bar
 _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: vorticity is greatest in thin layers
-_ISOBARS = 18
 _AROUND = (0, 3, 1, 4, 2, 5)  # nodes of a quadratic triangle in order
 
 
@@ -75,12 +74,19 @@ def picture(run: StoredRun, shown: Shown) -> Figure:
 def _paint(plane: Plane, values: np.ndarray, axes: Axes, view: View, shown: Shown) -> Any:
     triangles = plane.triangulation(view)
     norm = shown.limits(values[np.unique(triangles.triangles)])
-    looks: Looks = {"cmap": shown.colours, "norm": norm, "rasterized": True, "zorder": 1}
-    painted: list[Any] = [axes.tripcolor(triangles, values, shading="gouraud", **looks)]
+    painted: list[Any] = [
+        axes.tripcolor(
+            triangles, values, shading="gouraud", cmap=shown.colours, norm=norm, rasterized=True,
+            zorder=1,
+        )
+    ]  # fmt: skip
     if shown is PRESSURE:
-        levels = np.linspace(norm.vmin or 0.0, norm.vmax or 0.0, _ISOBARS + 1)[1:-1]
-        looks = {"linewidths": 0.35, "linestyles": "solid", "alpha": 0.6}
-        painted.append(axes.tricontour(triangles, values, levels=levels, colors=INK, **looks))
+        levels = np.linspace(norm.vmin or 0.0, norm.vmax or 0.0, 19)[1:-1]
+        isobars = axes.tricontour(
+            triangles, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid",
+            alpha=0.6,
+        )  # fmt: skip
+        painted.append(isobars)
     if shown is SPEED:
         draw_streamlines(plane, axes, view)
     plane.draw_solids(axes, painted)
@@ -92,32 +98,36 @@ def draw_streamlines(plane: Plane, axes: Axes, view: View, colour: str = "white"
     """Streamlines in a part of the plane; none in fluid at rest."""
     x, y, velocity = plane.velocities(view)
     if np.abs(velocity).max() > 0.0:
-        looks: Looks = {"linewidth": 0.6, "arrowsize": 0.6, "density": 1.4, "zorder": 2}
-        axes.streamplot(x, y, velocity[0], velocity[1], color=colour, **looks)
+        axes.streamplot(
+            x,
+            y,
+            velocity[0],
+            velocity[1],
+            color=colour,
+            linewidth=0.6,
+            arrowsize=0.6,
+            density=1.4,
+            zorder=2,
+        )
 
 
 def mesh(run: StoredRun) -> Figure:
-    """Cells around the grain, or all without one, coloured by mean speed; in 3-D those in the plane."""
-    view, points = run.views[-1], run.fields.points
-    speeds, faces = np.linalg.norm(run.field("velocity"), axis=1), run.fields.cells[:, _AROUND]
+    """Cells around the grain, or all without one; in 3-D those that the plane cuts."""
+    view, points, faces = run.views[-1], run.fields.points, run.fields.cells[:, _AROUND]
     if run.in_space:
         pyvista = pyvista_off_screen()
-        straight = pyvista.UnstructuredGrid(
-            {pyvista.CellType.TETRA: run.fields.cells[:, :4]}, points
+        cells = {pyvista.CellType.TETRA: run.fields.cells[:, :4]}
+        cut = pyvista.UnstructuredGrid(cells, points).slice(
+            "y", origin=(0.0, level_of(run, BESIDE), 0.0)
         )
-        straight["speed"] = speeds
-        cut = straight.slice("y", origin=(0.0, level_of(run, BESIDE), 0.0))
-        points, speeds, faces = cut.points[:, [0, 2]], cut["speed"], cut.irregular_faces
-    polygons = [points[face, :2] for face in faces]
-    means = np.array([speeds[face].mean() for face in faces])
-    seen = [np.ptp(np.clip(p, view[::2], view[1::2]), axis=0).all() for p in polygons]
+        points, faces = cut.points[:, [0, 2]], cut.irregular_faces
     figure, (axes,) = panels([view], run.headline, run.plane.upwards)
-    looks: Looks = {"norm": from_zero(means[seen]), "cmap": "YlGnBu", "linewidth": 0.35}
-    shown = PolyCollection(polygons, array=means, edgecolor=INK, rasterized=True, **looks)
-    axes.add_collection(shown, autolim=False)
-    where = f" that the plane y = {level_of(run):.4g} cuts" if run.in_space else ""
-    axes.set_title(f"Cells{where}, in the colour of their mean speed")
-    figure.colorbar(shown, ax=axes).set_label("speed [scene units]")
+    polygons = [points[face, :2] for face in faces]
+    axes.add_collection(
+        PolyCollection(polygons, facecolor="#d4e3ee", edgecolor=INK, lw=0.35, rasterized=True),
+        autolim=False,
+    )
+    axes.set_title("Cells" + (f" in the plane y = {level_of(run):.4g}" if run.in_space else ""))
     return figure
 
 
@@ -130,16 +140,30 @@ def profiles(run: StoredRun) -> Figure:
     middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
     inside = np.linspace(1e-9, 1.0 - 1e-9, 400)  # the walls' own points may be outside by round-off
     x, y = x0 + (x1 - x0) * inside, y0 + (y1 - y0) * inside
-    u = run.plane.at(np.column_stack([np.full_like(y, middle_x), y]), "velocity")[:, 0]
-    v = run.plane.at(np.column_stack([x, np.full_like(x, middle_y)]), "velocity")[:, 1]
-    left.plot(u, y, color=FLOW, lw=1.4)
+    upright = np.column_stack([np.full_like(y, middle_x), y])
+    level = np.column_stack([x, np.full_like(x, middle_y)])
+    left.plot(run.plane.at(upright, "velocity")[:, 0], y, color=FLOW, lw=1.4)
     left.set(xlabel="v₁ [scene units]", ylabel="y [scene units]", ylim=(y0, y1))
     left.set_title(f"v₁ on the vertical centreline, x = {middle_x:g}")
-    right.plot(x, v, color=PUSH, lw=1.4)
+    right.plot(x, run.plane.at(level, "velocity")[:, 1], color=PUSH, lw=1.4)
     right.set(xlabel="x [scene units]", ylabel="v₂ [scene units]", xlim=(x0, x1))
     right.set_title(f"v₂ on the horizontal centreline, y = {middle_y:g}")
-    left.axvline(0, color=INK, lw=0.5)
-    right.axhline(0, color=INK, lw=0.5)
     for axes in (left, right):
         axes.grid(color="#dddddd", lw=0.5)
+    return figure
+
+
+def along_walls(run: StoredRun) -> Figure:
+    """y+ and signed friction along the walls of a turbulent flow."""
+    figure = Figure(figsize=(9.0, 5.5), layout="constrained")
+    headline(figure, run.headline)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    lower.axhline(0.0, color=GROUND)
+    walls = run.result["turbulence"]["along"]
+    for colour, (name, profile) in zip((FLOW, PUSH, INK), walls.items(), strict=False):
+        for axes, column in ((upper, "y_plus"), (lower, "friction")):
+            axes.plot(profile["x"], profile[column], ".", markersize=2, color=colour, label=name)
+    upper.set(yscale="log", ylabel="y+ at the wall", title="Along the walls")
+    lower.set(xlabel="x [scene units]", ylabel="friction coefficient 2τ/V²")
+    upper.legend(loc="best")
     return figure

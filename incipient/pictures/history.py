@@ -16,19 +16,13 @@ from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..output.ownership import CONTACTS
 from ..scene import Contact
-from .drawing import PLANE, arrow, draw_cone
+from .drawing import PLANE, draw_contact
 from .record import REMEDY, table
 from .style import STATES
 
-# Columns of place and orientation, and of their rates, in 2-D and in 3-D.
+# Columns of position and orientation, in 2-D and in 3-D.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
-RATES = {
-    2: ("velocity_x", "velocity_y", "spin"),
-    3: (*(f"velocity_{axis}" for axis in "xyz"), *(f"spin_{axis}" for axis in "xyz")),
-}
-_FULL_TURN = 2.0 * np.pi
-# Lengths of arrows in grain sizes: of the median force, and at most; of cones at least.
-_USUAL, _LONGEST, _SHORTEST = 0.45, 0.9, 0.2
+_USUAL, _LONGEST = 0.45, 0.9  # arrows of the median force, and at most, in grain sizes
 _SAME_TIME = 1e-9  # relative
 _SLIDES = 1e-6  # of the fastest slip in a run
 
@@ -72,9 +66,8 @@ class History:
         """The path preceded by the placement at time zero, unless the first step has it."""
         if self.times[0] <= 0.0:
             return self
-        start = dict(
-            zip(PLACE[self.gdim], (*placement.centre, *self._turned(placement)), strict=True)
-        )
+        turned = placement.quaternion or (placement.angle,)
+        start = dict(zip(PLACE[self.gdim], (*placement.centre, *turned), strict=True))
         start |= {"time": 0.0, "meshes": 1.0}
         return History(
             {
@@ -82,14 +75,6 @@ class History:
                 for name, rows in self.columns.items()
             }
         )
-
-    def _turned(self, placement: Placement) -> tuple[float, ...]:
-        if placement.quaternion is not None:
-            first = [self.columns[name][0] for name in PLACE[3][3:]]
-            sign = 1.0 if np.dot(first, placement.quaternion) >= 0.0 else -1.0
-            return tuple(sign * part for part in placement.quaternion)
-        ahead = float(self.columns["angle"][0] - placement.angle)
-        return (placement.angle + _FULL_TURN * round(ahead / _FULL_TURN),)
 
 
 def read_history(path: Path) -> History:
@@ -131,16 +116,14 @@ class ContactForces:
             return drawn
         sizes = np.linalg.norm(self.forces, axis=1)
         usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 1.0
+        shown = np.minimum(_USUAL / usual, _LONGEST / np.maximum(sizes, 1e-300)) * size
         for k in np.flatnonzero(self.times == self.times[np.argmin(apart)]):
             slides = int(self.slips[k] > _SLIDES * self.slips.max())
-            colour = STATES["SLIDE" if slides else "ROLL"][0]
-            length = min(_USUAL * sizes[k] / usual, _LONGEST) * size
-            point, normal = spatial(self.points[k]), spatial(self.normals[k])
-            reach, opening = max(_SHORTEST * size, 1.15 * length), np.arctan(self.friction[slides])
-            drawn.append(draw_cone(axes, PLANE, point, normal, opening, reach, colour))
-            if length > 0.0:
-                tip = self.points[k] + length * self.forces[k] / sizes[k]
-                drawn.append(arrow(axes, self.points[k], tip, colour, 1.8))
+            point, normal, force = map(spatial, (self.points[k], self.normals[k], self.forces[k]))
+            colour, friction = STATES["SLIDE" if slides else "ROLL"][0], self.friction[slides]
+            drawn += draw_contact(
+                axes, PLANE, point, normal, shown[k] * force, friction, size, colour
+            )
         return drawn
 
 

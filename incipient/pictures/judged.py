@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from ..errors import ConvergenceError, OutputError, SceneError
 
 _NO_FORCE = 1e-8  # of the largest contact force
 _ON_EDGE = 1e-6  # of the force along the surface that friction allows
+_BEYOND = 1e-4  # how much more than the critical load shows the motion
 _PAPER = "; by the paper's criteria"
 
 
@@ -42,8 +43,7 @@ class Judged:
 
     forces: of the contacts on the grain (n, 3); states: (n,), keys of `style.STATES`
     share: fraction of the flow's load that these forces balance, NaN without any
-    significant: the paper's significant reaction surface, indices of contacts
-    left: force and torque (3,) that reaction and friction leave unbalanced by the paper's criteria
+    verdict: as stored
     """
 
     load: Load
@@ -54,11 +54,38 @@ class Judged:
     friction: float = 0.0
     share: float = math.nan
     motion: DrawnMotion | None = None
-    mode: str = ""
     safety_factor: float = math.nan
-    outcome: str = ""
-    significant: tuple[int, ...] = ()
-    left: tuple[np.ndarray, np.ndarray] | None = None
+    verdict: dict[str, Any] | None = None
+
+    @property
+    def significant(self) -> tuple[int, ...]:
+        """Indices of the contacts of the paper's significant reaction surface."""
+        return () if self.verdict is None else self.verdict["judges"]["criteria"]["significant"]
+
+    def tables(self, unit: str = "scene units") -> dict[str, dict[str, Any]]:
+        """Load, and numbers of both criteria, by heading and label; vectors without zero components in 2-D."""
+        axes, about = (slice(2), 2) if self.planar else (slice(3), slice(3))
+        names = {"flow": "force of the flow", "weight": "submerged weight"}
+        load = {names.get(name, name): force[axes] for name, force in self.acting.items()}
+        load["torque about the centre"] = self.load.flow_couple[about]
+        tables: dict[str, dict[str, Any]] = {f"Load on the grain [{unit}]": load}
+        if self.verdict is None:
+            return tables
+        paper = self.verdict["judges"]["criteria"]
+        exact = {
+            "mode": self.verdict["mode"],
+            "safety factor on the flow": self.safety_factor,
+            "coefficient of static friction": self.friction,
+        }
+        if self.motion is not None:
+            exact["acceleration"] = self.motion.acceleration[axes]
+            exact["angular acceleration"] = self.motion.angular[about]
+        residual = {
+            "residual force": np.array(paper["force"])[axes],
+            "residual torque": np.array(paper["torque"])[about],
+        }
+        heading = f"The paper's criteria: row {paper['row']} of its table"
+        return tables | {"Exact criterion": exact, heading: residual}
 
     @property
     def planar(self) -> bool:
@@ -123,7 +150,7 @@ def _judged(verdict: dict[str, Any]) -> Judged:
     friction, motion = float(paper["friction"]), exact["motion"]
     forces, states, share = _forces(exact, load, contacts, friction)
     first, _, second = verdict["sentence"].partition(_PAPER)
-    stored = verdict["safety_factor"]
+    factor = verdict["safety_factor"]
     return Judged(
         load=load,
         contacts=contacts,
@@ -132,17 +159,33 @@ def _judged(verdict: dict[str, Any]) -> Judged:
         states=states,
         share=share,
         motion=None if motion is None or motion["mode"] == "REST" else _motion(motion),
-        mode=verdict["mode"] if "rocking" in verdict else exact["mode"],
-        safety_factor=math.inf if stored is None else float(stored),
-        outcome=f"{paper['row']}: {quoted(paper['wording'])}",
-        significant=tuple(paper["significant"]),
-        left=(np.array(paper["force"]), np.array(paper["torque"])),
         sentences=(sentence(first), sentence(_PAPER[2:] + second) if second else ""),
+        safety_factor=math.inf if factor is None else factor,
+        verdict=verdict,
     )
 
 
 def _motion(stored: dict[str, Any]) -> DrawnMotion:
     return DrawnMotion(np.array(stored["acceleration"]), np.array(stored["angular_acceleration"]))
+
+
+def at_onset(case: Judged, mode: str, mass: float, inertia: np.ndarray) -> Judged:
+    """A case at its critical load with the motion of a mode that begins just above it."""
+    load, more = case.load, 1.0 + _BEYOND
+    stronger = replace(load, flow_force=more * load.flow_force, flow_couple=more * load.flow_couple)
+    assert isinstance(case.contacts, Contacts) and case.verdict is not None
+    try:
+        onset = incipient_motion(stronger, case.contacts, case.friction, mass, inertia).to_dict()
+    except ConvergenceError:
+        return case
+    return replace(
+        case,
+        motion=_motion(onset),
+        forces=np.array(onset["contact_forces"]),
+        states=tuple(onset["contact_states"]),
+        share=1.0,
+        verdict={**case.verdict, "mode": mode},
+    )
 
 
 def _forces(

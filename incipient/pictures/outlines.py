@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from ..geometry.placement import Placement
 from ..geometry.space.surfaces import sphere
 from .judged import Judged
 
@@ -32,11 +33,17 @@ def hull(points: np.ndarray) -> Outline:
         return points
 
 
-def spoke(outline: Outline, placement: Any) -> np.ndarray:
-    """Line (2, 2) from a 2-D grain's centre along its first axis to its outline, points (n, 2)."""
-    local = placement.to_body(outline)
-    tip = outline[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
-    return np.array([placement.centre, tip])
+def seen_from_the_side(grain: Any, placement: Placement) -> tuple[Outline, np.ndarray]:
+    """Outline (n, 2) of a placed grain along x and upwards, and a line (2, 2) along its first axis to its surface."""
+    if placement.gdim == 2:
+        points = grain_outline(grain, placement)
+        local = placement.to_body(points)
+        tip = points[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
+        return points, np.array([placement.centre, tip])
+    points, _ = placed_surface(grain, placement)
+    arm = placement.to_body(points)[:, 0].max()
+    ends = placement.to_scene([[0.0, 0.0, 0.0], [arm, 0.0, 0.0]])
+    return hull(points[:, [0, 2]]), ends[:, [0, 2]]
 
 
 def bed_line(bed: Any, x0: float, x1: float) -> np.ndarray:

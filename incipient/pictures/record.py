@@ -96,6 +96,14 @@ class StoredRun:
     def moves(self) -> bool:
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
+    @property
+    def has_free_surface(self) -> bool:
+        return bool(self.setting("domain", "top") == "free-surface")
+
+    @property
+    def is_box(self) -> bool:
+        return bool(self.setting("domain", "kind") == "box")
+
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
@@ -147,7 +155,9 @@ def read(directory: Path) -> StoredRun:
 
 def read_scene(directory: Path) -> dict[str, Any]:
     """The resolved scene of a run, section by section. Raises OutputError if missing or damaged."""
-    return _parsed(directory / "scene.toml", tomllib.loads)
+    path = directory / "scene.toml"
+    with reading(path, REMEDY, error=OutputError):
+        return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def scene_of(directory: Path) -> Scene:
@@ -166,14 +176,6 @@ def of_this_version(directory: Path) -> Iterator[None]:
         why = f"{directory}: holds results of another version, whose scene is refused by this one"
         remedy = "show them with that version, or run the scene again, changed so"
         raise OutputError(f"{why} ({error}); {remedy}") from None
-
-
-def parsed_json(path: Path) -> dict[str, Any]:
-    """The content of a JSON file of results; raises OutputError if missing or damaged.
-
-    The key "couple" of earlier versions becomes "torque".
-    """
-    return _renamed(_parsed(path, json.loads))
 
 
 def table(path: Path, again: str, *texts: str) -> dict[str, np.ndarray]:
@@ -207,6 +209,10 @@ def _renamed(stored: Any) -> Any:
     return {"torque" if key == "couple" else key: _renamed(part) for key, part in stored.items()}
 
 
-def _parsed(path: Path, parse: Any) -> dict[str, Any]:
+def parsed_json(path: Path) -> dict[str, Any]:
+    """The content of a JSON file of results; raises OutputError if missing or damaged.
+
+    The key "couple" of earlier versions becomes "torque".
+    """
     with reading(path, REMEDY, error=OutputError):
-        return parse(path.read_text(encoding="utf-8"))
+        return _renamed(json.loads(path.read_text(encoding="utf-8")))

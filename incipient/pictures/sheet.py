@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .judged import Judged, pressed
-from .style import FLOW, FORCES, INK, MOTION, STATES, Looks
+from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, Looks
 
-Row = tuple[str, str, str]  # name, value, colour of the name
-Group = list[Row]  # the first row is a heading
-
+# Colours of numbers that the drawing shows.
+_COLOURS = {
+    "force of the flow": FLOW,
+    "torque about the centre": FLOW,
+    "submerged weight": WEIGHT,
+    "resultant": RESULTANT,
+    "acceleration": MOTION,
+    "angular acceleration": MOTION,
+}
 _WIDTH = 9.4  # inches, as all below
 _MARGIN, _EDGE = 0.78, 0.2
 _ACROSS, UP = 5.3, 4.4  # the drawing; renderings of space have its proportions
 _COLUMN = 6.36  # where the numbers begin
 _BELOW = 1.3  # axis labels and the legend
 _LINE, _ROW = 0.21, 0.172
-_LETTERS, _MOST = 8, 43  # of the numbers: points; characters of a name and its value in one row
-_MOST_CONTACTS = 4
-_NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "resultant": "Resultant"}
+_MOST = 43  # characters of a name and its value in one row
 
 
 def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure, Axes]:
@@ -43,101 +46,40 @@ def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure
     return figure, axes
 
 
-def explain(axes: Axes, marks: Sequence[tuple[Artist, str]]) -> None:
-    """Write the legend below the drawing."""
-    handles, labels = [mark for mark, _ in marks], [label for _, label in marks]
-    _figure_of(axes).legend(
-        handles, labels, loc="lower left", ncols=2, fontsize=8, columnspacing=2.5, handlelength=2.2,
-        bbox_to_anchor=(_MARGIN / _WIDTH, 0.0), borderpad=0, borderaxespad=0.9, labelspacing=0.5,
-    )  # fmt: skip
-
-
-def write_numbers(axes: Axes, groups: Iterable[Group], below: float = 0.12) -> None:
-    """Write groups of numbers beside the drawing, from a distance [inches] below its top."""
-    figure = _figure_of(axes)
+def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]], below: float = 0.12) -> None:
+    """Write tables of numbers by label beside the drawing, from a distance [inches] below its top."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
     height = figure.get_figheight()
     row = height * axes.get_position().y1 - below
-    for group in filter(None, groups):
-        for number, (name, value, colour) in enumerate(group):
-            weight, value = "normal" if number else "bold", value.replace("-", "−")
-            looks: Looks = {"fontsize": _LETTERS, "va": "center"}
-            figure.text(_COLUMN / _WIDTH, row / height, name, color=colour, weight=weight, **looks)
-            if len(name) + len(value) > _MOST:
+    for heading, table in tables.items():
+        looks: Looks = {"fontsize": 8, "va": "center", "weight": "bold"}
+        for name, value in {heading: "", **table}.items():
+            words, colour = _words(value), _COLOURS.get(name, INK)
+            figure.text(_COLUMN / _WIDTH, row / height, name, color=colour, **looks)
+            looks["weight"] = "normal"
+            if len(name) + len(words) > _MOST:
                 row -= _ROW  # the value has a line of its own
-            figure.text(1 - _EDGE / _WIDTH, row / height, value, ha="right", **looks)
+            figure.text(1 - _EDGE / _WIDTH, row / height, words, ha="right", **looks)
             row -= _ROW
         row -= 0.5 * _ROW
 
 
 def panel(axes: Axes, height: float) -> Axes:
     """Axes of a height [inches] at the top of the column of numbers."""
-    figure = _figure_of(axes)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
     share, left = height / figure.get_figheight(), _COLUMN + 0.42
     width = (_WIDTH - _EDGE - left) / _WIDTH
     return figure.add_axes((left / _WIDTH, axes.get_position().y1 - share, width, share))
 
 
-def _figure_of(axes: Axes) -> Figure:
-    figure = axes.figure
-    assert isinstance(figure, Figure)
-    return figure
-
-
-def load_rows(forces: dict[str, np.ndarray], torque: np.ndarray, unit: str, planar: bool) -> Group:
-    """Forces by name (see `Judged.acting`) and the flow's torque about the centre."""
-    rows = [(_NAMES[name], vector(force, planar), FORCES[name]) for name, force in forces.items()]
-    about = ("Torque about the centre", turning(torque, planar), FLOW)
-    return [("Load on the grain", unit, INK), *rows, about]
-
-
-def judge_rows(case: Judged) -> list[Group]:
-    """Outcome of the exact criterion, contact forces, outcome of the paper's criteria."""
-    planar = case.planar
-    exact: Group = [
-        ("Exact criterion", case.mode, INK),
-        ("Safety factor on the flow", number(case.safety_factor), INK),
-        ("Coefficient of static friction", f"{case.friction:.4g}", INK),
-    ]
-    if case.motion is not None:
-        exact.append(("Acceleration", vector(case.motion.acceleration, planar), MOTION))
-        exact.append(("Angular acceleration", turning(case.motion.angular, planar), MOTION))
-    force, torque = case.left or (np.zeros(3), np.zeros(3))
-    paper: Group = [
-        ("The paper's criteria", f"row {case.outcome.split(':')[0]} of its table", INK),
-        ("Residual force", vector(force, planar), INK),
-        ("Residual torque", turning(torque, planar), INK),
-    ]
-    return [exact, contact_rows(case), paper]
-
-
-def contact_rows(case: Judged) -> Group:
-    """Normal and tangential contact forces."""
-    normal, tangential = pressed(case.forces, case.contacts.normals)
-    normal[normal <= 1e-12 * normal.max(initial=0.0)] = 0.0
-    rows: Group = [("Contact forces", "normal, tangential/normal", INK)]
-    for index, state in enumerate(case.states[:_MOST_CONTACTS]):
-        name = f"{index + 1}: {state.lower()}" + (
-            ", significant" if index in case.significant else ""
-        )
-        ratio = f"{tangential[index] / normal[index]:.3f}" if normal[index] > 0 else "–"
-        rows.append((name, f"{normal[index]:.4g},  {ratio}", STATES[state][0]))
-    if len(case.states) > _MOST_CONTACTS:
-        rows.append((f"and {len(case.states) - _MOST_CONTACTS} more", "", INK))
-    return rows
-
-
-def vector(components: np.ndarray, planar: bool) -> str:
-    """Components in brackets, without round-off."""
-    size = np.abs(components).max(initial=0.0)
-    shown = [0.0 if abs(c) <= 1e-9 * size else c for c in components[: 2 if planar else 3]]
-    return f"({', '.join(f'{c:.4g}' if planar else f'{c:.3g}' for c in shown)})"
-
-
-def turning(torque: np.ndarray, planar: bool) -> str:
-    """A torque, in 2-D its one component."""
-    return f"{torque[2]:.4g}" if planar else vector(torque, planar)
-
-
-def number(value: float) -> str:
-    """A number, or the sign of infinity."""
-    return "∞" if value == np.inf else f"{value:.4g}"
+def _words(value: Any) -> str:
+    """A word, a number, or a vector without round-off."""
+    if isinstance(value, str):
+        return value
+    if np.ndim(value) == 0:
+        return "∞" if value == np.inf else f"{value:.4g}".replace("-", "−")
+    size = np.abs(value).max(initial=0.0)
+    shown = (0.0 if abs(part) <= 1e-9 * size else part for part in value)
+    return f"({', '.join(f'{part:.{6 - len(value)}g}' for part in shown)})".replace("-", "−")

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.figure import Figure
-from matplotlib.text import Text
-from matplotlib.ticker import LogLocator
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.legend_handler import HandlerPatch
+from matplotlib.patches import FancyArrowPatch
+from matplotlib.ticker import LogFormatterMathtext, LogLocator
 
 from ..files import part_of, replaced
 
@@ -37,7 +39,7 @@ STATES = {
     "EDGE": (_EDGE, "held, on the edge of its friction cone"),
     "UNLOADED": (_FREE, "carries no force"),
     "STICK": (_HELD, "sticks"),
-    "ROLL": (_ROLLED, "keeps its place while the grain turns"),
+    "ROLL": (_ROLLED, "rolls without slip"),
     "SLIDE": (_EDGE, "slides"),
     "LIFT": (_FREE, "lifts off"),
     "NOT_JUDGED": (INK, "with its normal"),
@@ -49,6 +51,7 @@ Looks = dict[str, Any]  # of an artist, by matplotlib's keywords
 _SETTINGS = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
+    "text.parse_math": False,  # a title may hold a $
     "axes.titlesize": 9.5,
     "axes.labelsize": 9,
     "axes.edgecolor": INK,
@@ -76,26 +79,18 @@ def applied() -> Iterator[None]:
         yield
 
 
-def show_as_written(figure: Figure) -> None:
-    """Typeset no text as mathematics except labels of logarithmic axes: a title may hold a $."""
-    powers: set[Text] = set()
+def number_plainly(figure: Figure) -> None:
+    """Label logarithmic axes that have no labels of their own without powers, at 1, 2 and 5 of each decade."""
     for axis in figure.findobj(Axis):
-        labels = axis.get_ticklabels(which="both")  # those of all axes are made here
-        powers.update(labels if axis.get_scale() == "log" else ())
-    for text in figure.findobj(Text):
-        text.set_parse_math(text in powers)
-
-
-def number_plainly(axis: Axis) -> None:
-    """Label a logarithmic axis without powers, at 1, 2 and 5 of each decade."""
-    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-    axis.set_minor_formatter("{x:g}")
-    axis.set_major_formatter("{x:g}")
+        if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+            axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+            axis.set_minor_formatter("{x:g}")
+            axis.set_major_formatter("{x:g}")
 
 
 def save(figure: Figure, path: Path) -> None:
     """Write a picture as PNG. Raises OutputError: not writable, or a foreign file has this name."""
-    show_as_written(figure)
+    number_plainly(figure)
     with replaced(path, part_of(path)) as part:
         figure.savefig(part, format="png", dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
 
@@ -123,8 +118,34 @@ def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[A
     return figure, all_axes
 
 
+def chart(title: str, size: tuple[float, float] = (6.4, 4.6), **looks: Any) -> tuple[Figure, Axes]:
+    """A titled figure of a size [inches] with axes and a grid; `looks`: of `Axes.set`."""
+    figure = Figure(figsize=size, layout="constrained")
+    headline(figure, title)
+    axes = figure.subplots()
+    axes.grid(color="#e2e2e2", lw=0.5)
+    axes.set(axisbelow=True, **looks)
+    return figure, axes
+
+
 def headline(figure: Figure, title: str) -> None:
     """Write a title above a figure, wrapped to its width."""
     lines = textwrap.wrap(title, int(11 * figure.get_figwidth()))
     figure.set_figheight(figure.get_figheight() + 0.2 * (len(lines) - 1))
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=11)
+
+
+def explain(figure: Figure | SubFigure, **looks: Any) -> None:
+    """Add a legend of all labelled artists of a figure, with each label once and arrows as arrows."""
+    marks: dict[str, Artist] = {}
+    for axes in figure.axes:
+        artists, labels = axes.get_legend_handles_labels()
+        marks |= dict(zip(labels, artists, strict=True))
+    arrows = {FancyArrowPatch: HandlerPatch(_arrow_in_legend)}
+    figure.legend(marks.values(), marks, handler_map=arrows, **looks)
+
+
+def _arrow_in_legend(width: float, height: float, **_: Any) -> FancyArrowPatch:
+    return FancyArrowPatch(
+        (0.0, height / 2), (width, height / 2), arrowstyle="-|>", mutation_scale=9
+    )

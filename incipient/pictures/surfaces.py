@@ -8,7 +8,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from scipy.spatial import KDTree
 
 from ..arrays import planar_cross, quarter_turned
 from ..geometry.space.beds import Terrain
@@ -16,15 +15,12 @@ from ..scene import Domain
 from .drawing import draw_grain, show_place
 from .plane import pyvista_off_screen
 from .record import StoredRun
-from .style import FLOW, INK, PULL, PUSH, Looks, headline, panels
+from .style import FLOW, INK, PULL, PUSH, headline, panels
 
-_ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
 # Per cent of the nodes with a traction below the last colour: traction is large in gaps.
 _LARGEST = 98.0
 _UPWARD = 0.1  # least rise of a normal that points up
-_LEVELS = 24  # colours
-_LINES, _PLACES = 7, 201  # of equal height of the bed; in each direction at which that is known
 
 
 def traction(run: StoredRun) -> Figure:
@@ -34,31 +30,30 @@ def traction(run: StoredRun) -> Figure:
     if run.in_space:
         _show_views(figure, run)
         return figure
-    points, tractions, normals = _around(run)
     left, right = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
+    angles, points, tractions, normals = _around(run)
     _show_arrows(run, left, points, tractions, normals)
-    centre = np.array(run.value("grain", "centre", points.mean(axis=0))[:2], dtype=float)
-    _show_components(right, points - centre, tractions, normals)
+    _show_components(right, angles, tractions, normals)
     return figure
 
 
-def _around(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Midpoints of a 2-D grain's facets in order, tractions and outward normals, (n, 2)."""
+def _around(run: StoredRun) -> tuple[np.ndarray, ...]:
+    """Directions [degrees] of the middles of a 2-D grain's facets, ascending; middles, tractions, outward normals."""
     assert run.surface is not None
-    cells = run.surface.cells
-    halves = np.insert(np.vstack([cells[:, [0, 2]], cells[:, [2, 1]]]), 0, 2, axis=1)
-    sides = pyvista_off_screen().PolyData(run.surface.points, lines=halves)
-    (line, *_) = sides.strip(join=True, max_length=2 * len(cells) + 1).cell
-    nodes = np.array(line.point_ids)
+    start, end, middle = run.surface.cells.T
     points = run.surface.points[:, :2]
-    x, y = points[nodes].T
-    if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0.0:  # clockwise
-        nodes = nodes[::-1]
-    first = 1 if np.isin(nodes[1], cells[:, 2]) else 2
-    middles = nodes[first:-1:2]
-    along = points[nodes[first + 1 :: 2]] - points[nodes[first - 1 : -2 : 2]]
-    normals = -quarter_turned(along) / np.linalg.norm(along, axis=1)[:, None]
-    return points[middles], run.surface.fields["traction"][middles, :2], normals
+    normals = quarter_turned(points[end] - points[start])
+    assert run.place is not None
+    grain, beside = run.model.grain, 0.01 * normals
+    (out, into) = (
+        grain.level(run.place.to_body(points[middle] + side)) for side in (beside, -beside)
+    )
+    normals *= (np.sign(out - into) / np.linalg.norm(normals, axis=1))[:, None]
+    centre = run.value("grain", "centre", points.mean(axis=0))[:2]
+    angles = np.degrees(np.arctan2(*(points[middle] - centre).T[::-1])) % 360
+    order = np.argsort(angles)
+    around = angles, points[middle], run.surface.fields["traction"][middle, :2], normals
+    return tuple(values[order] for values in around)
 
 
 def _show_arrows(
@@ -70,41 +65,41 @@ def _show_arrows(
     run.plane.draw_solids(axes, fluid="white", grain=False)
     for grain in run.plane.grains:
         draw_grain(axes, grain)
-    steps = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
-    evenly = np.arange(_ARROWS) * steps.sum() / _ARROWS
-    chosen = np.unique(np.minimum(np.searchsorted(np.cumsum(steps), evenly), len(points) - 1))
-    strength = np.linalg.norm(tractions[chosen], axis=1)
+    way = np.cumsum(np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1))
+    chosen = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], 64)))
+    points, tractions, normals = points[chosen], tractions[chosen], normals[chosen]
+    strength = np.linalg.norm(tractions, axis=1)
     longest = float(np.percentile(strength, 95)) or 1.0
-    shortened = np.minimum(1.0, 1.3 * longest / np.maximum(strength, 1e-300))
-    shown = tractions[chosen] * shortened[:, None]
-    presses = np.sum(tractions[chosen] * normals[chosen], axis=1) < 0
-    looks: Looks = {"angles": "xy", "scale_units": "xy", "scale": longest / (_LONGEST * size)}
-    looks |= {"width": 0.0045, "headwidth": 4, "headlength": 5, "zorder": 5}
-    for which, pivot, colour in ((presses, "tip", PUSH), (~presses, "tail", PULL)):
-        at = points[chosen][which].T
-        arrows = axes.quiver(*at, *shown[which].T, pivot=pivot, color=colour, **looks)
-    said = f"{longest:.3g} scene units"
-    axes.quiverkey(arrows, 0.3, 0.94, longest, said, labelpos="E", color=INK, zorder=6)
+    scale = _LONGEST * size / longest
+    shown = (
+        scale * tractions * np.minimum(1.0, 1.3 * longest / np.maximum(strength, 1e-300))[:, None]
+    )
+    presses = np.sum(tractions * normals, axis=1) < 0
+    tails = points - presses[:, None] * shown
+    arrows = axes.quiver(
+        *tails.T, *shown.T, color=np.where(presses, PUSH, PULL), angles="xy", scale_units="xy",
+        scale=1.0, width=0.0045, headwidth=4, headlength=5, zorder=5,
+    )  # fmt: skip
+    words = f"{longest:.3g} scene units"
+    axes.quiverkey(arrows, 0.3, 0.94, _LONGEST * size, words, labelpos="E", color=INK, zorder=6)
     marks = [Line2D([], [], color=colour, lw=2) for colour in (PUSH, PULL)]
-    labels = ["presses on the grain", "pulls at the grain"]
+    labels = ["pushes on the grain", "pulls on the grain"]
     axes.legend(marks, labels, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, ncols=2)
 
 
 def _show_components(
-    axes: Axes, arms: np.ndarray, tractions: np.ndarray, normals: np.ndarray
+    axes: Axes, angles: np.ndarray, tractions: np.ndarray, normals: np.ndarray
 ) -> None:
-    angles = np.degrees(np.arctan2(arms[:, 1], arms[:, 0])) % 360
-    order = np.argsort(angles)
-    apart = np.diff(angles[order])
+    apart = np.diff(angles)
     broken = np.flatnonzero(apart > 8.0 * np.median(apart)) + 1
     for part, colour, label in (
-        (np.sum(tractions * normals, axis=1), PUSH, "along the outward normal (negative: pressed)"),
-        (planar_cross(normals, tractions), PULL, "along the surface, anticlockwise"),
+        (np.sum(tractions * normals, axis=1), PUSH, "normal, positive outwards"),
+        (planar_cross(normals, tractions), PULL, "tangential, positive counterclockwise"),
     ):
-        lines = (np.insert(values[order], broken, np.nan) for values in (angles, part))
+        lines = (np.insert(values, broken, np.nan) for values in (angles, part))
         axes.plot(*lines, color=colour, lw=1.3, label=label)
     axes.axhline(0, color=INK, lw=0.5)
-    axes.set(xlim=(0, 360), xlabel="direction from the grain's centre [degrees]")
+    axes.set(xlim=(0, 360), xlabel="direction from the centre of the grain [degrees]")
     axes.set_ylabel("traction [scene units]")
     axes.set_xticks([0, 90, 180, 270, 360], ["0\n+x", "90\n+y", "180\n−x", "270\n−y", "360\n+x"])
     axes.grid(color="#dddddd", lw=0.5)
@@ -112,54 +107,39 @@ def _show_components(
 
 
 def _show_views(figure: Figure, run: StoredRun) -> None:
-    points, cells, values = whole_surface(run)
-    norm = Normalize(0.0, last_colour(np.linalg.norm(values, axis=1)))
-    pair = figure.subplots(1, 2)
-    sides = ((-1.0, "from upstream"), (1.0, "from downstream"))
-    for axes, (along, words) in zip(pair, sides, strict=True):
-        axes.imshow(_shown_surface(points, cells, values, norm, along), interpolation="antialiased")
-        axes.set_axis_off()
-        axes.set_title(f"Seen {words}, with the traction's arrows")
-    bar = figure.colorbar(ScalarMappable(norm, "magma"), ax=pair, extend="max", shrink=0.8)
-    bar.set_label("size of the traction [scene units]")
-
-
-def last_colour(sizes: np.ndarray) -> float:
-    """Traction at the upper colour limit, from the magnitudes (n,) at the nodes."""
-    return float(np.percentile(sizes, _LARGEST)) or 1.0
-
-
-def whole_surface(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes, quadratic triangles and traction of the grain's surface, with the mirror image of a half."""
     assert run.surface is not None
-    points, cells, values = run.surface.points, run.surface.cells, run.surface.fields["traction"]
+    pyvista = pyvista_off_screen()
+    points, cells = run.whole(run.surface.points, run.surface.cells)
+    values = run.surface.fields["traction"]
     if run.halved:
         values = np.vstack([values, values * [1.0, -1.0, 1.0]])
-    return *run.whole(points, cells), values
-
-
-def _shown_surface(
-    points: np.ndarray, cells: np.ndarray, values: np.ndarray, norm: Normalize, along: float
-) -> np.ndarray:
-    pyvista = pyvista_off_screen()
-    surface = pyvista.UnstructuredGrid({pyvista.CellType.QUADRATIC_TRIANGLE: cells}, points)
-    surface["size"] = np.linalg.norm(values, axis=1)
-    plotter = pyvista.Plotter(off_screen=True, window_size=[1100, 1100], lighting="three lights")
-    plotter.background_color = "white"
-    drawn = surface.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
-    shown = {"clim": (norm.vmin, norm.vmax), "show_scalar_bar": False, "smooth_shading": True}
-    plotter.add_mesh(drawn, scalars="size", cmap="magma", **shown)
+    sizes = np.linalg.norm(values, axis=1)
+    norm = Normalize(0.0, float(np.percentile(sizes, _LARGEST)) or 1.0)
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.QUADRATIC_TRIANGLE: cells}, points)
+    grid["size"] = sizes
+    surface = grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
     every = max(1, len(points) // 400)
-    extent = float(np.ptp(points, axis=0).max())
-    plotter.add_arrows(
-        points[::every], values[::every], 0.35 * extent / (norm.vmax or 1.0), color=FLOW,
-        show_scalar_bar=False,
+    longest = 0.35 * float(np.ptp(points, axis=0).max()) / (norm.vmax or 1.0)
+    plotter = pyvista.Plotter(
+        off_screen=True, shape=(1, 2), border=False, window_size=[2200, 1100], lighting="three lights"
     )  # fmt: skip
-    plotter.enable_parallel_projection()
-    plotter.view_vector((along, -0.6, 0.35), viewup=(0.0, 0.0, 1.0))
-    image = np.asarray(plotter.screenshot(return_img=True))
+    plotter.background_color = "white"
+    for side, along in enumerate((-1.0, 1.0)):
+        plotter.subplot(0, side)
+        plotter.add_mesh(
+            surface, scalars="size", clim=(norm.vmin, norm.vmax), cmap="magma",
+            smooth_shading=True, show_scalar_bar=False,
+        )  # fmt: skip
+        arrows = points[::every], values[::every], longest
+        plotter.add_arrows(*arrows, color=FLOW, show_scalar_bar=False)
+        plotter.enable_parallel_projection()
+        plotter.view_vector((along, -0.6, 0.35), viewup=(0.0, 0.0, 1.0))
+    axes = figure.add_subplot(title="Traction vectors, seen from upstream and from downstream")
+    axes.imshow(np.asarray(plotter.screenshot(return_img=True)), interpolation="antialiased")
+    axes.set_axis_off()
     plotter.close()
-    return image
+    bar = figure.colorbar(ScalarMappable(norm, "magma"), ax=axes, extend="max", shrink=0.8)
+    bar.set_label("magnitude of the traction [scene units]")
 
 
 def elevation(run: StoredRun) -> Figure:
@@ -170,11 +150,14 @@ def elevation(run: StoredRun) -> Figure:
     above = points[:, 2] - domain.ceiling
     figure, (axes,) = panels([(domain.left, domain.right, *domain.across)], run.headline)
     largest = max(float(np.abs(above).max()), 1e-300)
-    levels = np.linspace(-largest, largest, _LEVELS + 1)
-    looks: Looks = {"levels": levels, "cmap": "RdBu_r"}
-    drawn = axes.tricontourf(points[:, 0], points[:, 1], triangles, above, **looks)
+    levels = np.linspace(-largest, largest, 25)
+    drawn = axes.tricontourf(
+        points[:, 0], points[:, 1], triangles, above, levels=levels, cmap="RdBu_r"
+    )
     forms = _show_bed(domain, scene.bed_shape, axes)
-    axes.set_title("The free surface from above" + ("; lines: heights of the bed" if forms else ""))
+    axes.set_title(
+        "The free surface from above" + ("; lines: elevation of the bed" if forms else "")
+    )
     figure.colorbar(drawn, ax=axes).set_label("elevation [scene units]")
     return figure
 
@@ -182,28 +165,23 @@ def elevation(run: StoredRun) -> Figure:
 def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) and straight triangles (m, 3) of the free surface: upward facets except the grain's."""
     grid = run.grid.copy(deep=False)
-    # Places in VTK are of single precision.
+    # Coordinates in VTK are of single precision.
     grid["node"] = np.arange(len(run.fields.points), dtype=float)
-    grid["grain"] = np.zeros(len(run.fields.points))
-    if run.surface is not None:
-        reach = 1e-6 * float(np.ptp(run.surface.points, axis=0).max())
-        grid["grain"] = 1.0 * (KDTree(run.surface.points).query(run.fields.points)[0] < reach)
     sides = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface").triangulate()
     sides = sides.compute_normals(point_normals=False, auto_orient_normals=True)
-    triangles = sides.regular_faces
-    upwards = sides["Normals"][:, 2] > _UPWARD
-    used, rows = np.unique(
-        triangles[upwards & (sides["grain"][triangles].min(axis=1) < 1.0)], return_inverse=True
-    )
-    nodes = np.rint(sides["node"][used]).astype(int)
-    return run.fields.points[nodes], rows.reshape(-1, 3)
+    upwards = sides.extract_cells(sides["Normals"][:, 2] > _UPWARD)
+    x0, x1, y0, y1, low, high = grid.bounds
+    above = (x0 + x1) / 2, (y0 + y1) / 2, 2.0 * high - low
+    surface = upwards.connectivity("closest", closest_point=above)  # without a grain's underside
+    nodes = np.rint(surface["node"]).astype(int)
+    return run.fields.points[nodes], surface.cells.reshape(-1, 4)[:, 1:]
 
 
 def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:
     if bed is None or not np.isfinite(bed.feature):
         return False
-    x, y = (np.linspace(*sides, _PLACES) for sides in ((domain.left, domain.right), domain.across))
+    x, y = (np.linspace(*sides, 201) for sides in ((domain.left, domain.right), domain.across))
     places = np.stack(np.meshgrid(x, y), axis=-1)
-    heights = bed.height(places.reshape(-1, 2)).reshape(_PLACES, _PLACES)
-    axes.contour(x, y, heights, _LINES, colors=INK, linewidths=0.5)
+    heights = bed.height(places.reshape(-1, 2)).reshape(201, 201)
+    axes.contour(x, y, heights, 7, colors=INK, linewidths=0.5)
     return True

@@ -11,16 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..arrays import spatial
-from ..contact import Contacts, Load, incipient_motion
-from ..errors import ConvergenceError, OutputError, SceneError
+from ..contact import Load
+from ..errors import OutputError, SceneError
 from ..geometry.placement import Placement
 from ..judging.case import Case
-from ..scene import Body
+from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
 from .drawing import (
     PLANE,
-    Marks,
     Sight,
     draw_bed,
     draw_case,
@@ -31,25 +30,20 @@ from .drawing import (
     show_place,
 )  # fmt: skip
 from .flow import draw_streamlines
-from .judged import Judged, Marked, judged, sentence
+from .judged import Judged, Marked, at_onset, judged, pressed, sentence
 from .outlines import Solid, bed_line, grain_outline, hull, placed_surface, sketched
 from .record import StoredRun, scene_of
-from .sheet import (
-    Group,
-    contact_rows,
-    explain,
-    judge_rows,
-    load_rows,
-    number,
-    panel,
-    sheet,
-    write_numbers,
-)  # fmt: skip
-from .style import FLOW, INK, MOTION, number_plainly
+from .sheet import panel, sheet, write_numbers
+from .style import FLOW, INK, MOTION, explain
 
-_UNIT = "[scene units]"
-_COEFFICIENTS = ("drag", "lift", "moment")
-_BEYOND = 1e-4  # how much more than the critical load shows the motion
+_CRITICAL = {
+    "flow over that of the scene": "factor",
+    "Shields number, largest diameter": "shields",
+    "Reynolds number of the scene": "reynolds",
+    "shear Reynolds number": "shear_reynolds",
+}
+_MOST_CONTACTS = 4
+_LOADED = ("INSIDE", "EDGE", "STICK", "ROLL", "SLIDE")
 _SLOWEST = 1e-3  # of the fastest flow: a trial that is shown
 _PANEL = 1.5  # height of the trials [inches]
 
@@ -70,13 +64,29 @@ def of_run(run: StoredRun) -> Figure:
     shape = Shape(scene.grain, run.place, scene.bed_shape)
     case = _unjudged(run) if stored is None else judged(stored, run.directory / "result.json")
     figure, axes = sheet(*case.sentences, run.headline)
-    explain(axes, _show(axes, case, shape))
+    _show(axes, case, shape)
     if not run.in_space:
         draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
-    groups = [load_rows(case.acting, case.load.flow_couple, _UNIT, not run.in_space)]
-    groups += [] if stored is None else judge_rows(case)
-    write_numbers(axes, [*groups, *_flow_rows(run)])
+    write_numbers(axes, {**_numbers(case), "Flow": _flow_rows(run)})
     return figure
+
+
+def _numbers(case: Judged, unit: str = "scene units") -> dict[str, dict[str, Any]]:
+    tables = case.tables(unit)
+    if len(tables) > 1:
+        tables["Contacts: normal force, tangential/normal"] = _contact_rows(case)
+    return tables
+
+
+def _contact_rows(case: Judged) -> dict[str, str]:
+    rows = {}
+    shown = zip(case.states, *pressed(case.forces, case.contacts.normals), strict=True)
+    for index, (state, normal, tangential) in enumerate(list(shown)[:_MOST_CONTACTS]):
+        name = f"{index + 1}: {state.lower()}"
+        name += ", significant" if index in case.significant else ""
+        rows[name] = f"{normal:.4g},  {tangential / normal:.3f}" if state in _LOADED else "0"
+    more = len(case.states) - _MOST_CONTACTS
+    return rows | ({f"and {more} more": ""} if more > 0 else {})
 
 
 def _unjudged(run: StoredRun) -> Judged:
@@ -97,7 +107,7 @@ def _unjudged(run: StoredRun) -> Judged:
     )
 
 
-def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
+def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
     load, contacts = case.load, case.contacts
     planar = case.planar and (shape is None or shape.placement.gdim == 2)
     sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
@@ -115,7 +125,8 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
         draw_grain(axes, sight(places), shape is not None)
     if bed is None:
         draw_pieces(axes, case, sight, size)
-    return draw_case(axes, case, sight, places, size)
+    draw_case(axes, case, sight, places, size)
+    explain(axes.figure, loc="lower left", ncols=2, bbox_to_anchor=(0.07, 0.0))
 
 
 def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
@@ -128,22 +139,20 @@ def _solid(case: Judged, shape: Shape | None, planar: bool) -> Solid:
     return placed_surface(shape.grain, shape.placement)
 
 
-def _flow_rows(run: StoredRun) -> list[Group]:
+def _flow_rows(run: StoredRun) -> dict[str, Any]:
     closed = bool(run.value("gap", "closed"))
-    values = {
-        f"{key.capitalize()} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS
+    gap = "closed where narrower than" if closed else "gap representing contact"
+    rows = {
+        **{
+            f"{key} coefficient": run.value("coefficients", key)
+            for key in ("drag", "lift", "moment")
+        },
+        "Reynolds number": run.setting("fluid", "reynolds"),
+        gap: run.value("gap", "width"),
+        "cells across the gap": None if closed else run.value("gap", "cells"),
+        "first motion at time": run.value("verdict", "first_motion"),
     }
-    values["Reynolds number"] = run.setting("fluid", "reynolds")
-    gap = "Closed where narrower than" if closed else "Gap that stands for contact"
-    values[gap] = run.value("gap", "width")
-    values["Cells across the gap"] = None if closed else run.value("gap", "cells")
-    values["First motion at time"] = run.value("verdict", "first_motion")
-    rows = [
-        (name, f"{value:.4g}", INK)
-        for name, value in values.items()
-        if isinstance(value, int | float)
-    ]
-    return [[("Flow", "", INK), *rows]] if rows else []
+    return {name: value for name, value in rows.items() if isinstance(value, int | float)}
 
 
 def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
@@ -154,11 +163,10 @@ def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
     more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
     subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
     figure, axes = sheet(case.sentences[0], " ".join(more), subject)
-    explain(axes, _show(axes, case, shape))
+    _show(axes, case, shape)
     if case.planar:
         axes.set(xlabel="x", ylabel="y")
-    there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
-    write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
+    write_numbers(axes, _numbers(case, "units of the case") | _probability_rows(chances))
     return figure
 
 
@@ -171,17 +179,15 @@ def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
         ) from error
     if case is None or case.body is None:
         return None
-    return Shape(case.body.grain(), case.placement)
+    return Shape(case.body.grain, case.placement)
 
 
-def _probability_rows(chances: dict[str, Any] | None) -> list[Group]:
+def _probability_rows(chances: dict[str, Any] | None) -> dict[str, dict[str, str]]:
     if chances is None:
-        return []
-    rows: Group = [("Probability", f"{chances['samples']} samples", INK)]
-    likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])
-    for mode, chance in likely[:4]:
-        rows.append((mode, chance["words"].replace("+-", "±").replace("%", " %"), INK))
-    return [rows]
+        return {}
+    likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])[:4]
+    rows = {mode: chance["words"].replace("+-", "±").replace("%", " %") for mode, chance in likely}
+    return {f"Probability from {chances['samples']} samples": rows}
 
 
 def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
@@ -189,73 +195,29 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     scene, again = scene_of(directory), "find the threshold again"
     if scene.grain is None or scene.bed_shape is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
-    case = judged(with_motion(stored, scene.body, scene.placement), directory / "threshold.json")
-    figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title)
-    explain(axes, _show(axes, case, Shape(scene.grain, scene.placement, scene.bed_shape)))
-    there = load_rows(case.acting, case.load.flow_couple, _UNIT, scene.gdim == 2)
+    case = critical_case(stored, scene, directory / "threshold.json")
+    figure, axes = sheet(
+        sentence(f"Threshold: {stored['sentence']}"), case.sentences[1], scene.title
+    )
+    _show(axes, case, Shape(scene.grain, scene.placement, scene.bed_shape))
+    tables = _numbers(case)
     if not stored["factor"]:
-        write_numbers(axes, [there, *judge_rows(case)])
+        write_numbers(axes, tables)
         return figure
     _show_trials(panel(axes, _PANEL), stored)
-    groups = [_critical_rows(stored, case.friction), there, contact_rows(case)]
-    write_numbers(axes, groups, below=_PANEL + 0.62)
+    numbers = {label: _value_with_error(stored, key) for label, key in _CRITICAL.items()}
+    numbers["coefficient of static friction"] = f"{case.friction:.4g}"
+    (load, *_, contacts) = tables.items()
+    shown = {f"Threshold: {stored['mode']}": numbers, **dict((load, contacts))}
+    write_numbers(axes, shown, below=_PANEL + 0.62)
     return figure
 
 
-def with_motion(
-    stored: dict[str, Any], body: Body | None, placement: Placement | None
-) -> dict[str, Any]:
+def critical_case(stored: dict[str, Any], scene: Scene, record: Path) -> Judged:
     """The verdict at the threshold with the incipient motion, if there is a threshold."""
-    verdict = stored["verdict"]
-    inert = None if not stored["factor"] or body is None else mass_and_inertia(body, placement)
-    motion = None if inert is None else _onset(stored, *inert)
-    if motion is None:
-        return verdict
-    exact = {**verdict["judges"]["equilibrium"], "motion": motion, "mode": stored["mode"]}
-    return {**verdict, "judges": {**verdict["judges"], "equilibrium": exact}}
-
-
-def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str, Any] | None:
-    acting, at = stored["load"], stored["contacts"]
-    friction = float(stored["verdict"]["judges"]["criteria"]["friction"])
-    force, torque = (
-        (1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple")
-    )
-    stronger = Load(force, torque, np.array(acting["weight"]), np.array(acting["centre"]))
-    contacts = Contacts(at["points"], at["normals"], at["areas"])
-    try:
-        return incipient_motion(stronger, contacts, friction, mass, inertia).to_dict()
-    except ConvergenceError:
-        return None
-
-
-def critical_sentence(stored: dict[str, Any]) -> str:
-    """Critical speed of the flow in a sentence, or the reason why there is none."""
-    factor, status, mode = stored["factor"], stored["verdict"]["safety_status"], stored["mode"]
-    if factor is None and stored["held_to"] is None:
-        return "There is no threshold: no strength of this flow moves the grain."
-    if factor is None:
-        return f"No threshold up to {stored['held_to']:.3g} times the flow of the scene: {stored['reason']}."
-    if factor == 0.0 and status == "NO_RESERVE":
-        return f"There is no threshold: however weak this flow is, the grain begins {mode}."
-    if factor == 0.0 and status == "HELD_BY_FLOW":
-        return "There is no threshold: without flow the grain moves, while some flow would hold it."
-    if factor == 0.0:
-        return f"There is no threshold: without any flow the grain begins {mode}."
-    times = _value_with_error(stored, "factor")
-    return f"The grain begins {mode} where the flow is {times} times that of the scene."
-
-
-def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
-    rows: Group = [("Threshold", stored["mode"], INK)]
-    for name, key in (
-        ("Flow over that of the scene", "factor"),
-        ("Shields number, largest diameter", "shields"),
-        ("Reynolds number of the scene", "reynolds"),
-        ("Shear Reynolds number", "shear_reynolds"),
-    ):
-        rows.append((name, _value_with_error(stored, key), INK))
-    return [*rows, ("Coefficient of static friction", number(friction), INK)]
+    case = judged(stored["verdict"], record)
+    inert = None if scene.body is None else mass_and_inertia(scene.body, scene.placement)
+    return at_onset(case, stored["mode"], *inert) if stored["factor"] and inert else case
 
 
 def _value_with_error(stored: dict[str, Any], key: str) -> str:
@@ -271,16 +233,11 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     # The flow that represents the Stokes limit is too slow for the axes of the others.
     slowest = _SLOWEST * trials[:, 0].max(initial=1.0)
     trials = trials[(trials[:, 0] > slowest) & (trials[:, 1] > 0.0)]
-    line = np.unique(np.vstack([trials, [critical, 1.0]]), axis=0)
     axes.axhline(1.0, color=INK, lw=0.8)
-    axes.plot(*line.T, color=FLOW, lw=1.0, alpha=0.6)
-    axes.plot(*trials.T, "o", color=FLOW, ms=4)
+    axes.plot(*trials.T, "o-", color=FLOW, lw=1.0, ms=4)
     axes.plot(critical, 1.0, "*", color=MOTION, ms=11, mec="white", mew=0.6, zorder=5)
     axes.set(xscale="log", yscale="log")
-    for axis in (axes.xaxis, axes.yaxis):
-        number_plainly(axis)
     axes.tick_params(which="both", labelsize=7)
     axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
-    flows = f"{len(every)} flow{'s' if len(every) > 1 else ''}"
-    axes.set_title(f"Safety factor, {flows} solved", fontsize=8.5)
+    axes.set_title(f"Safety factor, flows solved: {len(every)}", fontsize=8.5)
     axes.grid(color="#e2e2e2", lw=0.5)

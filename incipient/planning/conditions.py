@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from ..fluid.conditions import Carried, Condition, Open, Prescribed, Slip, no_slip
 from ..meshes import SYMMETRY
@@ -13,7 +13,6 @@ from ..setup.setup import Setup
 # then above, then at the ends and below.
 FREE, SIDES, ABOVE, AROUND, WALL = range(5)
 Ranked = Iterator[tuple[int, Condition]]
-OfSurface = Mapping[str, list[Condition]]  # conditions that a free surface decides, by place
 
 
 def conditions(
@@ -28,54 +27,54 @@ def conditions(
         from . import wall_conditions
 
         return wall_conditions.conditions(setup)
-    of_surface: OfSurface = {}
-    if setup.scene.has_surface:
-        from . import surface_conditions
-
-        of_surface = surface_conditions.by_place(setup, lid)
     base_flow = setup.base_flow_at(speed)
     ranked = [
-        *_at_ends(setup, base_flow, of_surface),
-        *_below(setup, base_flow.velocity, of_surface),
-        *_above(setup, base_flow.velocity, of_surface),
+        *_at_ends(setup, base_flow, lid),
+        *_below(setup, base_flow.velocity),
+        *_above(setup, base_flow.velocity, lid),
         *_across(setup, base_flow.velocity),
         *_on_grain(setup, held),
     ]
     return [condition for _, condition in sorted(ranked, key=lambda pair: pair[0])]
 
 
-def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked:
-    left, right = setup.sides.left, setup.sides.right
-    if "ends" in of_surface:
-        yield from ((FREE, one) for one in of_surface["ends"])
-    elif setup.scene.domain.kind == "channel":
+def _at_ends(setup: Setup, base_flow: BaseFlow, lid: bool) -> Ranked:
+    left, right, scene = setup.sides.left, setup.sides.right, setup.scene
+    if scene.domain.kind == "channel" and scene.has_surface and not lid:
+        from .surface_conditions import ends
+
+        yield from ((FREE, end) for end in ends(setup))
+    elif scene.domain.kind == "channel":
         yield AROUND, Prescribed(left, base_flow.entering)
-        if base_flow.flow.oscillates:
+        if scene.flow.oscillates:
             yield AROUND, Prescribed(right, base_flow.entering)
             return
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
-        yield FREE, Open(right, base_flow.velocity if base_flow.flow.changes else None)
+        yield FREE, Open(right, base_flow.velocity if scene.flow.changes else None)
+    elif scene.has_surface and setup.surface.ends == "wall":
+        yield from ((FREE, Slip(name, axis=0)) for name in (left, right))
     else:
         yield from ((WALL, no_slip(name)) for name in (left, right))
 
 
-def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
+def _below(setup: Setup, velocity: Velocity) -> Ranked:
     bottom, scene = setup.sides.bottom, setup.scene
     wall = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
-    wall = wall or scene.flow.wall_below or scene.bed_shape is not None
-    if "below" in of_surface:
-        yield from ((FREE, one) for one in of_surface["below"])
-    elif wall:
+    if scene.has_surface and setup.surface.bottom == "slip":
+        yield FREE, Slip(bottom, axis=scene.up)
+    elif wall or scene.flow.wall_below or scene.bed_shape is not None:
         yield WALL, no_slip(bottom)
     else:
         yield AROUND, Prescribed(bottom, velocity)
 
 
-def _above(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
+def _above(setup: Setup, velocity: Velocity, lid: bool) -> Ranked:
     top, scene = setup.sides.top, setup.scene
-    if "above" in of_surface:
-        yield from ((FREE, one) for one in of_surface["above"])
-    elif scene.top in ("slip", "free-surface"):
+    if scene.has_surface and not lid:
+        from .surface_conditions import free_surface
+
+        yield FREE, free_surface(setup)
+    elif scene.has_surface or scene.top == "slip":
         yield FREE, Slip(top, axis=scene.up)
     elif scene.top == "wall" and not scene.flow.moves_top:
         yield WALL, no_slip(top)
@@ -98,13 +97,12 @@ def _across(setup: Setup, velocity: Velocity) -> Ranked:
 def _on_grain(setup: Setup, held: bool) -> Ranked:
     scene, body = setup.scene, setup.scene.body
     if scene.moves and held:
-        from ..setup.body import velocity_at_first
+        from ..body.state import rigid_velocity
+        from ..setup.body import initial_state
 
         assert body is not None and scene.placement is not None
-        yield (
-            FREE,
-            Prescribed("body", velocity_at_first(body, scene.placement, setup.symmetric)),
-        )
+        state = initial_state(body, scene.placement, setup.symmetric)
+        yield FREE, Prescribed("body", lambda x, t: rigid_velocity(state, x[: scene.gdim].T).T)
     elif scene.moves:
         yield FREE, Carried("body")
     elif scene.grain is not None:

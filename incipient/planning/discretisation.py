@@ -8,16 +8,28 @@ preconditioner needs on coarse cells.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from ..errors import SceneError
 from ..scene import Scene
 from ..setup.setup import Setup
-from .cells import FarCells
 from .effects import inertia
+
+
+def by_order(second: float, third: float, fourth: float) -> dict[int, float]:
+    """Values by the order of the velocity."""
+    return {2: second, 3: third, 4: fourth}
+
+
+# Length, over the depth, of the zone in which a free surface comes in level; a cell at the least.
+LEVEL = 0.25
+# Largest cells by dimension and order of the velocity, over the domain's height; number along the shorter side of an
+# empty box; the fewest there (docs/contribute/defaults.md).
+FAR_CELL = {2: by_order(0.10, 0.15, 0.20), 3: by_order(0.25, 0.45, 0.5)}
+GRID_CELLS, FEWEST = {2: by_order(48, 32, 24), 3: by_order(16, 9, 6)}, {2: 4, 3: 2}
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
@@ -43,16 +55,8 @@ def velocity_order(setup: Setup) -> tuple[int, str]:
     """The order of the velocity, and why it was chosen (docs/contribute/defaults.md); "" if given."""
     scene = setup.scene
     order, steady = scene.numerics.order, scene.time is None
-    in_sublayer = scene.is_averaged and setup.walls.is_resolved
-    if in_sublayer and order not in ("auto", 2):
-        raise SceneError(
-            f"numerics.order: is {order}, with which turbulent flow resolved into the viscous sublayer does not "
-            "converge; use 2, or a turbulence.wall_distance in the logarithmic layer"
-        )
     if order != "auto":
         return order, ""
-    if in_sublayer:
-        return 2, "with higher ones turbulent flow in the viscous sublayer does not converge"
     if scene.gdim == 3:
         past_grain = steady and scene.numerics.accuracy is None and scene.body is not None
         if past_grain and not inertia(setup).present:
@@ -95,9 +99,6 @@ class Stabilisation:
     cell_reynolds: float
     upwind: bool = False
 
-    def text(self) -> str:
-        return f"convection {'stabilised' if self.present else 'not stabilised'}: {self.reason}"
-
 
 NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
 
@@ -106,65 +107,58 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
     """The stabilisation for a flow `speed` times the scene's; `inert`: whether it has inertia."""
     if not inert:
         return NO_CONVECTION
-    number, option = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
-    reynolds_text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
-    if upwinds(setup):
-        return Stabilisation(
-            True, f"streamline upwinding of steady 3-D flow; {reynolds_text}", number, True
-        )
-    if option == "auto" and _stretches_cells(setup):
-        return Stabilisation(False, f"cells are stretched along walls; {reynolds_text}", number)
+    scene, number = setup.scene, speed * cell_reynolds(setup)
+    option, is_steady = scene.numerics.stabilisation, scene.time is None
+    text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
+    # Not in a box with a grid: it does harm, and the block preconditioner does not converge.
+    wanted = option == "on" or (option == "auto" and not scene.is_empty_box)
+    if scene.gdim == 3 and is_steady and wanted:
+        reason = f"streamline upwinding of steady 3-D flow; {text}"
+        return Stabilisation(True, reason, number, upwind=True)
     if option != "auto":
-        return Stabilisation(
-            option == "on", f'numerics.stabilisation = "{option}"; {reynolds_text}', number
-        )
-    bound = f"{reynolds_text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
+        reason = f'numerics.stabilisation = "{option}"; {text}'
+        return Stabilisation(option == "on", reason, number)
+    # Where cells are so thin along walls, grad-div makes the flow alternate between them.
+    if setup.is_averaged and setup.walls.is_resolved:
+        walls, along = setup.walls, scene.grain is None and setup.walls.asked.profile
+        if walls.plane or along:
+            return Stabilisation(False, f"cells are stretched along walls; {text}", number)
+    bound = f"{text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
 
 
-def _stretches_cells(setup: Setup) -> bool:
-    """Whether cells are so thin along walls that grad-div makes the flow alternate between cells."""
-    if not setup.is_averaged or not setup.walls.is_resolved:
-        return False
-    walls = setup.walls
-    return walls.plane or (bool(walls.asked.profile) and setup.scene.grain is None)
+def far_cell(scene: Scene, order: int, gdim: int | None = None) -> float:
+    """Size of the cells far from grain and bed for mesh_size = 1 [length], on average on the grid of an empty box."""
+    extents, gdim = scene.domain.extents, gdim or scene.gdim
+    if scene.is_empty_box:
+        # Boundary layers thin as Re^-1/2; the grading provides half of that.
+        refined = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
+        return min(extents) / (GRID_CELLS[scene.gdim][order] * refined)
+    size = FAR_CELL[gdim][order] * scene.domain.height
+    return size if gdim == 2 else min(size, 0.5 * min(extents))
 
 
-def upwinds(setup: Setup) -> bool:
-    """Whether a flow with inertia is upwinded along its streamlines.
-
-    Not in a box with a grid: it does harm, and the block preconditioner does not converge.
-    """
-    scene = setup.scene
-    option = scene.numerics.stabilisation
-    return (
-        scene.gdim == 3
-        and scene.time is None
-        and (option == "on" or (option == "auto" and not scene.is_empty_box))
-    )
-
-
-def far_cells(setup: Setup) -> FarCells:
-    """The cells far from grain and bed."""
-    scene = setup.scene
-    reynolds = scene.fluid.reynolds if scene.is_empty_box else None
-    return FarCells(scene.domain.extents, velocity_order(setup)[0], reynolds)
+def coarsest_grid(scene: Scene) -> float:
+    """Largest numerics.mesh_size at which an empty box's cells still grow; inf: other scenes."""
+    if not scene.is_empty_box:
+        return math.inf
+    return min(scene.domain.extents) / (FEWEST[scene.gdim] * far_cell(scene, order_of(scene)))
 
 
 def cell_reynolds(setup: Setup) -> float:
-    """V h/(k nu) of the largest cells, estimated without a mesh."""
-    cells, base_flow = far_cells(setup), setup.base_flow
-    size = setup.scene.numerics.mesh_size * cells.largest
-    return float(base_flow.mean_speed * size / (cells.order * base_flow.viscosity))
+    """V h/(k nu) of the largest cells of a 2-D mesh, estimated without one."""
+    order, base_flow = velocity_order(setup)[0], setup.base_flow
+    size = setup.scene.numerics.mesh_size * far_cell(setup.scene, order, 2)
+    return float(base_flow.mean_speed * size / (order * setup.scene.viscosity))
 
 
 def largest_peclet(setup: Setup) -> float:
     """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow."""
-    cells, base_flow = far_cells(setup), setup.base_flow
-    points = setup.scene.domain.grid(PLACES, PLACES, PLACES).T
+    order, base_flow, scene = velocity_order(setup)[0], setup.base_flow, setup.scene
+    points = scene.domain.grid(PLACES, PLACES, PLACES).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
-    size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
-    return 0.5 * fastest * size / float(base_flow.viscosity)
+    size = scene.numerics.mesh_size * far_cell(scene, order) / order
+    return 0.5 * fastest * size / float(setup.scene.viscosity)
 
 
 @dataclass(frozen=True)
@@ -174,36 +168,31 @@ class Method:
     name: str  # one of `fluid.solvers.SOLVERS`, or "two-level"
     reason: str  # in words
 
-    def text(self) -> str:
-        return f"linear systems by a {self.name} method: {self.reason}"
 
-
-def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
-    """The linear solver; `slow`: Stokes flow, `unsteady`: with a rate of change."""
+def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method:
+    """The linear solver, for the effects and the stabilisation of a flow."""
     scene = setup.scene
     if scene.gdim == 2:
         why = "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps"
         return Method("direct", why)
-    if slow and scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER:
-        why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
-        return Method("two-level", why)
-    if slow:
+    if not (inert or unsteady):
+        if scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER:
+            why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
+            return Method("two-level", why)
         return Method("block", f"{DEAR}; Stokes flow needs none")
     if unsteady:
         return Method("block", f"{DEAR}; time steps need none")
     if scene.is_empty_box:
         why = "the block preconditioner does not converge in a closed box"
         return Method("direct", f"{why}; an LU factorisation takes much time and memory")
-    if upwinds(setup) and setup.is_averaged:
+    if upwind and setup.is_averaged:
         return Method("block", "factors of the flow, of low rank, then those of its turbulence")
-    if upwinds(setup):
+    if upwind:
         return Method("block", f"{DEAR}; with upwinding none is needed")
     if scene.time is None and largest_peclet(setup) <= RESOLVED:
         return Method("block", f"{DEAR}; the cells resolve the flow's convection")
-    return Method(
-        "direct",
-        "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
-    )
+    why = "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory"
+    return Method("direct", why)
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
+
+import numpy as np
 
 from ..scene.model import WIDE_GAP
 from ..setup.setup import Setup
+from .cells import meshed_bed
 from .discretisation import velocity_order
-from .meshing_in_space import cut_at_inflow
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
@@ -102,7 +105,7 @@ def _turbulence(setup: Setup) -> Iterator[str]:
             f"the roughness of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: flow "
             "in the gap is not resolved, since the model assumes a roughness smaller than all meshed lengths"
         )
-    if walls.is_resolved and cut_at_inflow(setup):
+    if walls.is_resolved and _cut_at_inflow(setup):
         yield (
             "the inflow cuts bedforms, next to which k may diverge, since the inflow profile has developed over "
             "a planar bed: put the grain farther downstream of the inflow"
@@ -112,6 +115,16 @@ def _turbulence(setup: Setup) -> Iterator[str]:
             f"the inflow is laminar by the k-omega model, u* h/nu = {walls.depth / walls.unit:.3g}: k decays to "
             "nothing there, and loads are those of laminar flow"
         )
+
+
+def _cut_at_inflow(setup: Setup) -> bool:
+    """Whether the inflow cuts bedforms, which are meshed there."""
+    scene, bed, placement = setup.scene, setup.scene.bed_shape, setup.scene.placement
+    if scene.gdim == 2 or bed is None or placement is None or math.isinf(bed.feature):
+        return False
+    meshed = meshed_bed(setup, placement)
+    nearest = np.array([[scene.domain.left, placement.centre[1]]])
+    return meshed is None or bool(meshed.share(nearest)[0] < 1.0)
 
 
 def _coarse(setup: Setup) -> Iterator[str]:

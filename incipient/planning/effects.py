@@ -12,13 +12,10 @@ from enum import StrEnum
 from typing import Any
 
 from ..scene import Numerics
-from ..scene.grains import FRICTIONLESS, LEVEL
-from ..scene.settling import DEFAULT_FRICTION
+from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
 from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow
-from ..setup.numbers import Numbers, time_of_change
-from ..setup.setup import Setup
-from .transition import REMEDY, transition, turbulent_from
+from ..setup.setup import Numbers, Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
 USUAL_ACCURACY = 0.01
@@ -29,6 +26,23 @@ OSEEN = 3.0 / 16.0
 # within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
 SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
 SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
+
+# From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
+# velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley
+# 2020, Phys. Rev. Fluids 5, 083905; experiments: about 1000, Orszag & Kells 1980, J. Fluid Mech. 96, 159). In
+# shear, of the velocity on top and the height: 4 times 324, of half of each (Duguet, Schlatter & Henningson
+# 2010, J. Fluid Mech. 650, 119).
+TURBULENT = 1300.0
+# The boundary layer of a uniform flow on a smooth plate, of the flow's velocity and the length of the plate
+# (Schlichting & Gersten 2017, Boundary-Layer Theory, section 15.1: 3.5e5 to 1e6, by the disturbances in the flow).
+TURBULENT_LAYER = 5e5
+# Stokes' boundary layer over a smooth bed, of its thickness and the largest velocity: bursts at each reversal from here
+# on (in pipes: Hino, Sawamoto & Takasu 1976, J. Fluid Mech. 75, 193).
+TURBULENT_STOKES_LAYER = 550.0
+REMEDY = (
+    "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
+    'else take a mean profile, flow.kind = "log-law"'
+)
 
 
 class EffectName(StrEnum):
@@ -162,18 +176,17 @@ def _of_changes(setup: Setup) -> float | None:
     over Stokes' drag, for radius a and time of change T (Maxey & Riley 1983, Phys. Fluids 26, 883). The history force
     is that in an oscillating flow: one that grows steadily for T has 2/sqrt(pi) times as much.
     """
-    base_flow, grain = setup.base_flow, setup.scene.grain
-    period = time_of_change(base_flow, setup.scene.time)
+    grain, period = setup.scene.grain, time_of_change(setup.base_flow)
     if period is None or grain is None:
         return None
-    diffusion = (0.5 * grain.size) ** 2 / (base_flow.viscosity * period)
+    diffusion = (0.5 * grain.size) ** 2 / (setup.scene.viscosity * period)
     return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
 
 
 def flow(setup: Setup) -> Decision:
     """Present unless the fluid is at rest and stays so."""
     scene = setup.scene
-    words = scene.flow.words
+    words = scene.flow.words or f"{scene.flow.kind} flow"
     if scene.flow.at_rest and scene.has_surface:
         words = "the fluid starts from rest"
     elif scene.gusts:
@@ -255,8 +268,37 @@ def turbulent(setup: Setup) -> Decision:
         if reynolds < (least := turbulent_from(scene.flow)):
             reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {least:g}"
     elif above := transition(setup):
-        reason += f"; {above.text()}; {REMEDY}"
+        reason += f"; {above}; {REMEDY}"
     return Decision(name, False, reason, off)
+
+
+def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
+    """The Reynolds number at which a scene's flow, faster by a factor, may be turbulent, in words, or "".
+
+    A top that moves with the flow represents endless flow, whose depth is not the height of the domain; a uniform flow
+    over a bed still has a boundary layer. The mean profile of a turbulent flow does not apply.
+    """
+    scene, kind, text = setup.scene, setup.scene.flow.kind, ""
+    if scene.domain.kind != "channel" or kind == "log-law" or scene.is_averaged:
+        return text
+    along = faster * scene.reference_velocity * scene.domain.length / scene.viscosity
+    reynolds, least = faster * setup.numbers.flow_reynolds, turbulent_from(scene.flow)
+    if scene.top != "stream" and reynolds > least:
+        text = f"flow Re {reynolds:.4g}{where}: channels may be turbulent from {least:g} on"
+    if scene.flow.oscillates:
+        of_layer = faster * scene.flow.numbers(1.0, scene.viscosity)["Re_delta"]
+        if of_layer > (least := TURBULENT_STOKES_LAYER):
+            text = (
+                f"Re_delta {of_layer:.4g}{where}: Stokes layers may be turbulent from {least:g} on"
+            )
+    if kind == "uniform" and scene.bed is not None and along > (least := TURBULENT_LAYER):
+        text = f"Re of the length {along:.4g}{where}: boundary layers may be turbulent from {least:g} on"
+    return text
+
+
+def turbulent_from(flow: Any) -> float:
+    """Flow Reynolds number above which a channel may be turbulent; an open channel is half a closed one."""
+    return 0.5 * TURBULENT if flow.wall_below else TURBULENT
 
 
 # -- the grain -------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays import Integers, unordered_keys
 from ..installed import memory_of_libraries
 from ..setup.setup import Setup
-from .discretisation import LOWEST_ORDER
+from .discretisation import LOWEST_ORDER, by_order
 from .layout import Layout
 from .plan import Estimate
 
@@ -21,7 +21,7 @@ MEMORY_GROWTH = 194.0
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
 DENSER = 1600.0  # extra bytes per unknown of third-order matrices, by blocks
 # Factorisations of higher orders over second-order ones, by peaks of a lid-driven cube (docs/contribute/defaults.md).
-FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
+FULLER = by_order(1.0, 1.33, 1.65)
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
 OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
@@ -44,14 +44,10 @@ def count(
     wider:  of a run for the error bars while the flow stays in memory; in 3-D
     """
     cells, unknowns = _counted(layout)
-    if layout.gdim == 2:
-        return Estimate(
-            cells, unknowns(order), memory(*map(unknowns, range(order, order + 1 + dual)))
-        )
-    needed = memory_in_space(solver, unknowns, order, dual)
+    needed = memory(layout.gdim, solver, unknowns, order, dual)
     if wider is not None:
-        beside = memory_in_space(solver, _counted(wider)[1], order, False) - memory_of_libraries()
-        needed = max(needed, memory_in_space(solver, unknowns, order, False) + beside)
+        beside = memory(3, solver, _counted(wider)[1], order, False) - memory_of_libraries()
+        needed = max(needed, memory(3, solver, unknowns, order, False) + beside)
     return Estimate(cells, unknowns(order), needed)
 
 
@@ -60,16 +56,6 @@ def has_dual(setup: Setup) -> bool:
     scene = setup.scene
     held = scene.body is not None and scene.time is None and not scene.is_averaged
     return scene.numerics.error_bars and held
-
-
-def memory(*unknowns: int) -> float:
-    """MiB for simultaneous systems of these numbers of unknowns.
-
-    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c and the libraries'
-    memory were measured (docs/validation/performance.md).
-    """
-    entries = sum(n * math.log2(n) for n in unknowns)
-    return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20
 
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
@@ -96,15 +82,17 @@ def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> i
     return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
 
 
-def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
+def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
     """MiB of a flow with a solver, and of its error bars if `dual`.
 
-    Sparse factors of a 3-D mesh of n unknowns have about c n^(4/3) entries (George 1973); the memory of an iterative
-    method is proportional to n. Both were fitted to measured peaks.
+    Sparse factors of n unknowns have about c n log n entries in 2-D, c n^(4/3) in 3-D (George 1973); the memory of an
+    iterative method is proportional to n. They were fitted to measured peaks (docs/validation/performance.md).
     """
-    if solver == "direct":
-        entries = sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
-        size = OF_FACTORS * FULLER[order] * entries
+    orders = range(order, order + 1 + dual)
+    if gdim == 2:
+        size = MEMORY_GROWTH * sum(unknowns(k) * math.log2(unknowns(k)) for k in orders)
+    elif solver == "direct":
+        size = OF_FACTORS * FULLER[order] * sum(unknowns(k) ** (4.0 / 3.0) for k in orders)
     elif solver == "two-level":
         of_two = OF_BLOCKS + OF_MOVED * dual
         size = of_two * unknowns(LOWEST_ORDER) + OF_CORRECTIONS * unknowns(order)

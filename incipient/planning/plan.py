@@ -13,8 +13,7 @@ from ..geometry.plane.curves import Line
 from ..geometry.space.grains import Box, Triangulated
 from ..scene import Scene
 from ..scene.units import nominal_diameter
-from ..setup.numbers import Numbers
-from ..setup.setup import Setup
+from ..setup.setup import Numbers, Setup
 from . import doubts, effects
 from .discretisation import (
     NO_CONVECTION,
@@ -25,8 +24,6 @@ from .discretisation import (
     velocity_order,
 )
 from .effects import Decision, EffectName
-
-GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
 
 
 @dataclass(frozen=True)
@@ -87,10 +84,11 @@ class Plan:
         if self.datum is not None:
             axis = "z" if self.has(EffectName.THIRD_DIMENSION) else "y"
             lines.append(f"  datum {axis} = {self.datum.height:g}: {self.datum.reason}")
+        stabilised = "stabilised" if self.stabilisation.present else "not stabilised"
         lines += [
             *self._discretisation(),
-            f"  {self.stabilisation.text()}",
-            f"  {self.solver.text()}",
+            f"  convection {stabilised}: {self.stabilisation.reason}",
+            f"  linear systems by a {self.solver.name} method: {self.solver.reason}",
         ]
         if self.estimate is not None:
             e, first = self.estimate, "first mesh: " if self.sought else ""
@@ -127,20 +125,21 @@ def plan_of(setup: Setup) -> Plan:
     order, why_order = velocity_order(setup)
     present = {decision.name for decision in decisions if decision.present}
     inert, unsteady = EffectName.INERTIA in present, EffectName.UNSTEADINESS in present
+    stabilisation = stabilisation_of(setup, inert)
     convection = scene.numerics.convection if unsteady else "implicit"
     scheme = "steady" if scene.time is None else scene.time.scheme if unsteady else "quasi-steady"
     return Plan(
         effects=decisions,
         order=order,
         why_order=why_order,
-        geometry_order=_geometry_order(setup),
+        geometry_order=_geometry_order(scene, order),
         mesh_size=scene.numerics.mesh_size,
         convection=convection if inert else "no",
         scheme=scheme,
         reynolds=1.0 / scene.viscosity,
-        solver=method_of(setup, slow=not (inert or unsteady), unsteady=unsteady),
+        solver=method_of(setup, inert, unsteady, stabilisation.upwind),
         numbers=setup.numbers,
-        stabilisation=stabilisation_of(setup, inert),
+        stabilisation=stabilisation,
         sought=_sought(setup),
         warnings=tuple(text for doubt in doubts.DOUBTS for text in doubt(setup)),
         datum=_datum(setup),
@@ -153,12 +152,11 @@ def _sought(setup: Setup) -> str:
     if numerics.accuracy is None:
         return ""
     everything = numerics.accuracy_includes == "all"
-    chosen = ("gap, domain, " if everything else "") + (
-        "mesh and order" if scene.time is None else "steps, mesh and order"
-    )
-    chosen = f"{chosen} are"
     if scene.is_averaged:
         chosen = "gap, domain and mesh are" if everything else "the mesh is"
+    else:
+        chosen = "gap, domain, " if everything else ""
+        chosen += "mesh and order are" if scene.time is None else "steps, mesh and order are"
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":
@@ -169,27 +167,23 @@ def _sought(setup: Setup) -> str:
     return f"numerics.accuracy: {chosen} chosen by the run, {aim}{beyond}"
 
 
-def _geometry_order(setup: Setup) -> int:
-    scene = setup.scene
+def _geometry_order(scene: Scene, order: int) -> int:
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
-    if scene.has_surface:  # a wave is curved
-        return GEOMETRY_ORDER[velocity_order(setup)[0] if scene.gdim == 2 else 2]
-    if scene.gdim == 3:
-        return 1 if _has_flat_faces(scene) else GEOMETRY_ORDER[2]
-    curves = list(scene.grain.drawn()) if scene.grain is not None else []
-    if scene.bed_shape is not None:
-        curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
-    # Cells in layers are of order two at most.
-    order = 2 if setup.scene.resolves_walls else velocity_order(setup)[0]
-    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[order]
-
-
-def _has_flat_faces(scene: Scene) -> bool:
     grain, bed = scene.grain, scene.bed_shape
-    level = bed is None or not math.isfinite(bed.feature)
-    sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
-    return level and (grain is None or sharp or isinstance(grain, Triangulated))
+    if scene.gdim == 3:
+        sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
+        flat = bed is None or math.isinf(bed.feature)
+        flat = flat and (grain is None or sharp or isinstance(grain, Triangulated))
+    else:
+        curves = list(scene.grain.drawn()) if grain is not None else []
+        if bed is not None:
+            curves.extend(bed.curves(scene.domain.left, scene.domain.right))
+        flat = all(isinstance(curve, Line) for curve in curves)
+    if flat and not scene.has_surface:  # a wave is curved
+        return 1
+    # Cells in layers are second-order at most.
+    return 2 if scene.gdim == 3 or scene.resolves_walls else min(order, 3)
 
 
 def _datum(setup: Setup) -> Datum | None:

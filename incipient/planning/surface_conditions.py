@@ -21,8 +21,7 @@ from ..fluid.conditions import (
 from ..scene.expression import Expression
 from ..setup.base_flow import BaseFlow
 from ..setup.setup import Setup
-from .cells import LEVEL
-from .discretisation import far_cells
+from .discretisation import LEVEL, far_cell, velocity_order
 
 if TYPE_CHECKING:
     from ..setup.waves import StokesWave
@@ -31,28 +30,6 @@ Profile = Callable[[Floats, float], Floats]
 
 # A long wave that runs through the sponge to the end and back keeps exp(-ABSORBED) of its height.
 ABSORBED = 5.0
-
-
-def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
-    """Conditions at the ends, below and above; under a rigid `lid` without the surface's own.
-
-    Boundaries without such a condition are missing.
-    """
-    surface, sides, up, conditions = (
-        setup.surface,
-        setup.sides,
-        setup.scene.up,
-        dict[str, list[Condition]](),
-    )
-    if setup.scene.domain.kind != "channel" and surface.ends == "wall":
-        conditions["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
-    if surface.bottom == "slip":
-        conditions["below"] = [Slip(sides.bottom, axis=up)]
-    if lid:
-        return conditions
-    if setup.scene.domain.kind == "channel":
-        conditions["ends"] = ends(setup)
-    return conditions | {"above": [free_surface(setup)]}
 
 
 def free_surface(setup: Setup) -> FreeSurface:
@@ -67,8 +44,7 @@ def free_surface(setup: Setup) -> FreeSurface:
 
 def ends(setup: Setup) -> list[Condition]:
     """The conditions at both ends of a channel with a free surface."""
-    scene, cells = setup.scene, far_cells(setup)
-    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(cells.order)
+    scene, largest = setup.scene, far_cell(setup.scene, velocity_order(setup)[0])
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
     from ..setup.waves import wave_of
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, Point
 from ..geometry.placement import Placement
-from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
+from ..geometry.plane.curves import Curve
+from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_ends
 from ..scene import Scene
 from ..setup.geometry import point
 from ..setup.setup import Setup
-from .cells import corners, layer_ends, lee, separating
+from .cells import corners
 from .discretisation import velocity_order
 
 if TYPE_CHECKING:
@@ -23,10 +26,16 @@ if TYPE_CHECKING:
 # Rows of a channel: the first over the distance of the wall; growth with the distance from it; the largest over the
 # depth, along the channel as well.
 FIRST_ROW, ROW_GROWTH, LARGEST_ROW, COLUMN = 4.0 / 3.0, 0.3, 0.08, 0.5
+# First row on coarse meshes over the distance of the wall, at most: where it was 6.5 or 10 (mesh_size 3 or 4) k of that
+# row in the viscous sublayer grew in each iteration, and the flow did not converge.
+LARGEST_FIRST = 3.5
 FEWEST_ROWS, FEWEST_COLUMNS, LAYERS = 6, 8, 2
 # Cells at other walls in the logarithmic layer, over the distance; in the viscous sublayer the first layer likewise,
 # and at a grain, where u* on its crest is twice that of the bed.
 WALL_CELL, FIRST_LAYER, AT_GRAIN = 4.0, 2.2, 0.5
+# The first layer on coarse meshes [nu/u*], at most: up to here omega is that of the viscous sublayer (Wilcox 1988, AIAA
+# J. 26, 1299). Where it was 3.6 thick k grew in each iteration.
+THICKEST = 2.5
 # Rows and layers at rough walls, over the distance of a smooth wall with the same flow: with 0.5 the velocity over
 # u* k_s/nu = 27 is within 0.1% of the developed flow, with 2.2 it was 8% off.
 ON_ROUGH = 0.5
@@ -34,43 +43,53 @@ WALL_GROWTH, GROWTH, MOST_LAYERS = 0.25, {2: 1.35, 3: 2.0}, 80
 # Cells along walls with such layers: over the depth, a grain's size, and the length over which a bed would rise by its
 # relief at its steepest slope (tests/end_to_end/test_resolved_channels.py).
 ALONG, NEAR_GRAIN, ALONG_RISE, RISE_SAMPLES, GROWTH_ALONG = 0.1, 0.1, 0.1, 4001, 0.3
-AWAY_GROWTH, CORNER_CELL = (
-    0.05,
-    0.05,
-)  # of cells along a bed away from a grain; cells at corners that stick out
+# Growth of cells along a bed away from a 2-D grain and a 3-D one; cells at corners that protrude.
+AWAY_GROWTH, CORNER_CELL = {2: 0.05, 3: 0.15}, 0.05
+PLANE_CELL = 0.2  # of a 3-D grain, along a level bed next to it
 BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the distance of the walls
+
+# Behind a corner that sticks out: how far its shear layer reaches, and the cells in it, over the height by which the
+# bed falls; their growth away from it; points along it; sine of the turn from which on a corner is one.
+LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
 
 
 def coarsening(walls: Walls, order: int) -> float:
     """Factor on cells at walls for an order; sizes in the logarithmic layer are for order three."""
-    return 1.0 if walls.is_resolved or order > 2 else 0.75
+    if walls.is_resolved:
+        return 1.0 if order == 2 else 1.3
+    return 1.0 if order > 2 else 0.75
 
 
 def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
     """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D."""
-    walls, scene, names = setup.walls, setup.scene, setup.sides
-    domain, half, coarse = (
-        scene.domain,
-        setup.symmetric,
+    walls, domain, gdim = setup.walls, setup.scene.domain, setup.scene.gdim
+    low, high, coarse = (
+        domain.bottom + walls.nearest,
+        walls.ceiling,
         mesh_size * coarsening(walls, order),
     )
-    extents = (domain.left, domain.right), (domain.bottom + walls.nearest, walls.ceiling)
-    rows = tuple(map(float, _row_ends(walls, extents[1][1] - extents[1][0], coarse)))
-    columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
-    along = graded_ends(columns, 1.0)
-    if scene.gdim == 2:
-        return Grid(extents, (along, rows), names.of_rectangle)
-    low, high = setup.geometry.half
-    layers = max(LAYERS, round((high - low) / (2.0 * COLUMN * walls.depth * coarse)))
-    ends = along, layer_ends(layers, 1.0, half), rows
-    extents_in_space = extents[0], (low, high), extents[1]
-    return Grid(extents_in_space, ends, names.of_box(half), half, parallel=True)
+    columns = domain.length / (COLUMN * walls.depth * coarse)
+    along = graded_ends(max(FEWEST_COLUMNS, round(columns)), 1.0)
+    rows = tuple(map(float, _row_ends(walls, high - low, coarse)))
+    if gdim == 2:
+        return Grid(((domain.left, domain.right), (low, high)), (along, rows), setup.sides.of_grid)
+    across = setup.geometry.half
+    layers = max(LAYERS, round((across[1] - across[0]) / (2.0 * COLUMN * walls.depth * coarse)))
+    extents, ends = (
+        ((domain.left, domain.right), across, (low, high)),
+        (along, graded_ends(layers, 1.0), rows),
+    )
+    return Grid(extents, ends, setup.sides.of_grid, setup.symmetric, parallel=True)
 
 
-def _rows(walls: Walls) -> tuple[float, float, float, float]:
+def _rows(walls: Walls, coarse: float) -> tuple[float, float, float, float]:
     largest = LARGEST_ROW * walls.depth
     bed = walls.names[0]
-    first = min((ON_ROUGH if walls.is_rough(bed) else FIRST_ROW) * walls.from_origin(bed), largest)
+    over = min(
+        ON_ROUGH if walls.is_rough(bed) else FIRST_ROW,
+        LARGEST_FIRST * ROW_GROWTH / math.expm1(ROW_GROWTH * coarse),
+    )
+    first = min(over * walls.from_origin(bed), largest)
     part = walls.depth - walls.nearest
     bend = min((largest - first) / ROW_GROWTH, part)
     to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
@@ -78,7 +97,7 @@ def _rows(walls: Walls) -> tuple[float, float, float, float]:
 
 
 def _row_ends(walls: Walls, height: float, coarse: float) -> Floats:
-    first, largest, to_bend, whole = _rows(walls)
+    first, largest, to_bend, whole = _rows(walls, coarse)
     number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
     counted = whole * np.arange(1, number + 1) / number
     near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
@@ -94,56 +113,65 @@ def coarsest(setup: Setup) -> float:
     walls = setup.walls
     if not walls.plane:
         return math.inf
-    rows = _rows(walls)[-1] / (FEWEST_ROWS // walls.number)
+    rows = _rows(walls, 1.0)[-1] / (FEWEST_ROWS // walls.number)
     columns = math.inf
     if walls.asked.inflow != "developed":  # else the flow does not change along them
         columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
     return min(rows, columns) / coarsening(walls, velocity_order(setup)[0])
 
 
+def with_walls(sizes: Sizes, setup: Setup, order: int, placement: Placement | None) -> Sizes:
+    """Cell sizes with those along walls some of which are not planar, around a grain placed for the flow."""
+    scene, walls = setup.scene, setup.walls
+    near = (*sizes.near, *cells(setup, order, placement if scene.moves else scene.placement))
+    along = math.inf
+    if scene.gdim == 3 and walls.is_resolved:
+        along = min(one.size for one in near if one.boundary)
+    return replace(sizes, near=near, layers=layers(setup, order, along))
+
+
 def cells(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
-    """Cells along walls some of which are not planar, and at their corners."""
-    walls, scene = setup.walls, setup.scene
+    """Cells along walls some of which are not planar, and at corners of a 2-D bed."""
+    walls, scene, bed, away = setup.walls, setup.scene, setup.scene.bed_shape, None
+    if walls.is_resolved and scene.gdim == 3:
+        yield from _along_plane_layers(setup, placement)
+        return
     if walls.is_resolved:
-        yield from _along_layers(walls, scene, placement)
+        largest = beyond = ALONG * walls.depth
+        along = ALONG_RISE * rise(scene) if placement is None else NEAR_GRAIN * scene.grain.size
+        size, growth, at_corner = min(largest, along), GROWTH_ALONG, BED_CORNER * walls.smooth
     else:
-        yield from _in_logarithmic_layer(walls, scene, order, placement)
-
-
-def _in_logarithmic_layer(
-    walls: Walls, scene: Scene, order: int, placement: Placement | None
-) -> Iterator[Near]:
-    away, size = None, WALL_CELL * coarsening(walls, order) * walls.nearest
-    if placement is not None:
+        size = beyond = WALL_CELL * coarsening(walls, order) * walls.nearest
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
-        away = Away(point(placement.centre), AWAY_GROWTH, max(size, LARGEST_ROW * walls.depth))
-    for name in walls.names:
-        yield Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
-    if scene.bed_shape is None or scene.gdim == 3:
-        return
-    leaving = tuple(separating(scene.bed_shape.curves(scene.domain.left, scene.domain.right)))
-    if leaving:
-        points = tuple(corner for corner, _ in leaving)
-        yield Near(CORNER_CELL * size, WALL_GROWTH, points=points)
-    yield from (lee(corner, drop) for corner, drop in leaving if drop > size)
-
-
-def _along_layers(walls: Walls, scene: Scene, placement: Placement | None) -> Iterator[Near]:
-    if scene.gdim == 3:
-        return
-    largest = ALONG * walls.depth
-    size, far = min(largest, ALONG_RISE * rise(scene)), None
+        largest, growth, at_corner = (
+            max(size, LARGEST_ROW * walls.depth),
+            WALL_GROWTH,
+            CORNER_CELL * size,
+        )
     if placement is not None:
-        size = min(largest, NEAR_GRAIN * scene.grain.size)
-        far = Away(point(placement.centre), AWAY_GROWTH, largest)
+        away = Away(point(placement.centre), AWAY_GROWTH[2], largest)
     for name in walls.names:
-        yield Near(size, GROWTH_ALONG, boundary=name, away=None if name == "body" else far)
-    if scene.bed_shape is None:
+        yield Near(size, growth, boundary=name, away=None if name == "body" else away)
+    if bed is None or scene.gdim == 3:
         return
-    bed = scene.bed_shape.curves(scene.domain.left, scene.domain.right)
-    if sharp := corners(bed[:-1], bed[1:]):
-        yield Near(BED_CORNER * walls.smooth, WALL_GROWTH, points=sharp)
-    yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > largest)
+    curves = bed.curves(scene.domain.left, scene.domain.right)
+    leaving = tuple(separating(curves))
+    sharp = tuple(corner for corner, _ in leaving)
+    if walls.is_resolved:
+        sharp = corners(curves[:-1], curves[1:])
+    if sharp:
+        yield Near(at_corner, WALL_GROWTH, points=sharp)
+    yield from (lee(corner, drop) for corner, drop in leaving if drop > beyond)
+
+
+def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[Near]:
+    walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
+    if placement is not None and (bed is None or math.isinf(bed.feature)):
+        size = min(PLANE_CELL * setup.scene.grain.size, largest)
+        away = Away(point(placement.centre), AWAY_GROWTH[3], largest)
+        yield Near(size, GROWTH_ALONG, boundary=walls.names[0], away=away)
+    if setup.sides.top in walls.names:
+        yield Near(largest, GROWTH_ALONG, boundary=setup.sides.top)
 
 
 def rise(scene: Scene) -> float:
@@ -168,8 +196,26 @@ def layers(setup: Setup, order: int, along: float) -> WallLayers | None:
     }
     if "body" in first:
         first["body"] *= AT_GRAIN
+    thickest = THICKEST * walls.unit / (FIRST_LAYER * coarse * walls.smooth)
     if gdim == 2:
-        return WallLayers(first, MOST_LAYERS, GROWTH[2], graded=True)
+        return WallLayers(first, MOST_LAYERS, GROWTH[2], graded=True, most=thickest)
     most = LAYERS_SHARE * along / min(first.values())
     number = math.ceil(math.log(1.0 + (GROWTH[3] - 1.0) * most) / math.log(GROWTH[3]))
-    return WallLayers(first, max(number, 1), GROWTH[3])
+    return WallLayers(first, max(number, 1), GROWTH[3], most=thickest)
+
+
+def separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
+    """Corners that protrude into the flow, which separates there, and the drop of the bed behind each."""
+    for before, after in pairwise(range(len(bed))):
+        ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
+        if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:
+            falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
+            lowest = min([curve.end[1] for curve in falling], default=bed[after].start[1])
+            yield bed[after].start, bed[after].start[1] - lowest
+
+
+def lee(corner: Point, drop: float) -> Near:
+    """Cells in the shear layer that leaves a corner."""
+    shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
+    points = tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
+    return Near(LEE_CELL * drop, LEE_GROWTH, points=points)

@@ -9,8 +9,8 @@ import ufl
 
 from ..fluid.conditions import Condition, Friction, Open, Prescribed, Slip
 from ..meshes import SYMMETRY
+from ..setup.geometry import CLOSED
 from ..setup.setup import Setup
-from .cells import CLOSED
 
 UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos, sqrt=ufl.sqrt)
 

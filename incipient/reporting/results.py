@@ -13,14 +13,14 @@ from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
 from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
-from ..pictures.verdict import critical_sentence, with_motion
+from ..pictures.verdict import critical_case
 from ..planning.effects import percent
 from ..results import errorbars
 from ..results.errorbars import ALL
 from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
 from ..results.quantity import STORED_NAMES, OutputQuantity, at, gdim_of
-from ..results.si import si_loads, si_rows
+from ..results.si import HEADING, SI, si_loads
 from ..results.trajectory import trajectory_sentence
 from .page import Bounded, components, erring, turning
 
@@ -165,16 +165,16 @@ def _size(term: Context, key: str) -> float:
     return math.hypot(*known) if key in ("force", "torque") else max(known, default=0.0)
 
 
-def _in_si(values: Context | None) -> list[tuple[str, Any, str]]:
+def _in_si(values: Context | None) -> list[tuple[str, Any]]:
     if values is None:
         return []
     loads = [
-        (f"{name.replace('_', ' ')} of the flow", words, unit)
+        (f"{name.replace('_', ' ')} of the flow [{unit}]", words)
         for name, words, unit in si_loads(values)
     ]
     named = (("length", "m"), ("time", "s"), ("velocity", "m/s"), ("stress", "Pa"))
-    units = [(f"one unit of {name} of the scene", values["units"][name], u) for name, u in named]
-    return [*si_rows(values), *loads, *units]
+    units = [(f"one unit of {name} of the scene [{u}]", values["units"][name]) for name, u in named]
+    return [*_rows({"si": values}, SI, HEADING), *loads, *units]
 
 
 def _of_threshold(stored: Context, record: Path) -> Context:
@@ -184,8 +184,8 @@ def _of_threshold(stored: Context, record: Path) -> Context:
         "planar": scene.gdim == 2,
         "budget": partial(_budget, scene.gdim == 2),
         "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
-        "case": judged(with_motion(stored, scene.body, scene.placement), record),
-        "statements": [critical_sentence(stored), *(f"{note}." for note in stored["notes"])],
+        "case": critical_case(stored, scene, record),
+        "statements": [sentence(stored["sentence"]), *(f"{note}." for note in stored["notes"])],
         "certainty": _certainty_of_threshold(stored),
     }
 

@@ -12,7 +12,7 @@ import tomli_w
 from ..errors import OutputError
 from ..pictures.apart import draw_sweep_apart
 from ..results.quantity import HIGH, LOW
-from ..results.si import FLOW
+from ..results.si import SI
 from ..sweep.store import DONE, FAILED, Store
 from ..sweep.table import rows
 from .page import Bounded
@@ -21,7 +21,7 @@ from .page import Bounded
 RESULTS = (
     *("mode", "safety_factor", "certain", "factor"),
     *("shields", "shields_nominal", "reynolds", "shear_reynolds"),
-    *(*(f"{name}_si" for name in FLOW), "paper", "note"),
+    *(*(quantity.column for quantity in SI if quantity.column), "paper", "note"),
 )
 FIRST = 300  # number of cases on a page
 LAST = ("wall", "cpu", "peak_mib")
@@ -29,7 +29,7 @@ HEADS = {
     "wall": "wall time [s]",
     "cpu": "CPU time [s]",
     "peak_mib": "memory [MiB]",
-    **{f"{name}_si": f"{words} [{unit}]" for name, (unit, words) in FLOW.items()},
+    **{quantity.column: quantity.label for quantity in SI if quantity.column},
 }
 NAMES = {"map": "Modes over two parameters", "threshold": "Critical Shields numbers"}
 Row = Mapping[str, Any]

@@ -59,7 +59,7 @@ class Adaptation:
         *others, last = self.includes
         of = f"{', '.join(others)} and {last}" if others else last
         return [
-            f"accuracy            error of the {self.of} {reached} (of {of}), asked for {self.asked}: {self.reason}",
+            f"accuracy            error of the {self.of} {reached} (of {of}), requested {self.asked}: {self.reason}",
             *(f"{'':<20}{line}" for line in (*self.changes, *self.beside)),
             *(trial.line() for trial in self.trials),
         ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -23,17 +23,16 @@ if TYPE_CHECKING:
 # Force and torque without a grain.
 NO_GRAIN: Floats = np.zeros(0)
 ALL = "the sum: an error bar is not a standard deviation"
-MOST_SPANS = 4  # of reverse flow in the text
-# Quantities of a term's errors, with their headings on pages.
+# Quantities of a term's errors, with their labels.
 ERRORS = {
-    "force": "of the force",
-    "torque": "of the torque",
-    "place": "of the end of the path, at most",
-    "elevation": "of elevations, at most",
-    "level": "of elevations at the end",
-    "shear": "of u*, at most",
-    "separated": "of x of separation, at most",
-    "centreline": "of velocities on centrelines",
+    "force": "force",
+    "torque": "torque",
+    "place": "end of the path with rotation [rad]",
+    "elevation": "elevation",
+    "level": "elevation at the end",
+    "shear": "u*",
+    "separated": "x of separation",
+    "centreline": "velocity on the centrelines",
 }
 
 
@@ -78,6 +77,29 @@ class Loads:
         loads = cls(of_force, of_torque, place, elevations, shear, separated)
         spread = 0.0 if walls is None or force is None else walls.spread
         return replace(loads, unsteady=loads.part(spread, size)) if spread else loads
+
+    def apart(self, other: Loads) -> dict[str, Floats | None]:
+        """Absolute differences by quantity; None of a quantity that is not known of both."""
+        number, still = len(self.force), self.unsteady + other.unsteady
+        force = np.abs(self.force - other.force) + still[:number]
+        torque = np.abs(self.torque - other.torque) + still[3 : 3 + number]
+        separated = None
+        if self.separated is not None and len(self.separated):
+            separated = _apart(self.separated[0], other.separated)
+        levels = self.elevations, other.elevations
+        return {
+            "force": force,
+            "torque": torque,
+            "place": _of_both(lambda a, b: np.abs(way(a, b)), self.place, other.place),
+            "elevation": _of_both(Elevations.apart, *levels),
+            "level": _of_both(Elevations.apart_at_the_end, *levels),
+            "shear": _of_both(lambda a, b: np.abs(a - b), self.shear, other.shear),
+            "separated": separated,
+            # A single value may agree on two meshes by chance.
+            "centreline": _of_both(
+                lambda a, b: np.full(len(a), np.abs(a - b).max()), self.centreline, other.centreline
+            ),
+        }
 
     def where_separates(self, other: Loads) -> Loads:
         """The loads with the interval of reverse flow first that overlaps most with the other's longest."""
@@ -168,26 +190,8 @@ class Term:
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
-        place = elevation = level = shear = separated = centreline = None
-        if one.place is not None and other.place is not None:
-            place = share * np.abs(way(one.place, other.place))
-        if one.elevations is not None and other.elevations is not None:
-            elevation = share * one.elevations.apart(other.elevations)
-            level = share * one.elevations.apart_at_the_end(other.elevations)
-        if one.shear is not None and other.shear is not None:
-            shear = share * np.abs(one.shear - other.shear)
-        if one.separated is not None and len(one.separated):
-            separated = share * _apart(one.separated[0], other.separated)
-        if one.centreline is not None and other.centreline is not None:
-            # A single value may agree on two meshes by chance.
-            apart = np.abs(one.centreline - other.centreline)
-            centreline = np.full(len(apart), share * apart.max())
-        number, still = len(one.force), one.unsteady + other.unsteady
-        force = np.abs(one.force - other.force) + still[:number]
-        torque = np.abs(one.torque - other.torque) + still[3 : 3 + number]
-        of_loads = share * force, share * torque
-        others = elevation, level, shear, separated, centreline
-        return cls(name, *of_loads, how, place, 1.0, (), *others)
+        apart = one.apart(other).items()
+        return cls(name, how=how, **{of: e if e is None else share * e for of, e in apart})  # type: ignore[arg-type]
 
     def with_components_alike(self) -> Term:
         """The term with errors of nonzero components as large as those of vectors, and equal errors of both u*."""
@@ -360,6 +364,10 @@ class ErrorBars:
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 
 
+def _of_both(difference: Callable[[Any, Any], Floats], one: Any, other: Any) -> Floats | None:
+    return None if one is None or other is None else difference(one, other)
+
+
 def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
     errors = [error for term in terms if (error := getattr(term, name)) is not None]
     return np.sum(errors, axis=0) if errors else None
@@ -388,30 +396,19 @@ def _shared(one: Floats, others: Floats) -> Floats:
 
 
 def _errors(term: Term, gdim: int) -> str:
+    """Errors of a term by label: of loads and positions by component, otherwise the largest."""
     said = [loads_words(term.force, term.torque, gdim, ".1e")] if len(term.force) else []
-    if term.place is not None:
-        said.append(_end_of_path(term.place))
-    if term.elevation is not None and term.level is not None:
-        most, at_end = (float(one.max(initial=0.0)) for one in (term.elevation, term.level))
-        said.append(f"elevation {most:.1e}, at the end {at_end:.1e}")
-    if term.shear is not None:
-        said.append("u* {:.1e} at the outflow, {:.1e} on average".format(*term.shear))
-    if term.separated is not None:
-        said.append("x of separation {:.1e}, of reattachment {:.1e}".format(*term.separated))
-    if term.centreline is not None:
-        said.append(f"velocity on the centrelines {float(term.centreline.max()):.1e}")
+    for name, label in ERRORS.items():
+        errors = None if name in ("force", "torque") else getattr(term, name)
+        if errors is not None:
+            shown = errors if name == "place" else [errors.max(initial=0.0)]
+            said.append(f"{label} {', '.join(f'{error:.1e}' for error in shown)}")
     return "   ".join(said)
 
 
 def centreline_velocities(extremes: dict[str, Extremum] | None) -> Floats | None:
     """Extreme velocities (3,) on centrelines, or None."""
     return None if extremes is None else np.array([extreme.value for extreme in extremes.values()])
-
-
-def _end_of_path(place: Floats) -> str:
-    gdim = 2 if len(place) == 3 else 3
-    to, turn = (", ".join(f"{x:.1e}" for x in part) for part in (place[:gdim], place[gdim:]))
-    return f"end of the path ({to}), turn {turn if gdim == 2 else f'({turn})'} rad"
 
 
 def way(first: Floats, second: Floats) -> Floats:

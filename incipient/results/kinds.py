@@ -49,7 +49,7 @@ def _scene_probability(end: str) -> OutputQuantity:
 
 _bounded = partial(OutputQuantity, unbounded=True, heading=CRITICAL)
 _THRESHOLD = (
-    OutputQuantity("mode", "how the grain begins to move", column="mode"),
+    OutputQuantity("mode", "mode of incipient motion", column="mode"),
     _bounded(
         "factor",
         "critical flow over that of the scene",
@@ -84,10 +84,10 @@ _GUST = (
     *(OutputQuantity(name, name, column=name) for name in ("held", "leaves", "impulse", "runs")),
 )
 _ENTRAINMENT = (
-    OutputQuantity("threshold.mode", "how the grain begins to move", column="mode"),
+    OutputQuantity("threshold.mode", "mode of incipient motion", column="mode"),
     OutputQuantity("threshold.shields", "Shields number of steady flow", column="shields"),
     *map(_scene_probability, ("probability", "low", "high")),
-    OutputQuantity("scene.rate", "upcrossings in unit time", column="rate"),
+    OutputQuantity("scene.rate", "upcrossings per unit time", column="rate"),
 )
 
 RUN = ResultKind(

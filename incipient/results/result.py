@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +15,13 @@ from ..planning.plan import Plan
 from ..scene import Scene
 from ..setup.setup import Setup
 from .adaptation import Adaptation
-from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
+from .errorbars import ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
 from .quantity import OutputQuantity, as_stored, put, screen_lines
 from .si import si_lines, with_loads
 from .timing import cost_lines
-from .trajectory import number_words, place_words, trajectory_sentence
+from .trajectory import number_words, separation_words, trajectory_sentence
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 2
 IN_MEMORY = {"stored": False}  # metadata of fields that result.json omits
-ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
 
 
 @dataclass(frozen=True)
@@ -218,8 +216,7 @@ def _lines(result: Result, details: bool) -> list[str]:
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
-        errors = () if bars is None else (bars.total.shear, bars.total.separated)
-        lines += result.turbulence.lines(*errors)
+        lines += result.turbulence.lines()
     if result.steady is not None:
         lines.append(result.steady.line())
     if result.gap is not None and np.isfinite(result.gap.width):
@@ -227,8 +224,10 @@ def _lines(result: Result, details: bool) -> list[str]:
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
     if result.surface is not None:
         lines += _levels(result.surface, bars)
-    if result.separated is not None:
-        lines.append(_separation(result.separated, bars))
+    spans = result.separated if result.turbulence is None else result.turbulence.backward or None
+    if spans is not None:
+        errors = None if bars is None else bars.total.separated
+        lines.append(f"{'separation':<20}{separation_words(spans, errors)}")
     lines += _effects(result.plan, details)
     lines += [line for omission in result.omitted for line in omission.lines()]
     return lines + (cost_lines(result.cost.get("effects", {})) if details else [])
@@ -259,17 +258,6 @@ def _effects(plan: Plan, details: bool) -> list[str]:
             for row, effect in enumerate(effects)
         ]
     return lines
-
-
-def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
-    errors = None if bars is None else bars.total.separated
-    intervals = []
-    for start, end in longest_first(spans)[:MOST_SPANS]:
-        start = start if abs(start) > ROUNDING * (end - start) else 0.0
-        intervals.append(f"x = {place_words(start)} to {place_words(end)}")
-    if intervals and errors is not None:
-        intervals[0] += " (within {:.1e} and {:.1e})".format(*errors)
-    return f"{'separation':<20}{', '.join(intervals) or 'none along the bed'}"
 
 
 def _without_rest(settled: Any) -> str:

@@ -10,15 +10,23 @@ import numpy as np
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..setup.setup import Setup
-from .quantity import load_words
+from .quantity import OutputQuantity, load_words, screen_lines
 
-# Quantities of a flow with units and labels.
-FLOW = {
-    "shear_rate": ("1/s", "shear rate"),
-    "velocity": ("m/s", "velocity"),
-    "bed_stress": ("Pa", "stress on the bed"),
-    "shear_velocity": ("m/s", "shear velocity"),
-}
+HEADING = "In SI units"
+# The flow and the grain.
+SI = tuple(
+    OutputQuantity(
+        f"si.{name}", words, unit, column and f"{name}_si", heading=HEADING, line="in SI units"
+    )
+    for name, words, unit, column in (
+        ("nominal_diameter", "nominal diameter", "m", ""),
+        ("shear_rate", "shear rate", "1/s", "column"),
+        ("velocity", "velocity", "m/s", "column"),
+        ("bed_stress", "stress on the bed", "Pa", "column"),
+        ("shear_velocity", "shear velocity", "m/s", "column"),
+        ("end", "end", "s", ""),
+    )
+)
 UNITS = {"force": ("N/m", "N"), "torque": ("N", "N m")}  # in 2-D per unit depth, and in 3-D
 OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 
@@ -57,13 +65,6 @@ def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[
     return values | {name: vector.tolist() for name, vector in scaled.items()}
 
 
-def si_rows(values: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
-    """Label, value and unit of the grain size, the flow and the end time."""
-    rows: list[tuple[str, Any, str]] = [("nominal diameter", values["nominal_diameter"], "m")]
-    rows += [(name, values[key], unit) for key, (unit, name) in FLOW.items() if key in values]
-    return rows + ([("end", values["end"], "s")] if "end" in values else [])
-
-
 def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Label, components as text and unit of loads on the grain."""
     names, gdim = [name for name in values if _unit(name) in UNITS], values["dimension"]
@@ -77,12 +78,10 @@ def si_lines(values: Mapping[str, Any] | None) -> list[str]:
     """Values of `in_si` as lines of text."""
     if values is None:
         return []
-    numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(values))
     loads = ", ".join(
         f"{name} {words} {unit}" for name, words, unit in si_loads(values) if name in OF_FLOW
     )
-    lines = [f"{'in SI units':<20}{numbers}"]
-    lines += [f"{'':<20}{loads} of the flow"] if loads else []
+    lines = screen_lines(SI, {"si": values}) + ([f"{'':<20}{loads} of the flow"] if loads else [])
     unit = values["units"]["time"]
     return lines + ([f"{'':<20}one unit of time is {unit:.4g} s"] if "end" in values else [])
 

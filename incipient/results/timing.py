@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -19,7 +19,7 @@ from ..planning.effects import EffectName
 from ..planning.plan import Plan
 
 if TYPE_CHECKING:
-    from ..fluid.steady import Step
+    from ..fluid.steady import Watch
 
 # The default effect of each stage.
 EFFECT_OF_STAGE: dict[str, str] = {
@@ -56,44 +56,32 @@ class Ledger:
     wall_time: dict[str, float] = field(default_factory=dict)
     effects: dict[str, Share] = field(default_factory=dict)
     began: float = field(default_factory=time.perf_counter)
-    _open: list[list[str]] = field(default_factory=list)  # stage and effect, the innermost last
-    _laps: dict[str, Share] = field(default_factory=dict)
+    flow: str = EffectName.FLOW  # effect of the stage "flow"
+    _open: list[str] = field(default_factory=list)  # stages, the innermost last
     _since: float = 0.0
     _peak: float = field(default_factory=lambda: peak_memory_mib())
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         self._settle()
-        self._open.append([name, EFFECT_OF_STAGE.get(name, name)])
+        self._open.append(name)
         try:
             yield
         finally:
             self._settle()
             self._open.pop()
 
-    def lap(self, effect: str) -> Share:
-        self._settle()
-        now, before = self.effects.get(effect, Share()), self._laps.get(effect, Share())
-        self._laps[effect] = Share(now.wall_time, now.memory_mib)
-        return Share(now.wall_time - before.wall_time, now.memory_mib - before.memory_mib)
+    def charge(self, effect: str) -> None:
+        """Book on an effect what the open stage has cost since the last booking."""
+        self._settle(effect)
 
-    def transfer(self, source: str, target: str, share: Share) -> None:
-        for effect, sign in ((source, -1), (target, 1)):
-            of_effect = self.effects.setdefault(effect, Share())
-            of_effect.wall_time += sign * share.wall_time
-            of_effect.memory_mib += sign * share.memory_mib
-        mark = self._laps.get(source)
-        if mark is not None:
-            self._laps[source] = Share(
-                mark.wall_time - share.wall_time, mark.memory_mib - share.memory_mib
-            )
-
-    def _settle(self) -> None:
+    def _settle(self, effect: str = "") -> None:
         now, peak = time.perf_counter(), peak_memory_mib()
         if self._open:
-            name, effect = self._open[-1]
+            name = self._open[-1]
             self.wall_time[name] = self.wall_time.get(name, 0.0) + now - self._since
-            share = self.effects.setdefault(effect, Share())
+            usual = self.flow if name == "flow" else EFFECT_OF_STAGE.get(name, name)
+            share = self.effects.setdefault(effect or usual, Share())
             share.wall_time += now - self._since
             share.memory_mib += peak - self._peak
         self._since, self._peak = now, peak
@@ -136,49 +124,42 @@ LINEAR_CORRECTIONS = 2  # of a time step
 
 
 class Corrections:
-    """Attributes Newton updates within the stage "flow" to effects."""
+    """Books Newton updates within the stage "flow" on effects."""
 
     def __init__(self, ledger: Ledger, plan: Plan):
-        self._ledger = ledger
-        self._inertia, self._unsteadiness = (
-            plan.has(EffectName.INERTIA),
-            plan.has(EffectName.UNSTEADINESS),
-        )
-        self._laps: list[tuple[int, Share]] = []
+        self._ledger, self._order = ledger, plan.order
+        self._inertia = plan.has(EffectName.INERTIA)
+        self._unsteadiness = plan.has(EffectName.UNSTEADINESS)
+        self._steps = 0
 
-    @contextmanager
-    def begun(self) -> Iterator[None]:
-        self._ledger.lap(EffectName.FLOW)
-        self._laps = []
-        yield
+    def of_steady(self, watch: Callable[[float, int, float], Any]) -> Watch:
+        """Watch a steady solve: its first update at the order of the plan belongs to the flow."""
+        first = True
 
-    def record(self, iteration: int, size: float = 0.0) -> None:
-        self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
-
-    def watched_by(
-        self, watch: Callable[[float, int, float], Any]
-    ) -> Callable[[float, int, float], None]:
-        def record_and_pass_on(share: float, iteration: int, size: float) -> None:
-            self.record(iteration, size)
+        def record(order: int, share: float, iteration: int, size: float) -> None:
+            nonlocal first
+            linear = first and order == self._order
+            first = first and not linear
+            self._ledger.charge(
+                EffectName.FLOW if linear or not self._inertia else EffectName.INERTIA
+            )
             watch(share, iteration, size)
 
-        return record_and_pass_on
+        return record
 
-    def book_steady(self, steps: Sequence[Step]) -> None:
-        """Attribute the updates of a steady solve: the first at the last order belongs to the flow."""
-        before = sum(step.report.iterations for step in steps if step.order != steps[-1].order)
-        laps, self._laps = self._laps, []
-        for number, (_, share) in enumerate(laps):
-            if number != before and self._inertia:
-                self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """A time step; what its updates leave belongs to the flow or, after the first step, to unsteadiness."""
+        self._steps += 1
+        if self._unsteadiness and self._steps > 1:
+            self._ledger.flow = EffectName.UNSTEADINESS
+        yield
+        self._ledger.charge(self._ledger.flow)
+        self._ledger.flow = EffectName.FLOW
 
-    def book_step(self, number: int) -> None:
-        laps, self._laps = [*self._laps, (0, self._ledger.lap(EffectName.FLOW))], []
-        for iteration, share in laps:
-            if self._inertia and iteration >= LINEAR_CORRECTIONS:
-                self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
-            elif self._unsteadiness and number > 1:
-                self._ledger.transfer(EffectName.FLOW, EffectName.UNSTEADINESS, share)
+    def record(self, iteration: int, size: float = 0.0) -> None:
+        further = self._inertia and iteration >= LINEAR_CORRECTIONS
+        self._ledger.charge(EffectName.INERTIA if further else self._ledger.flow)
 
 
 def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:

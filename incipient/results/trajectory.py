@@ -1,8 +1,12 @@
-"""Path of a moving grain in sentences, and coordinates as text."""
+"""Path of a moving grain and separation in words, and coordinates as text."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+MOST_SPANS = 4  # of reverse flow
+ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
 
 
 def trajectory_sentence(trajectory: dict[str, Any]) -> str:
@@ -40,3 +44,17 @@ def number_words(x: Any) -> str:
 def place_words(x: float, least: int = 5) -> str:
     """A coordinate as text, with at least two decimals, as map coordinates require."""
     return f"{x:.{max(least, len(f'{abs(x):.0f}') + 2)}g}"
+
+
+def separation_words(spans: Sequence[Sequence[float]], errors: Any = None) -> str:
+    """Intervals of reverse flow along the bed, the longest first and with its errors (2,)."""
+    ordered = sorted(spans, key=lambda span: span[0] - span[1])
+    shown = []
+    for start, end in ordered[:MOST_SPANS]:
+        start = start if abs(start) > ROUNDING * (end - start) else 0.0
+        shown.append(f"x = {place_words(start)} to {place_words(end)}")
+    if shown and errors is not None:
+        shown[0] += " (within {:.1e} and {:.1e})".format(*errors)
+    if len(ordered) > MOST_SPANS:
+        shown.append(f"and {len(ordered) - MOST_SPANS} shorter intervals")
+    return ", ".join(shown) or "none along the bed"

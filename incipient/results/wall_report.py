@@ -10,8 +10,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..arrays import Floats
-from .errorbars import MOST_SPANS
-from .trajectory import place_words
 
 # Change of the shear stress along an edge of a cell at a resolved smooth wall, over the stress, beyond which it is
 # too long; and the fraction of the stress's whole change that may lie along such edges. Behind the crest of a bump the
@@ -19,7 +17,7 @@ from .trajectory import place_words
 # (tests/end_to_end/test_resolved_channels.py).
 LARGEST_CHANGE, MOST_COARSE = 0.25, 0.25
 # Known errors of models in reverse flow, as `benchmarks/turbulent_step.py` measures.
-OF_MODEL = {"k-epsilon": " (behind steps the model reattaches 15% too soon)"}
+OF_MODEL = {"k-epsilon": "behind steps k-epsilon reattaches 15% too soon"}
 
 
 class Iteration(Protocol):
@@ -153,43 +151,10 @@ class WallReport:
             "changes": changes,
         }
 
-    def lines(self, errors: Floats | None = None, ends: Floats | None = None) -> list[str]:
-        text = (
-            f"{self._unsteady}{self._coarse}y+ of the walls {self.least:.3g} to {self.largest:.3g}"
-        )
-        if self.roughness:
-            u = self.shear_velocity
-            text += f", {self.distance / self.roughness:.3g} times the roughness off"
-            text += f", u* k_s/nu about {u * self.roughness / self.viscosity:.3g}"
-        text += f"; {self._friction(errors)}"
-        if self.backward:
-            text += f"; reverse flow next to the bed from x = {self._spans(ends)}"
-            text += OF_MODEL.get(self.model, "")
-        return [f"{'turbulence':<20}{text}"]
-
-    def _spans(self, ends: Floats | None) -> str:
-        spans, others = longest(self.backward)
-        within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
-        main = tuple(self.separated)
-        words = ", ".join(
-            f"{place_words(span[0])} to {place_words(span[1])}{within * (tuple(span) == main)}"
-            for span in spans
-        )
-        return words + (f", and in {others} shorter places" if others else "")
-
-    def _friction(self, errors: Floats | None) -> str:
-        within = ["", ""]
-        if errors is not None and self.at_outflow:
-            error = errors[0] / self.at_outflow
-            of_friction = (2.0 + error) * error * self.friction
-            within = [f", within {size:.1e}," for size in (errors[0], of_friction)]
-        text = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"
-        if self.plane or errors is None:
-            return text
-        return f"{text}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, on average along the walls"
-
-
-def longest(spans: Sequence[Sequence[float]]) -> tuple[list[Sequence[float]], int]:
-    """The longest few spans, in their order, and the number of others."""
-    chosen = sorted(range(len(spans)), key=lambda i: spans[i][0] - spans[i][1])[:MOST_SPANS]
-    return [spans[i] for i in sorted(chosen)], len(spans) - len(chosen)
+    def lines(self) -> list[str]:
+        """Warnings, and a known error of the model in reverse flow."""
+        text = self._unsteady + self._coarse
+        lines = [f"{'warning':<20}{text.removesuffix('; ')}"] if text else []
+        if self.backward and (error := OF_MODEL.get(self.model)):
+            lines.append(f"{'model':<20}{error}")
+        return lines

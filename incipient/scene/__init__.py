@@ -58,9 +58,13 @@ __all__ = [
     "Domain",
     "Effects",
     "Ellipse",
-]
-__all__ += ["Ellipsoid", "ExpressionFlow", "Flat", "Flow", "Fluid", "Gravity", "HalfDiscs"]
-__all__ += [
+    "Ellipsoid",
+    "ExpressionFlow",
+    "Flat",
+    "Flow",
+    "Fluid",
+    "Gravity",
+    "HalfDiscs",
     "HeapBed",
     "HeightMapBed",
     "Inclined",
@@ -70,8 +74,6 @@ __all__ += [
     "MeshBed",
     "Numerics",
     "OpenChannel",
-]
-__all__ += [
     "Oscillatory",
     "Output",
     "Poiseuille",
@@ -80,9 +82,14 @@ __all__ += [
     "Polyline",
     "Rectangle",
     "RidgeBed",
-]
-__all__ += ["Scene", "Shear", "Sinusoidal", "Sphere", "SphereBed", "Spheres", "Star", "Still"]
-__all__ += [
+    "Scene",
+    "Shear",
+    "Sinusoidal",
+    "Sphere",
+    "SphereBed",
+    "Spheres",
+    "Star",
+    "Still",
     "Superellipse",
     "Superquadric",
     "Surface",
@@ -91,5 +98,10 @@ __all__ += [
     "Uniform",
     "Units",
     "dumps",
+    "example",
+    "load",
+    "loads",
+    "register",
+    "save",
+    "schema",
 ]
-__all__ += ["example", "load", "loads", "register", "save", "schema"]

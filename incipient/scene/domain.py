@@ -14,15 +14,13 @@ Sides = Literal["slip", "stream", "wall"]
 Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 
 
-def _with_width(key: str) -> Rule:
-    return Rule(key, lambda s: s.width is None and getattr(s, key) is not None,
-                "needs width, which is not given", "add domain.width or leave it out")  # fmt: skip
-
-
 class Domain(Section):
     """The region that the fluid may fill."""
 
-    rules = tuple(map(_with_width, ("sides", "symmetric")))
+    rules = (
+        Rule("{v}", lambda s: [k for k in ("sides", "symmetric") if s.width is None and getattr(s, k) is not None],
+             "needs width, which is not given", "add domain.width or leave it out"),
+    )  # fmt: skip
 
     kind: Literal["channel", "box"] = key(
         "Channel: inflow left, open outflow right; box: closed", "channel"
@@ -116,5 +114,11 @@ class Domain(Section):
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property
+    def sizes(self) -> dict[str, float]:
+        """Extents by key, in the order of the coordinates."""
+        across = {} if self.width is None else {"width": self.width}
+        return {"length": self.length, **across, "height": self.height}
+
+    @property
     def extents(self) -> tuple[float, ...]:
-        return (self.length, *((self.width,) if self.width is not None else ()), self.height)
+        return (*self.sizes.values(),)

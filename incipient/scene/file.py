@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import tomli_w
 from pydantic import ValidationError
 
-from ..errors import SceneError
+from ..errors import SceneError, shortened
 from ..files import own, write_text_atomically
 from ..input_files import read_text
 from ..parallel import Comm, from_first
@@ -65,15 +65,13 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
     try:
         return model.model_validate(data, context={"directory": str(base)})
     except ValidationError as error:
-        problems = problems_of(error, model, _dimension(model, data))
+        problems = problems_of(error, model, _dimension(data))
         raise SceneError(one_line(_source(problems[0], places, name), problems)) from None
 
 
-def _dimension(model: type[Section], data: dict[str, Any]) -> int | None:
-    if model is not Scene:
-        return None
+def _dimension(data: dict[str, Any]) -> int | None:
     domain = data.get("domain")
-    return 3 if isinstance(domain, dict) and "width" in domain else 2
+    return 2 + ("width" in domain) if isinstance(domain, dict) else None
 
 
 def dumps(scene: Scene) -> str:
@@ -97,11 +95,6 @@ def schema() -> dict[str, Any]:
     """JSON schema of scene files (draft 7, as TOML editors require)."""
     document = Scene.model_json_schema(ref_template="#/definitions/{model}")
     document["definitions"] = document.pop("$defs")
-    for section, key in (
-        ("Fluid", "reynolds"),
-        ("Gravity", "acceleration"),
-    ):  # which may follow from [units]
-        document["definitions"][section]["required"].remove(key)
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         **_for_editors(document),
@@ -150,11 +143,7 @@ def _retitle(data: dict[str, Any], places: dict[Key, str]) -> None:
     changes = [override for key, override in places.items() if key[0] not in _NOT_THE_SCENE]
     title = data.get("title")
     if changes and ("title",) not in places and isinstance(title, str) and title:
-        data["title"] = ", ".join([title, *(f"with {_short(change)}" for change in changes)])
-
-
-def _short(override: str) -> str:
-    return override if len(override) <= 60 else f"{override[:57]}..."
+        data["title"] = ", ".join([title, *(f"with {shortened(change, 60)}" for change in changes)])
 
 
 def _value(text: str, override: str) -> Any:
@@ -166,21 +155,21 @@ def _value(text: str, override: str) -> Any:
         if _BARE_WORD.fullmatch(text):
             return text
     raise _wrong(
-        override, f'"{_short(text)}" is not a value; write a number, true, [x, y] or "text"'
+        override, f'"{shortened(text, 60)}" is not a value; write a number, true, [x, y] or "text"'
     )
 
 
 def _wrong(override: str, why: str) -> SceneError:
-    return SceneError(" ".join(f"--set {_short(override)}: {why}".split()))
+    return SceneError(" ".join(f"--set {shortened(override, 60)}: {why}".split()))
 
 
 def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
     key = problem.key
     for place, override in places.items():
         if key[: len(place)] == place or place[: len(key)] == key:
-            return f"--set {_short(override)}"
+            return f"--set {shortened(override, 60)}"
     concerned = [text for place, text in places.items() if problem.between or place[0] in key[:1]]
-    return " ".join([name, *(f"--set {_short(override)}" for override in concerned)])
+    return " ".join([name, *(f"--set {shortened(override, 60)}" for override in concerned)])
 
 
 def _plain(section: Section) -> dict[str, Any]:

@@ -4,25 +4,26 @@ import math
 import sys
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field, field_validator
+import numpy as np
+from pydantic import Field
 
 from .domain import Top
 from .expression import Expression
-from .gust import Gust
+from .gusts import Gust
 from .section import (
     NotNegative,
     Positive,
     Rule,
     Section,
     allowed,
+    formula,
     is_number,
     key,
     of_length,
-    require_formula,
 )
 
 Words = Annotated[
-    tuple[str, ...],
+    tuple[Annotated[str, formula("xyzt")], ...],
     Field(strict=False),
     of_length((2, 3), "give two, as in [x, y]; in 3-D three"),
 ]
@@ -53,6 +54,8 @@ class FlowSection(Section):
         scaled_by: the key of [units] that gives its speed.
         duct: height of a duct between side walls over the depth; 0: the sides do not change the flow.
         needs: rules between the flow and other sections.
+        oscillates: whether it has a period.
+        words: description, if "KIND flow" is none.
     """
 
     top: ClassVar[Top] = "stream"
@@ -71,6 +74,8 @@ class FlowSection(Section):
     scaled_by: ClassVar[str] = "velocity"
     duct: ClassVar[float] = 0.0
     needs: ClassVar[tuple[Rule, ...]] = ()
+    oscillates: ClassVar[bool] = False
+    words: ClassVar[str] = ""
 
     @property
     def changes(self) -> bool:
@@ -82,16 +87,8 @@ class FlowSection(Section):
         return math.inf
 
     @property
-    def oscillates(self) -> bool:
-        return math.isfinite(self.cycle)
-
-    @property
     def frequency(self) -> float:
         return 2.0 * math.pi / self.cycle
-
-    @property
-    def words(self) -> str:
-        return f"{self.kind} flow"  # type: ignore[attr-defined]
 
     def reference_velocity(self, length: float) -> float:
         return self.velocity  # type: ignore[attr-defined]
@@ -101,8 +98,8 @@ class FlowSection(Section):
         return self.reference_velocity(depth) + 0.0 * z
 
     def shear_rate(self, depth: float) -> float:
-        """Shear rate at the datum; zero if not given by a formula."""
-        return 0.0
+        """Shear rate at the datum, by a complex step; zero if the speed has no formula."""
+        return float(np.imag(self.speed(1e-20j * depth, depth)) / (1e-20 * depth))
 
     def numbers(self, size: float, viscosity: float) -> dict[str, float]:
         return {}
@@ -146,9 +143,6 @@ class Shear(Driven):
     def speed(self, z: Any, depth: float) -> Any:
         return self.rate * z
 
-    def shear_rate(self, depth: float) -> float:
-        return self.rate
-
 
 class Poiseuille(Driven):
     """Parabolic flow between two walls."""
@@ -163,9 +157,6 @@ class Poiseuille(Driven):
     def speed(self, z: Any, depth: float) -> Any:
         return 6 * self.velocity * z * (depth - z) / depth**2
 
-    def shear_rate(self, depth: float) -> float:
-        return 6.0 * self.velocity / depth
-
 
 class OpenChannel(Driven):
     """Half of a parabolic flow, without shear at the top."""
@@ -179,9 +170,6 @@ class OpenChannel(Driven):
 
     def speed(self, z: Any, depth: float) -> Any:
         return 1.5 * self.velocity * z * (2 * depth - z) / depth**2
-
-    def shear_rate(self, depth: float) -> float:
-        return 3.0 * self.velocity / depth
 
 
 class Uniform(Driven):
@@ -198,15 +186,12 @@ class LogLaw(Profile):
     tops = ("auto", "slip", "stream")
     wall_below = stresses_bed = True
     keeps_shape = False
+    words = "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
     kind: Literal["log-law"] = key("Kind of flow", "log-law")
     shear_velocity: Positive = key("Shear velocity V = u* = sqrt(tau_b / rho) [length/time]", 1.0)
     roughness: NotNegative = key(
         "Equivalent sand roughness k_s of the bed under the mean profile [length]", 0.0
     )
-
-    @property
-    def words(self) -> str:
-        return "mean profile of a turbulent flow, maintained by a body force instead of the turbulent stress"
 
     def reference_velocity(self, length: float) -> float:
         return self.shear_velocity
@@ -216,7 +201,7 @@ class Oscillatory(Profile):
     """Stokes' boundary layer over a bed below long waves: U [cos wt - exp(-z/d) cos(wt - z/d)] at a height z."""
 
     tops = ("auto", "stream")
-    stresses_bed = True
+    stresses_bed = oscillates = True
     needs = (
         Rule("flow.kind", lambda s: s.time is None,
              '"oscillatory" changes in time but without [time] the flow is steady', "add a section [time]"),
@@ -274,6 +259,11 @@ class Lid(FlowSection):
 class ExpressionFlow(FlowSection):
     """A velocity given by formulas, on the inflow and on the top."""
 
+    rules = (
+        Rule("components",
+             lambda s: len(s.components) == 2 and [c for c in s.components if "z" in Expression(c).variables],
+             '"{v}" depends on z but the scene is two-dimensional', "use x, y, t only"),
+    )  # fmt: skip
     closed = None
     parallel = False
     unbounded = by_formulas = True
@@ -282,15 +272,6 @@ class ExpressionFlow(FlowSection):
         "Two formulas in x, y and t for the velocity; in 3-D three in x, y, z and t [length/time]"
     )
     velocity: Positive = key("Reference velocity V [length/time]", 1.0)
-
-    @field_validator("components")
-    @classmethod
-    def _are_formulas(cls, components: tuple[str, ...]) -> tuple[str, ...]:
-        for text in components:
-            require_formula(
-                text, "xyt" if len(components) == 2 else "xyzt", " but the scene is two-dimensional"
-            )
-        return components
 
     @property
     def changes(self) -> bool:
@@ -303,12 +284,9 @@ class Still(FlowSection):
     top = "wall"
     closed = None
     at_rest = below_surface = True
+    words = "the fluid is at rest"
     kind: Literal["still"] = key("Kind of flow", "still")
     velocity: Positive = key("Velocity V used for scaling only [length/time]", 1.0)
-
-    @property
-    def words(self) -> str:
-        return "the fluid is at rest"
 
     def speed(self, z: Any, depth: float) -> Any:
         return 0.0 * z

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import model_validator
-
+from ..errors import SceneError
 from ..geometry.placement import Placement
+from ..geometry.settle import settle
 from ..geometry.shape import Shape
 from .section import NotNegative, Rule, Section, allowed, formula, key
 
+DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees
 FRICTIONLESS = "frictionless"
 LEVEL = "level"
 # Keys that only a grain with this motion reads.
@@ -32,16 +34,6 @@ Settle = Annotated[
 ]
 
 
-def _read_only(key: str, motion: str) -> Rule:
-    return Rule(key, lambda s: s.motion != motion and s.changed(key),
-                f'is read only with motion = "{motion}", but the motion is "{{s.motion}}"',
-                f'leave it out, or set motion = "{motion}"')  # fmt: skip
-
-
-def _weightless(s: Any) -> bool:
-    return s.density is None and s.mass is None
-
-
 class BodySection(Section):
     """A grain, in 2-D or in 3-D.
 
@@ -54,7 +46,7 @@ class BodySection(Section):
     gdims: ClassVar[tuple[int, ...]]
     shape_key: ClassVar[str] = "shape"
     made_of: ClassVar[tuple[Any, ...]]
-    rules = (
+    rules: ClassVar[tuple[Rule, ...]] = (
         Rule("course", lambda s: s.motion == "prescribed" and s.course is None,
              "is missing though the motion is prescribed", "add it, or set motion = \"fixed\""),
         Rule("x", lambda s: s.motion in ("free", "prescribed") and s.centre is None,
@@ -62,19 +54,17 @@ class BodySection(Section):
              'give centre instead of x, or motion = "released" for a grain that starts from rest on the bed'),
         Rule("centre", lambda s: s.motion == "released" and s.x is None,
              "a released grain starts from its rest on the bed", "give x instead of centre"),
-        *(_read_only(key, motion) for key, motion in READ_ONLY_BY.items()),
+        Rule("{v[0]}", lambda s: [(k, m) for k, m in READ_ONLY_BY.items() if s.motion != m and s.changed(k)],
+             'is read only with motion = "{v[1]}", but the motion is "{s.motion}"',
+             'leave it out, or set motion = "{v[1]}"'),
         Rule("mass", lambda s: s.density is not None and s.mass is not None,
              "is given with density, from which it follows", "leave one of them out"),
-        Rule("density", lambda s: s.is_free and _weightless(s),
-             "a {s.motion} grain needs a mass and a moment of inertia, which may be zero",
-             "give density, or mass and inertia"),
-        Rule("inertia", lambda s: s.inertia is not None and _weightless(s),
-             "is given without a mass", "give density or mass as well, or leave it out"),
         Rule("x", lambda s: s.x is None and s.centre is None,
              "neither x nor centre is given", "give x to rest on the bed, or centre"),
         Rule("x", lambda s: s.x is not None and s.centre is not None, "both x and centre are given", "leave one out"),
         Rule("settle", lambda s: s.settle and s.x is None, "a grain with a given centre does not settle",
              "give x instead of centre, or leave settle out"),
+        Rule("{s.shape_key}", lambda s: s.grain is None),  # which its geometry may refuse
     )  # fmt: skip
 
     x: float | None = key(
@@ -106,10 +96,10 @@ class BodySection(Section):
         mass: float | None
         inertia: Any
 
-    @model_validator(mode="after")
-    def _has_a_shape(self) -> Self:
-        self.require(self.shape_key, self.grain)
-        return self
+    @property
+    def place(self) -> str:
+        """The key of the grain's position."""
+        return "x" if self.centre is None else "centre"
 
     @property
     def moves(self) -> bool:
@@ -124,21 +114,38 @@ class BodySection(Section):
         """Whether contact is simulated; otherwise it ends the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
-    @property
-    def aside(self) -> float | None:
-        """y at which a 3-D grain rests; None: mid-width."""
-        return None
-
     def placed(self, centre: Sequence[float]) -> Placement:
         raise NotImplementedError
 
-    def grain(self) -> Any:
-        return self._grain
-
     @cached_property  # an outline of many points takes time to check
-    def _grain(self) -> Shape:
+    def grain(self) -> Any:
         return self.new_grain()
 
     def new_grain(self) -> Shape:
         shape, *keys = self.made_of
         return shape(*(getattr(self, key) for key in keys))
+
+
+# The placement of a scene is read many times; computing it takes one or two seconds.
+@lru_cache(maxsize=16)
+def rested(
+    grain: Any,
+    bed: Any,
+    above: Placement,
+    down: tuple[float, ...],
+    friction: float | None,
+    reach: float,
+) -> Placement:
+    """Equilibrium of a grain released above a placement, in 2-D or in 3-D.
+
+    down: direction of gravity; reach: distance over which the grain may roll. Raises SceneError without a stable rest.
+    """
+    hold = DEFAULT_FRICTION if friction is None else friction
+    start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))
+    settled = settle(grain, bed, start, down, hold, reach / grain.size)
+    if not settled.stable:
+        turn = "angle" if above.gdim == 2 else "y or orientation"
+        raise SceneError(
+            f"the grain {settled.outcome.value}; change x or {turn}, or leave settle out"
+        )
+    return settled.placement

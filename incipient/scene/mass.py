@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 def mean_density(body: BodySection) -> float | None:
     """Density relative to the fluid; None without a density or mass."""
-    return body.density if body.mass is None else body.mass / body.grain().volume
+    return body.density if body.mass is None else body.mass / body.grain.volume
 
 
 def mass(body: BodySection) -> float | None:
     """Mass (fluid density 1), in 2-D per unit depth; None without a density or mass."""
     if body.mass is not None:
         return body.mass
-    return None if body.density is None else body.density * body.grain().volume
+    return None if body.density is None else body.density * body.grain.volume
 
 
 def inertia_tensor(body: BodySection) -> Floats | None:
@@ -36,7 +36,7 @@ def inertia_tensor(body: BodySection) -> Floats | None:
         return None
     if body.inertia is not None:
         return np.asarray(np.diag(body.inertia * np.ones(3)))
-    tensor = density * np.asarray(body.grain().inertia)
+    tensor = density * np.asarray(body.grain.inertia)
     return np.asarray(tensor[2, 2] * np.eye(3)) if body.gdim == 2 else tensor
 
 

@@ -21,21 +21,29 @@ BETWEEN: LiteralString = "contradiction_between_sections"
 
 MOST_SHOWN = 4  # problems besides the first
 
-# By pydantic's type of error, with its context.
-_REMEDIES = {
-    "float_type": "give a number",
-    "finite_number": "give a finite number",
-    "int_type": "give a whole number",
-    "int_from_float": "give a whole number",
-    "bool_type": "give true or false",
-    "string_type": 'give text in "quotes"',
-    "tuple_type": "give a list in [brackets]",
-    "greater_than": "give a number greater than {gt:g}",
-    "greater_than_equal": "give a number of at least {ge:g}",
-    "less_than": "give a number less than {lt:g}",
-    "less_than_equal": "give a number of at most {le:g}",
+# Reason and remedy by pydantic's type of error, with its context and the words of `_problem`.
+_WORDS = {
+    **dict.fromkeys((WITHIN, BETWEEN), ("{why}", "{remedy}")),
+    "missing": ("is missing", "add {what}"),
+    "too_short": ("has {items}", "give {min_length} or more"),
+    "too_long": ("has {items}", "give {max_length} at most"),
+    "literal_error": ("{value} is not known", "use {choices}"),
+    "union_tag_not_found": ("is missing", "use {kinds}"),
+    "union_tag_invalid": ("{value} is not known", "{nearest}"),
+    "float_type": ("is {value}", "give a number"),
+    "finite_number": ("is {value}", "give a finite number"),
+    "int_type": ("is {value}", "give a whole number"),
+    "int_from_float": ("is {value}", "give a whole number"),
+    "bool_type": ("is {value}", "give true or false"),
+    "string_type": ("is {value}", 'give text in "quotes"'),
+    "tuple_type": ("is {value}", "give a list in [brackets]"),
+    "greater_than": ("is {value}", "give a number greater than {gt:g}"),
+    "greater_than_equal": ("is {value}", "give a number of at least {ge:g}"),
+    "less_than": ("is {value}", "give a number less than {lt:g}"),
+    "less_than_equal": ("is {value}", "give a number of at most {le:g}"),
     **dict.fromkeys(
-        ("model_type", "model_attributes_type", "dict_type"), "write a section [{key}]"
+        ("model_type", "model_attributes_type", "dict_type"),
+        ("is {value}", "write a section [{key}]"),
     ),
 }
 _NAME = re.compile("'([^']*)'")
@@ -56,8 +64,8 @@ class Problem:
 
 
 def problem(key: str, why: str, remedy: str) -> Problem:
-    """The problem at a key such as ``flow.kind``."""
-    return Problem(tuple(key.split(".")), why, remedy)
+    """The problem at a key such as ``flow.kind`` or ``surface.stations.0``."""
+    return Problem(tuple(int(p) if p.isdigit() else p for p in key.split(".")), why, remedy)
 
 
 def key_text(key: Key) -> str:
@@ -81,25 +89,21 @@ def counted(number: int, thing: str) -> str:
 def either(names: Sequence[str]) -> str:
     """``"a", "b" or "c"``."""
     quoted = [f'"{name}"' for name in names]
-    return " or ".join([*([", ".join(quoted[:-1])] if quoted[1:] else []), quoted[-1]])
+    return " or ".join(filter(None, (", ".join(quoted[:-1]), *quoted[-1:])))
 
 
-def refusal(title: str, problems: Sequence[Problem], between: bool = False) -> ValidationError:
+def refusal(*problems: Problem, between: bool = False) -> ValidationError:
     """Problems within a section, or `between` sections, as the exception of a pydantic validator."""
     kind = BETWEEN if between else WITHIN
-    return ValidationError.from_exception_data(
-        title,
-        [
-            InitErrorDetails(
-                type=PydanticCustomError(
-                    kind, "{why}; {remedy}", {"why": p.why, "remedy": p.remedy}
-                ),
-                loc=p.key,
-                input=None,
-            )
-            for p in problems
-        ],
-    )
+    kinds = [
+        PydanticCustomError(kind, "{why}; {remedy}", {"why": p.why, "remedy": p.remedy})
+        for p in problems
+    ]
+    errors = [
+        InitErrorDetails(type=kind, loc=p.key, input=None)
+        for kind, p in zip(kinds, problems, strict=True)
+    ]
+    return ValidationError.from_exception_data("", errors)
 
 
 def split(message: str) -> tuple[str, str]:
@@ -117,13 +121,17 @@ def variants(annotation: Any) -> tuple[type[BaseModel], ...]:
 
 def discriminator(section: type[BaseModel]) -> str | None:
     """The key, ``kind`` or ``shape``, that distinguishes a section from its alternatives."""
-    return next((name for name in ("kind", "shape") if _single_choice(section, name)), None)
+    fields = section.model_fields
+    only = (
+        n for n in ("kind", "shape") if n in fields and len(get_args(fields[n].annotation)) == 1
+    )
+    return next(only, None)
 
 
 def tag(section: type[BaseModel]) -> str | None:
     """Value of the `discriminator`, such as ``"lid"``."""
     name = discriminator(section)
-    return _single_choice(section, name) if name else None
+    return None if name is None else str(get_args(section.model_fields[name].annotation)[0])
 
 
 def problems_of(
@@ -134,12 +142,12 @@ def problems_of(
     gdim: dimension of the grains and beds in remedies; None: both
     """
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
-    places = [_place(root, e["loc"]) for e in details]
     problems: list[Problem] = []
     meant: set[Key] = set()
-    for detail, (key, section) in zip(details, places, strict=True):
+    for detail in details:
+        key, section = _place(root, detail["loc"])
         if detail["type"] == "extra_forbidden" and section is not None:
-            close = _closest(str(key[-1]), list(section.model_fields))
+            close = _closest(str(key[-1]), [*section.model_fields])
             meant.add((*key[:-1], close or ""))
             problems.append(_unknown_key(key, section, close))
         elif not (key in meant or _repeats(detail, details)):
@@ -155,12 +163,12 @@ def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
 
 
 def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None]:
+    """The key without the tags of alternatives, and the section that has it."""
     key: list[str | int] = []
     section: type[BaseModel] | None = root
     inside: tuple[type[BaseModel], ...] = (root,)
     for part in loc:
-        chosen = [m for m in inside if len(inside) > 1 and tag(m) == part]
-        if chosen:
+        if chosen := [m for m in inside if len(inside) > 1 and tag(m) == part]:
             inside = (chosen[0],)
             continue
         key.append(part)
@@ -174,107 +182,54 @@ def _dotted(key: Key) -> str:
     return ".".join(part for part in key if isinstance(part, str))
 
 
-def _retired_value(detail: ErrorDetails, key: Key) -> Problem | None:
-    context = detail.get("ctx", {})
-    if detail["type"] == "union_tag_invalid":
-        key, value = (*key, context["discriminator"].strip("'")), str(context["tag"])
-    else:
-        value = str(detail["input"])
-    remedy = retired.VALUES.get((_dotted(key), value))
-    return Problem(key, f"{shown(value)} is retired", remedy) if remedy else None
+def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
+    if remedy := retired.KEYS.get(_dotted(key)):
+        return Problem(key, "is retired", remedy)
+    why = f'unknown key for "{tag(section)}"' if tag(section) else "unknown key"
+    known = f"known are {', '.join(section.model_fields)}"
+    return Problem(key, why, f'did you mean "{close}"?' if close else known)
 
 
 def _problem(
     detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None
 ) -> Problem:
-    if (retirement := _retired_value(detail, key)) is not None:
-        return retirement
-    kind, context = detail["type"], detail.get("ctx", {})
-    value = shown(detail["input"])
-    if kind in (WITHIN, BETWEEN):
-        return Problem(key, context["why"], context["remedy"], between=kind == BETWEEN)
-    if kind in ("missing", "too_short", "too_long"):
-        return _wrong_number(detail, key, section)
-    if kind == "literal_error":
-        return Problem(
-            key, f"{value} is not known", f"use {either(_NAME.findall(context['expected']))}"
-        )
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return _wrong_alternative(detail, key, section, gdim)
-    if kind in _REMEDIES:
-        return Problem(
-            key, f"is {value}", _REMEDIES[kind].format(**{**context, "key": key_text(key)})
-        )
-    return Problem(key, f"is {value}", detail["msg"][:1].lower() + detail["msg"][1:])
-
-
-def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
-    if remedy := retired.KEYS.get(_dotted(key)):
-        return Problem(key, "is retired", remedy)
-    why = f'unknown key for "{tag(section)}"' if tag(section) else "unknown key"
-    return Problem(
-        key,
-        why,
-        f'did you mean "{close}"?' if close else f"known are {', '.join(section.model_fields)}",
-    )
-
-
-def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
-    if detail["type"] == "missing" and isinstance(key[-1], str):
-        field = section.model_fields.get(key[-1]) if section else None
-        words = f": {field.description}" if field else ""
-        return Problem(key, "is missing", f"add {_what_to_add(key[-1], field)}{words}")
-    if detail["type"] == "too_short":
-        context = detail["ctx"]
-        return Problem(
-            key,
-            f"has {counted(context['actual_length'], 'item')}",
-            f"give {context['min_length']} or more",
-        )
-    if detail["type"] == "too_long" and (most := detail["ctx"]["max_length"]) > 3:
-        return Problem(key, f"has {counted(len(detail['input']), 'item')}", f"give {most} at most")
-    whole = key[:-1] if isinstance(key[-1], int) and detail["type"] == "missing" else key
-    return Problem(whole, f"has {counted(len(detail['input']), 'item')}", "give two, as in [x, y]")
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    name = str(key[-1]) if key else ""
+    field = section.model_fields.get(name) if section else None
+    models = variants(field.annotation) if field else ()
+    fitting = [m for m in models if gdim is None or gdim in getattr(m, "gdims", (gdim,))]
+    if kind.startswith("union_tag"):
+        key, value = (*key, context["discriminator"].strip("'")), context.get("tag")
+    if remedy := retired.VALUES.get((_dotted(key), str(value))):
+        return Problem(key, f"{shown(value)} is retired", remedy)
+    kinds = either([str(tag(m)) for m in fitting])
+    close = _closest(str(value), [str(tag(m)) for m in models])
+    items = len(value) if isinstance(value, list | tuple) else 0
+    words = {
+        "key": key_text(key),
+        "value": shown(value),
+        "what": _what_to_add(name, field),
+        "items": counted(context.get("actual_length", items), "item"),
+        "choices": either(_NAME.findall(str(context.get("expected")))),
+        "kinds": kinds,
+        "nearest": f'did you mean "{close}"?' if close else f"use {kinds}",
+        "msg": detail["msg"][:1].lower() + detail["msg"][1:],
+        **context,
+    }
+    why, remedy = _WORDS.get(kind, ("is {value}", "{msg}"))
+    return Problem(key, why.format(**words), remedy.format(**words), between=kind == BETWEEN)
 
 
 def _what_to_add(name: str, field: FieldInfo | None) -> str:
-    if field is not None and variants(field.annotation):
-        return f"a section [{name}]"
-    choices = (
-        [value for value in get_args(field.annotation) if isinstance(value, str)] if field else []
-    )
-    return f"it, {either(choices)}" if choices else "it"
-
-
-def _wrong_alternative(
-    detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None
-) -> Problem:
-    context = detail["ctx"]
-    name = context["discriminator"].strip("'")
-    field = section.model_fields[str(key[-1])] if section else None
-    models = variants(field.annotation) if field else ()
-    tags = [str(tag(model)) for model in models]
-    fitting = [
-        str(tag(model))
-        for model in models
-        if gdim is None or gdim in getattr(model, "gdims", (gdim,))
-    ]
-    choices = f"use {either(fitting)}"
-    if detail["type"] == "union_tag_not_found":
-        return Problem((*key, name), "is missing", choices)
-    close = _closest(str(context["tag"]), tags)
-    remedy = f'did you mean "{close}"?' if close else choices
-    return Problem((*key, name), f"{shown(str(context['tag']))} is not known", remedy)
+    if field is None:
+        return "it"
+    choices = [value for value in get_args(field.annotation) if isinstance(value, str)]
+    what = f"a section [{name}]" if variants(field.annotation) else "it"
+    return f"{what}{f', {either(choices)}' if choices else ''}: {field.description}"
 
 
 def _closest(word: str, known: list[str]) -> str | None:
     return next(iter(difflib.get_close_matches(word, known, 1)), None)
-
-
-def _single_choice(section: type[BaseModel], name: str) -> str | None:
-    field = section.model_fields.get(name)
-    choices = get_args(field.annotation) if field else ()
-    return str(choices[0]) if len(choices) == 1 else None
 
 
 def shown(value: Any) -> str:

@@ -6,47 +6,43 @@ Lengths and velocities are in scene units, the fluid's density is 1, its viscosi
 from __future__ import annotations
 
 import math
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
 from .flows import Flow, FlowSection
-from .fluctuations import Gusts
-from .grains import FRICTIONLESS, LEVEL
+from .grains import FRICTIONLESS, LEVEL, rested
+from .gusts import Gusts
 from .mass import mass, mean_density
-from .messages import discriminator, refusal, tag, variants
+from .messages import Problem, discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
-from .places import misplaced
+from .places import PLACES
 from .rules import contradictions
-from .section import Choice, NotNegative, Positive, Rule, Section, key
-from .settling import rested
+from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
 from .shapes import PlaneBed, PlaneBody
-from .solids import SolidBody
+from .solids import SolidBody, SolidSection
 from .surface import FREE, Surface
 from .terrains import TerrainBed
 from .turbulence import Turbulence
-from .units import Scales, Units, scales_of, with_units
+from .units import OF_UNITS, WITHOUT_UNITS, Scales, Units, derived, scales_of
 
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
 
-UNPLACED = "unplaced"  # of validation: the position of the grain is checked later
-_DEFAULT_GAP = 0.01
 # Gaps [grain sizes]: above the first the plan warns, above the second the flow is not that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
-_DEFAULT_TOLERANCE = 1e-6
 
 
 class Fluid(Section):
     """The fluid, of density 1."""
 
-    reynolds: Positive = key("Reynolds number V L / nu; V is the flow's velocity [-]")
+    reynolds: Positive = key("Reynolds number V L / nu; V is the flow's velocity [-]", None)
     scale: Literal["grain", "flow"] = key(
         "L is the largest diameter of the grain, or the height of the domain"
     )
@@ -56,7 +52,7 @@ class Fluid(Section):
 class Gravity(Section):
     """Gravity, downwards; turned by the slope of an inclined bed."""
 
-    acceleration: NotNegative = key("Gravitational acceleration [length/time^2]")
+    acceleration: NotNegative = key("Gravitational acceleration [length/time^2]", None)
 
 
 class Contact(Section):
@@ -76,9 +72,9 @@ class Contact(Section):
     gap: Positive = key(
         "Gap that represents contact in the flow, 0.1 at most; in turbulent 2-D flow past a fixed grain the "
         "width up to which the space next to contacts is closed [grain sizes]",
-        _DEFAULT_GAP,
+        0.01,
     )
-    tolerance: Positive = key("Distance that counts as contact [grain sizes]", _DEFAULT_TOLERANCE)
+    tolerance: Positive = key("Distance that counts as contact [grain sizes]", 1e-6)
     kinetic_friction: NotNegative | None = key(
         "Coefficient of kinetic friction; default: that of static friction [-]",
         None,
@@ -198,27 +194,20 @@ class Scene(Section):
     numerics: Numerics = key("How the equations are solved", Numerics())
     output: Output = key("Additional output", Output())
 
-    @model_validator(mode="before")
-    @classmethod
-    def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or data.get("units") is None:
-            return data
-        # Grains settle once: where the whole scene is validated, not where it is without its units.
-        unplaced = {**(info.context or {}), UNPLACED: True}
-        return with_units(data, partial(cls.model_validate, context=unplaced))
-
     @model_validator(mode="after")
-    def _free_of_contradictions(self, info: ValidationInfo) -> Scene:
-        problems = [*contradictions(self)]
-        if not problems and not (info.context or {}).get(UNPLACED):
-            problems = misplaced(self)
-        if problems:
-            raise refusal("Scene", problems, between=True)
+    def _consistent(self) -> Scene:
+        _require(first_broken(OF_UNITS if self.units else WITHOUT_UNITS, self))
+        if self.units is not None:
+            for (section, name), value in derived(self).items():
+                part = getattr(self, section) or Gravity()
+                self.__dict__[section] = part.model_copy(update={name: value})
+        _require(contradictions(self))
+        _require(first_broken(PLACES, self))
         return self
 
     @property
     def scales(self) -> Scales | None:
-        return None if self.units is None else scales_of(self, self.units)
+        return None if self.units is None else scales_of(self)
 
     @property
     def gdim(self) -> int:
@@ -287,12 +276,8 @@ class Scene(Section):
         return self.effects.turbulence is True
 
     @property
-    def has_wall_layer(self) -> bool:
-        return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)
-
-    @property
     def resolves_walls(self) -> bool:
-        return self.is_averaged and not self.has_wall_layer
+        return self.is_averaged and not (self.turbulence or Turbulence()).has_wall_functions
 
     @property
     def resolves_uneven_walls(self) -> bool:
@@ -302,7 +287,7 @@ class Scene(Section):
 
     @cached_property
     def grain(self) -> Any:
-        return None if self.body is None else self.body.grain()
+        return None if self.body is None else self.body.grain
 
     @property
     def mass(self) -> float | None:
@@ -326,14 +311,14 @@ class Scene(Section):
 
         Laminar flow through a gap is so slow that loads are near their limit.
         """
-        return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
+        has_wall_functions = self.is_averaged and not self.resolves_walls
+        return self.gdim == 2 and has_wall_functions and self.rests and not self.moves
 
     @cached_property
     def bed_shape(self) -> Any:
         if self.bed is None:
             return None
-        build = self.bed.surface if self.gdim == 2 else self.bed.terrain
-        return build(self.domain.bottom)
+        return self.bed.shape(self.domain.bottom, (0.0,) * self.up)
 
     @cached_property  # read at every step; computing it takes longer than a step's solution
     def placement(self) -> Placement | None:
@@ -347,22 +332,20 @@ class Scene(Section):
             return None
         # Relative to the domain's corner: far from the origin, floating-point spacing is too coarse for settling.
         corner, over = self.domain.origin, [body.x]
-        if self.gdim == 2:
-            bed: Any = self.bed.surface(0.0, corner[0])
-        else:
-            bed = self.bed.terrain(0.0, corner[:2])
-            over.append(self.domain.middle if body.aside is None else body.aside)
+        if isinstance(body, SolidSection):
+            over.append(self.domain.middle if body.y is None else body.y)
+        bed = self.bed.shape(0.0, corner[:-1])
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
             upright = (*[0.0] * (self.gdim - 1), -1.0)
             down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
             friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
-            placement = rested(body.grain(), bed, start, down, friction, self.domain.length)
+            placement = rested(body.grain, bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion
             placement = rest(
-                body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
+                body.grain, bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
             )
         return placement.moved(corner, np.zeros(2 * self.gdim - 3))
 
@@ -385,9 +368,8 @@ class Scene(Section):
     @property
     def gravity_vector(self) -> np.ndarray:
         """Gravitational acceleration (gdim,), zero without gravity."""
-        felt = self.gravity is not None and self.effects.gravity is not False
-        acceleration = self.gravity.acceleration if felt and self.gravity else 0.0
-        return acceleration * self.gravity_direction
+        felt = None if self.effects.gravity is False else self.gravity
+        return (felt.acceleration if felt else 0.0) * self.gravity_direction
 
     @property
     def gravity_direction(self) -> np.ndarray:
@@ -400,16 +382,21 @@ class Scene(Section):
     @property
     def contact_gap(self) -> float:
         """Gap [length] that represents contact in the flow; zero without a grain."""
-        return self._of_grain_size(self.contact.gap if self.contact else _DEFAULT_GAP)
+        return 0.0 if self.grain is None else self._contact.gap * self.grain.size
 
     @property
     def contact_tolerance(self) -> float:
         """Distance [length] that counts as contact; zero without a grain."""
-        return self._of_grain_size(self.contact.tolerance if self.contact else _DEFAULT_TOLERANCE)
+        return 0.0 if self.grain is None else self._contact.tolerance * self.grain.size
 
-    def _of_grain_size(self, fraction: float) -> float:
-        grain = self.grain
-        return 0.0 if grain is None else fraction * grain.size
+    @cached_property
+    def _contact(self) -> Contact:
+        return self.contact or Contact(friction=0.0)
+
+
+def _require(problems: list[Problem]) -> None:
+    if problems:
+        raise refusal(*problems, between=True)
 
 
 def register(section: type[Section]) -> None:

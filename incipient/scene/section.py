@@ -1,10 +1,10 @@
 """The base of all sections of a scene: immutable, strict, with one-line errors."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -31,6 +31,7 @@ from .messages import (
     refusal,
     shown,
     split,
+    variants,
 )
 
 
@@ -49,8 +50,6 @@ def _not_tiny(value: float) -> float:
 
 Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
 NotNegative = Annotated[float, Field(ge=0)]
-Pair = Annotated[tuple[float, float], Field(strict=False)]
-PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
 
 
 def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
@@ -81,38 +80,74 @@ Choice = Annotated[
 ]
 
 
-def formula(variables: str, why: str = "") -> AfterValidator:
-    """Validator of a formula in these variables; `why` extends the reason of a refusal."""
+def formula(variables: str) -> AfterValidator:
+    """Validator of a formula in these variables."""
 
     def in_variables(text: str) -> str:
-        require_formula(text, variables, why)
+        try:
+            unknown = Expression(text).variables - set(variables)
+        except SceneError as error:
+            raise contradiction(*split(str(error))) from None
+        if unknown:
+            raise contradiction(
+                f'"{text}" depends on {min(unknown)}', f"use {', '.join(variables)} only"
+            )
         return text
 
     return AfterValidator(in_variables)
 
 
-_THREE = of_length((3,), "give three, as in [x, y, z]")
+_TWO, _THREE = (
+    of_length((2,), "give two, as in [x, y]"),
+    of_length((3,), "give three, as in [x, y, z]"),
+)
+Pair = Annotated[tuple[float, float], Field(strict=False), _TWO]
+PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False), _TWO]
 Triple = Annotated[tuple[float, float, float], Field(strict=False), _THREE]
 PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), _THREE]
+Pairs = Annotated[tuple[Pair, ...], Field(strict=False)]
 _UNIT = re.compile(r"\[([^\[\]]+)\]")  # of keys, as their descriptions have them
-Text = str | Callable[[Any], str]
 
 
 @dataclass(frozen=True)
 class Rule:
     """A rule of a section or scene `s`: key, condition that breaks it, reason and remedy.
 
-    `{s...}` in a text is an attribute of `s`.
+    The condition returns whether the rule is broken, the value that breaks it, or a list of such values; texts may
+    contain `{s...}`, an attribute of `s`, and `{v}`, that value. A SceneError of the condition breaks the rule as well:
+    reason and remedy are its own.
     """
 
-    key: Text
+    key: str
     broken: Callable[[Any], Any]
-    why: Text
-    remedy: Text
+    why: str = ""
+    remedy: str = ""
 
-    def problem(self, section: Any) -> Problem:
+    def problems(self, s: Any) -> list[Problem]:
+        """A problem for each value that breaks the rule."""
+        try:
+            values = self.broken(s)
+        except SceneError as error:
+            return [problem(self.key.format(s=s), *split(str(error)))]
+        if not values:
+            return []
+        values = values if isinstance(values, list) else [values]
         texts = (self.key, self.why, self.remedy)
-        return problem(*(t.format(s=section) if isinstance(t, str) else t(section) for t in texts))
+        return [problem(*(text.format(s=s, v=value) for text in texts)) for value in values]
+
+
+def first_broken(rules: Iterable[Rule], s: Any) -> list[Problem]:
+    """Problems of the first broken rule."""
+    return next((problems for rule in rules if (problems := rule.problems(s))), [])
+
+
+def when(condition: Callable[[Any], Any], *rules: Rule) -> tuple[Rule, ...]:
+    """Rules of sections or scenes with this property."""
+
+    def within(rule: Rule) -> Rule:
+        return replace(rule, broken=lambda s: condition(s) and rule.broken(s))
+
+    return tuple(map(within, rules))
 
 
 class Section(BaseModel):
@@ -121,7 +156,7 @@ class Section(BaseModel):
     Raises SceneError: names the key, the reason and the remedy.
 
     Attributes:
-        rules: of the section's keys; the first broken one is reported.
+        rules: of the section's keys, before those of its bases; the first broken one is reported.
     """
 
     rules: ClassVar[tuple[Rule, ...]] = ()
@@ -151,24 +186,15 @@ class Section(BaseModel):
             )
         return value
 
-    def refused(self, key: str, why: str, remedy: str) -> ValidationError:
-        return refusal(type(self).__name__, [Problem((key,), why, remedy)])
-
     @model_validator(mode="after")
     def _obeys_its_rules(self) -> Self:
-        if broken := next((rule for rule in self.rules if rule.broken(self)), None):
-            raise refusal(type(self).__name__, [broken.problem(self)])
+        rules = (rule for kind in type(self).__mro__ for rule in vars(kind).get("rules", ()))
+        if broken := first_broken(rules, self):
+            raise refusal(*broken)
         return self
 
     def changed(self, key: str) -> bool:
         return bool(getattr(self, key) != type(self).model_fields[key].default)
-
-    def require(self, key: str, make: Callable[[], Any]) -> None:
-        """Build the object that a key describes; a failure becomes an error about the key."""
-        try:
-            make()
-        except SceneError as error:
-            raise self.refused(key, *split(str(error))) from None
 
 
 def _largest(value: Any) -> float:
@@ -187,18 +213,6 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def require_formula(text: str, variables: str, why: str = "") -> None:
-    """Refuse text that is no formula in these variables; `why` extends the reason."""
-    try:
-        unknown = Expression(text).variables - set(variables)
-    except SceneError as error:
-        raise contradiction(*split(str(error))) from None
-    if unknown:
-        raise contradiction(
-            f'"{text}" depends on {min(unknown)}{why}', f"use {', '.join(variables)} only"
-        )
-
-
 def rises(rows: Sequence[Sequence[float]]) -> bool:
     """Whether the first numbers of rows ascend."""
     return all(later[0] > earlier[0] for earlier, later in pairwise(rows))
@@ -212,17 +226,11 @@ def ordered_keys(section: type[BaseModel]) -> list[str]:
 
 def unit_of(model: type[BaseModel], key: str) -> str:
     """Unit of a key such as ``body.density``, "-" for a pure number, "" without one."""
-    models, described = [model], [""]
+    models: tuple[type[BaseModel], ...] = (model,)
+    described = [""]
     for part in key.split("."):
         fields = [model.model_fields[part] for model in models if part in model.model_fields]
         described = [field.description or "" for field in fields]
-        models = [inner for field in fields for inner in _models(field.annotation)]
+        models = tuple(inner for field in fields for inner in variants(field.annotation))
     units = (unit[1] for text in described if (unit := _UNIT.search(text)))
     return next(units, "")
-
-
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _models(part)

@@ -11,10 +11,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from .. import geometry
-from ..arrays import Point
 from ..geometry.plane.grains import MAX_EXPONENT
 from .grains import BodySection, OfTime
-from .points import MOST_POINTS, FromFile, about_file, file_key, read_points
+from .points import MOST_POINTS, FromFile, file_key
 from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key, of_length
 
 MOST_DISCS, MOST_HARMONICS = 500, 100
@@ -23,8 +22,11 @@ Numbers = Annotated[tuple[float, ...], Field(strict=False, max_length=MOST_HARMO
 Course = Annotated[tuple[OfTime, OfTime, OfTime], Field(strict=False)]
 
 
-_CIRCLE = of_length((3,), "give three, as in [x, y, radius]")
-Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _CIRCLE]
+Circle = Annotated[
+    tuple[float, float, Positive],
+    Field(strict=False),
+    of_length((3,), "give three, as in [x, y, radius]"),
+]
 
 
 class GrainSection(BodySection):
@@ -86,10 +88,8 @@ class Rectangle(GrainSection):
     corner_radius: NotNegative = key("Radius of the rounded corners [length]", 0.0)
 
     rules = (
-        *GrainSection.rules,
-        Rule("corner_radius", lambda s: 2.0 * s.corner_radius > min(s.width, s.height),
-             lambda s: f"is {s.corner_radius:g}, more than half the shorter side, {0.5 * min(s.width, s.height):g}",
-             "make it smaller"),
+        Rule("corner_radius", lambda s: s.corner_radius > (half := 0.5 * min(s.width, s.height)) and half,
+             "is {s.corner_radius:g}, more than half the shorter side, {v:g}", "make it smaller"),
     )  # fmt: skip
 
 
@@ -98,6 +98,7 @@ class Polygon(FromFile, GrainSection):
 
     made_of = (geometry.Polygon, "vertices")
     in_file = shape_key = "vertices"
+    fewest = 3
     shape: Literal["polygon"] = key("Shape of the grain", "polygon")
     file: str | None = file_key("CSV file of x, y,", "vertices", "grain.csv")
     vertices: Annotated[
@@ -106,7 +107,7 @@ class Polygon(FromFile, GrainSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        points = read_points(path, 3, "Polygon")
+        points = super().read(path, data)["vertices"]
         return {"vertices": points[:-1] if points[0] == points[-1] else points}
 
 
@@ -150,11 +151,9 @@ class Discs(GrainSection):
         return geometry.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
 
 
-def apart(kind: str) -> Rule:
-    """The rule that round bedforms do not overlap."""
-    return Rule("spacing", lambda s: s.spacing < 2.0 * s.radius,
-                lambda s: f"{s.spacing:g} is less than two radii, {2.0 * s.radius:g}: the {kind} overlap",
-                "enlarge spacing or reduce radius")  # fmt: skip
+APART = Rule("spacing", lambda s: s.spacing < 2.0 * s.radius and 2.0 * s.radius,
+             "{s.spacing:g} is less than two radii, {v:g}: the {s.kind} overlap",
+             "enlarge spacing or reduce radius")  # fmt: skip
 
 
 class BedSection(Section):
@@ -170,35 +169,25 @@ class BedSection(Section):
         """Approximate number of bedforms on a length; 0 in 3-D, where not all are meshed."""
         return 0.0
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """Shape above the base line y = origin_y, with x counted from origin_x."""
-        raise NotImplementedError
-
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """Shape above the base plane z = origin_z, with x and y counted from a corner."""
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        """Geometry above a base line or plane at this height, with x, in 3-D also y, counted from a corner."""
         raise NotImplementedError
 
 
-class _Plane(BedSection):
-    gdims: ClassVar[tuple[int, ...]] = (2, 3)
-
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        return geometry.Flat(origin_y)
-
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        return geometry.Plane(origin_z=origin_z)
-
-
-class Flat(_Plane):
+class Flat(BedSection):
     """A horizontal plane."""
 
+    gdims: ClassVar[tuple[int, ...]] = (2, 3)
     kind: Literal["flat"] = key("Kind of bed", "flat")
 
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        return geometry.Flat(base) if len(corner) == 1 else geometry.Plane(origin_z=base)
 
-class Inclined(_Plane):
+
+class Inclined(Flat):
     """A plane that falls in the direction of the flow; coordinates are parallel to it and gravity is turned."""
 
-    kind: Literal["inclined"] = key("Kind of bed", "inclined")
+    kind: Literal["inclined"] = key("Kind of bed", "inclined")  # type: ignore[assignment]
     slope: float = key(
         "Angle by which the bed falls in the direction of the flow [degrees]", gt=-90, lt=90
     )
@@ -214,20 +203,17 @@ class Sinusoidal(BedSection):
 
     def forms(self, length: float) -> float:
         """Number of ripples; for very steep ones the sharpness of the crests counts."""
-        return 0.5 * length / self.surface(0.0).feature
+        return 0.5 * length / self.shape(0.0, (0.0,)).feature
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        phase = (
-            math.radians(self.phase)
-            + 2.0 * math.pi * math.fmod(origin_x, self.wavelength) / self.wavelength
-        )
-        return geometry.Sinusoidal(self.amplitude, self.wavelength, phase, origin_y)
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        ahead = math.radians(self.phase) + math.tau * math.fmod(corner[0] / self.wavelength, 1.0)
+        return geometry.Sinusoidal(self.amplitude, self.wavelength, ahead, base)
 
 
 class HalfDiscs(BedSection):
     """A row of half-discs on the base line."""
 
-    rules = (apart("half-discs"),)
+    rules = (APART,)
     kind: Literal["half-discs"] = key("Kind of bed", "half-discs")
     radius: Positive = key("Radius of the half-discs [length]")
     spacing: Positive = key("Distance between their centres, at least two radii [length]")
@@ -236,17 +222,22 @@ class HalfDiscs(BedSection):
     def forms(self, length: float) -> float:
         return length / self.spacing
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        return geometry.HalfDiscs(self.radius, self.spacing, self.offset - origin_x, origin_y)
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        return geometry.HalfDiscs(self.radius, self.spacing, self.offset - corner[0], base)
+
+
+def _disorder(s: Any) -> list[tuple[float, float]]:
+    pairs = pairwise(s.points)
+    return [(right[0], left[0]) for left, right in pairs if right[0] < left[0] or right == left][:1]
 
 
 class Polyline(FromFile, BedSection):
     """Straight lines, or a smooth curve, through points."""
 
     rules = (
-        Rule("points", lambda s: _disorder(s.points), lambda s: str(_disorder(s.points)),
+        Rule("points", _disorder, "has x = {v[0]:g} after x = {v[1]:g}",
              "sort the points by ascending x, each place once"),
-        Rule("smooth", lambda s: s.smooth and any(left[0] == right[0] for left, right in pairwise(s.points)),
+        Rule("smooth", lambda s: s.smooth and s.steps,
              "is true, but points have a step, the same x twice", "leave it out"),
     )  # fmt: skip
     kind: Literal["polyline"] = key("Kind of bed", "polyline")
@@ -259,24 +250,14 @@ class Polyline(FromFile, BedSection):
     )
     smooth: bool = key("A smooth curve through the points instead of straight lines", False)
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        points = read_points(path, 2, "Polyline")
-        if why := _disorder(points):
-            remedy = "give two or more points sorted by ascending x, each place once"
-            raise about_file("Polyline", f"{path} {why}", remedy)
-        return {"points": points}
+    @property
+    def steps(self) -> list[float]:
+        """Abscissae that are given twice."""
+        return [left[0] for left, right in pairwise(self.points) if left[0] == right[0]]
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
         curve = geometry.Curved if self.smooth else geometry.Polyline
-        return curve([(x - origin_x, y) for x, y in self.points], origin_y)
-
-
-def _disorder(points: Sequence[Point]) -> str | None:
-    for (left, low), (right, high) in pairwise(points):
-        if right < left or (left, low) == (right, high):
-            return f"has x = {right:g} after x = {left:g}"
-    return None
+        return curve([(x - corner[0], y) for x, y in self.points], base)
 
 
 PlaneBody = Disc | Ellipse | Rectangle | Polygon | Superellipse | Star | Discs

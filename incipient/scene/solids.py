@@ -10,12 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from .. import geometry
-from ..errors import SceneError
 from ..geometry.placement import product, rotation_by
 from ..geometry.plane.grains import MAX_EXPONENT
 from .grains import BodySection, OfTime
-from .messages import split
-from .points import MOST_POINTS, FromFile, about_file, file_key
+from .points import MOST_POINTS, FromFile, file_key
 from .section import NotNegative, Positive, PositiveTriple, Rule, Triple, key, of_length
 
 MOST_SPHERES = 500
@@ -52,8 +50,7 @@ class SolidSection(BodySection):
 
     gdim: ClassVar[int] = 3
     gdims: ClassVar[tuple[int, ...]] = (3,)
-    rules = (
-        *BodySection.rules,
+    rules: ClassVar[tuple[Rule, ...]] = (
         Rule("y", lambda s: s.y is not None and s.x is None, "goes with x, but centre is given", "leave it out"),
     )  # fmt: skip
 
@@ -87,10 +84,6 @@ class SolidSection(BodySection):
         examples=[("0.1*cos(t)", "0", "0", "0", "0", "0")],
     )
 
-    @property
-    def aside(self) -> float | None:
-        return self.y
-
     def placed(self, centre: Sequence[float]) -> geometry.Placement:
         about_x, about_y, about_z = (
             rotation_by(angle * axis)
@@ -114,7 +107,6 @@ class Cylinder(SolidSection):
 
     made_of = (geometry.Cylinder, "diameter", "length")
     rules = (
-        *SolidSection.rules,
         Rule("x", lambda s: s.centre is None, "a cylinder is fixed and does not rest on a bed", "give centre instead"),
         Rule("motion", lambda s: s.moves, "a cylinder across the flow is fixed", 'give "fixed"'),
         Rule("orientation", lambda s: any(s.orientation), "a cylinder lies across the flow", "leave it out"),
@@ -132,7 +124,6 @@ class Capsule(SolidSection):
     length: Positive = key("Total length, above the diameter [length]")
 
     rules = (
-        *SolidSection.rules,
         Rule("length", lambda s: s.length <= s.diameter, "is {s.length:g}, no more than the diameter",
              'give more than {s.diameter:g}, or shape = "sphere"'),
     )  # fmt: skip
@@ -207,7 +198,7 @@ class Mesh(FromFile, SolidSection):
     size: Positive | None = key(
         "Largest diameter; default: that in the file [length]", None, examples=[1.0]
     )
-    vertices: Annotated[tuple[Triple, ...], Field(strict=False)] = key(
+    vertices: Annotated[tuple[Triple, ...], Field(strict=False, max_length=MOST_POINTS)] = key(
         "Corners of the triangles, relative to any point [length]", ()
     )
     triangles: Annotated[tuple[Triangle, ...], Field(strict=False)] = key(
@@ -216,13 +207,7 @@ class Mesh(FromFile, SolidSection):
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        try:
-            surface = geometry.Triangulated.from_file(path)
-        except SceneError as error:
-            raise about_file("Mesh", *split(str(error))) from None
-        if len(surface.vertices) > MOST_POINTS:
-            why = f"{path} has {len(surface.vertices)} vertices"
-            raise about_file("Mesh", why, f"reduce it to {MOST_POINTS} at most")
+        surface = geometry.Triangulated.from_file(path)
         return {"vertices": surface.vertices.tolist(), "triangles": surface.triangles.tolist()}
 
     def new_grain(self) -> geometry.Solid:

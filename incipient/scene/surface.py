@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from .domain import Domain
 from .expression import Expression
-from .points import FromFile, file_key, read_points
-from .section import NotNegative, Pair, Positive, Rule, Section, formula, key, rises
+from .points import FromFile, file_key
+from .section import NotNegative, Pair, Pairs, Positive, Rule, Section, formula, key, rises
 
-Station = float | Annotated[tuple[float, float], Field(strict=False)]
+Station = float | Pair
 FREE = "free-surface"
 
 
@@ -31,6 +30,7 @@ class Wave(Section):
 class Surface(FromFile):
     """The free surface, at the top of the domain if at rest."""
 
+    may_be_absent = True
     rules = (
         Rule("points", lambda s: s.points and s.elevation != "0",
              "are given with a formula for the elevation", "leave one of them out"),
@@ -42,7 +42,7 @@ class Surface(FromFile):
         "Formula in x, in 3-D also y: height above the still level [length]", "0"
     )
     file: str | None = file_key("CSV file of x, elevation", "points", "elevation.csv")
-    points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
+    points: Pairs = key(
         "In 2-D, instead of the formula: x and elevation, linear in between [length]", ()
     )
     stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
@@ -68,13 +68,10 @@ class Surface(FromFile):
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
 
-    @classmethod
-    def is_needed(cls, data: dict[str, Any]) -> bool:
-        return False
-
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        return {"points": read_points(path, 2, "Surface")}
+    @property
+    def given(self) -> str:
+        """The key of the elevation."""
+        return "points" if self.points else "elevation"
 
     def height(self, x: np.ndarray) -> np.ndarray:
         if self.points:

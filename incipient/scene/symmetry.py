@@ -11,51 +11,41 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import SceneError
 from .domain import Domain
 from .expression import Expression, expressions, of_time
 from .flows import ExpressionFlow
-from .messages import Problem, split
-from .surface import Surface
 
 if TYPE_CHECKING:
-    from .model import Scene, Time
+    from .model import Scene
 
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
-SPACING = 0.1  # of points on a grain's surface, in its size
 FEW = 200  # points at which a grain is compared first
-PLACES = 41  # points in each direction at which bed and flow are compared
+SPACING = 0.1  # of points on a grain's surface, in its size
+PLACES = 41  # points in each direction, and instants, at which beds and formulas are compared
 MIRRORED = np.array([1.0, -1.0, 1.0])
 UNCHANGED = np.ones(1)
 
 
-def contradictory(reasons: Iterator[str]) -> Iterator[Problem]:
-    """Problems of a scene declared symmetric."""
-    key = ("domain", "symmetric")
-    try:
-        for why in reasons:
-            yield Problem(key, f"is true, but {why}", "make the scene symmetric, or give false")
-    except SceneError as error:  # of a formula without a value
-        yield Problem(key, *split(str(error)))
-
-
 def differences(scene: Scene) -> Iterator[str]:
     """Differences of a 3-D scene from its mirror image, as text."""
-    domain, time, surface = scene.domain, scene.time, scene.surface
+    domain, surface = scene.domain, scene.surface
+    times = np.linspace(0.0, scene.time.end, PLACES).tolist() if scene.time else [0.0]
     if scene.grain is not None and scene.placement is not None:
         yield from _of_grain(scene.grain, scene.placement, domain.middle)
     if scene.moves:
-        yield from _of_motion(scene.body, _times(time))
+        yield from _of_motion(scene.body, times)
     if scene.bed_shape is not None and np.isfinite(scene.bed_shape.feature):
         yield from _of_bed(scene.bed_shape, domain)
+    fields = []
     if isinstance(scene.flow, ExpressionFlow):
-        formulas = expressions(scene.flow.components, "flow.components")
-        if _differ(formulas, domain, time, MIRRORED):
-            yield "the flow is not its mirror image"
-    if surface is not None and any(
-        _differ([formula], domain, time) for formula in _formulas(surface)
-    ):
-        yield "the free surface is not its mirror image"
+        components = expressions(scene.flow.components, "flow.components")
+        fields.append(("flow", components, MIRRORED))
+    for key in ("elevation", "pressure") if surface is not None else ():
+        formula = Expression(getattr(surface, key), f"surface.{key}")
+        fields.append(("free surface", [formula], UNCHANGED))
+    for name, formulas, mirror in fields:
+        if any(_differ(formulas, mirror, domain, time) for time in times):
+            yield f"the {name} is not its mirror image"
 
 
 def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
@@ -64,12 +54,9 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
         yield f"the grain's centroid is {abs(away):.3g} from mid-width, y = {middle:g}"
         return
     points = grain.surface(SPACING * grain.size).points
-    for some in (
-        points[:: 1 + len(points) // FEW],
-        points,
-    ):  # a few points suffice to exclude most scanned grains
-        mirrored = placement.to_scene(some)
-        mirrored[:, 1] = 2.0 * middle - mirrored[:, 1]
+    # A few points suffice to exclude most scanned grains.
+    for some in (points[:: 1 + len(points) // FEW], points):
+        mirrored = placement.to_scene(some) * MIRRORED + [0.0, 2.0 * middle, 0.0]
         off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(some)).max())
         if off > ALIKE * grain.size:
             yield f"the grain is {off:.2g} off its mirror image"
@@ -77,41 +64,24 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
 
 
 def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
-    velocity, spin = np.asarray(body.velocity), np.asarray(body.spin)
-    if velocity[1] or spin[0] or spin[2]:
+    if body.velocity[1] or body.spin[0] or body.spin[2]:
         yield "the grain's velocity and spin are not those of its mirror image"
-    course = None if body.course is None else of_time(body.course, "body.course")
-    if course is not None and any(course(t)[1::2].any() for t in times):
+    course = of_time(body.course or (), "body.course")
+    if any(course(time)[1::2].any() for time in times):
         yield "the grain's course is not that of its mirror image"
 
 
 def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
-    along, across = (
-        7 * PLACES + 2,
-        5 * PLACES + 1,
-    )  # numbers of points without a common period with the bed
+    # Numbers of points without a common period with the bed.
+    along, across = 7 * PLACES + 2, 5 * PLACES + 1
     heights = bed.height(domain.grid(along, across)).reshape(along, across)
     off = float(np.abs(heights - heights[:, ::-1]).max())
     if off > ALIKE * max(float(np.ptp(heights)), 1e-300):
         yield f"the bed is {off:.2g} off its mirror image in y = {domain.middle:g}"
 
 
-def _differ(
-    formulas: Sequence[Expression], domain: Domain, time: Time | None, mirror: Floats = UNCHANGED
-) -> bool:
+def _differ(formulas: Sequence[Expression], mirror: Floats, domain: Domain, time: float) -> bool:
     points = domain.grid(11, 11, 11).T
-    for t in _times(time):
-        here = np.array([formula(points, t) for formula in formulas]).reshape(-1, 11, 11, 11)
-        there = mirror[:, None, None, None] * here[:, :, ::-1]
-        if np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):
-            return True
-    return False
-
-
-def _formulas(surface: Surface) -> list[Expression]:
-    names = ("elevation", "pressure")
-    return [Expression(getattr(surface, name), f"surface.{name}") for name in names]
-
-
-def _times(time: Time | None) -> list[float]:
-    return np.linspace(0.0, time.end, PLACES).tolist() if time else [0.0]
+    here = np.array([formula(points, time) for formula in formulas]).reshape(-1, 11, 11, 11)
+    there = mirror[:, None, None, None] * here[:, :, ::-1]
+    return bool(np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300))

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from .. import geometry
-from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
-from ..errors import SceneError
-from .messages import Problem, refusal, shown, split
-from .points import FromFile, about_file, file_key, read_numbers
+from ..arrays import MOST_HEIGHTS
+from .points import FromFile, file_key
 from .section import NotNegative, Pair, Positive, PositivePair, Rule, key
-from .shapes import BedSection, apart
+from .shapes import APART, BedSection
 from .solids import Ball
 
 MOST_SPHERES = 10_000  # of a heap
@@ -32,10 +30,9 @@ class TerrainSection(BedSection):
         "Angle by which the bed falls in the direction of the flow [degrees]", 0.0, gt=-90, lt=90
     )
 
-    @model_validator(mode="after")
-    def _has_a_shape(self) -> Self:
-        self.require(self.shape_key, lambda: self.terrain(0.0))
-        return self
+    rules: ClassVar[tuple[Rule, ...]] = (
+        Rule("{s.shape_key}", lambda s: s.shape(0.0, (0.0, 0.0)) is None),  # which its geometry may refuse
+    )  # fmt: skip
 
 
 class SphereBed(TerrainSection):
@@ -43,7 +40,7 @@ class SphereBed(TerrainSection):
 
     shape_key = "layers"
     rules = (
-        apart("spheres"),
+        APART,
         Rule("seed", lambda s: s.seed and s.arrangement != "random",
              "is read only for a random arrangement", "leave it out"),
     )  # fmt: skip
@@ -58,13 +55,10 @@ class SphereBed(TerrainSection):
     offset: Pair = key("x, y of the centre of one sphere [length]", (0.0, 0.0))
     angle: float = key("Angle of the rows, from x towards y [degrees]", 0.0)
 
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
-        angle = math.radians(self.angle)
-        kind = self.arrangement
-        return geometry.SphereBed.array(
-            self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed
-        )
+        rows = base, math.radians(self.angle), self.layers, self.seed
+        return geometry.SphereBed.array(self.radius, self.spacing, self.arrangement, offset, *rows)
 
 
 class HeapBed(FromFile, TerrainSection):
@@ -72,6 +66,7 @@ class HeapBed(FromFile, TerrainSection):
 
     in_file = shape_key = "spheres"
     instead = "give the name of a CSV file"
+    columns, fewest = "x, y, z, radius", 1
     kind: Literal["heap"] = key("Kind of bed", "heap")
     file: str | None = file_key("CSV file of x, y, z, radius,", "spheres", "bed.csv")
     spheres: Annotated[tuple[Ball, ...], Field(strict=False, max_length=MOST_SPHERES)] = key(
@@ -81,15 +76,11 @@ class HeapBed(FromFile, TerrainSection):
         "The same of spheres extended to the base plane by cylinders [length]", ()
     )
 
-    @classmethod
-    def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
-
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
         spheres = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
         posts = np.arange(len(spheres)) >= len(self.spheres)
         return geometry.SphereBed(
-            spheres[:, :3] + [-corner[0], -corner[1], origin_z], spheres[:, 3], origin_z, posts
+            spheres[:, :3] + [-corner[0], -corner[1], base], spheres[:, 3], base, posts
         )
 
 
@@ -102,14 +93,11 @@ class RidgeBed(TerrainSection):
     angle: float = key("Direction across the crests, from x towards y [degrees]", 0.0)
     phase: float = key("Phase at x = y = 0 [degrees]", 0.0)
 
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
         angle = math.radians(self.angle)
         ahead = corner[0] * math.cos(angle) + corner[1] * math.sin(angle)
-        phase = (
-            math.radians(self.phase)
-            + 2.0 * math.pi * math.fmod(ahead, self.wavelength) / self.wavelength
-        )
-        return geometry.Ridges(self.amplitude, self.wavelength, angle, phase, origin_z)
+        phase = math.radians(self.phase) + math.tau * math.fmod(ahead / self.wavelength, 1.0)
+        return geometry.Ridges(self.amplitude, self.wavelength, angle, phase, base)
 
 
 class RasterBed(FromFile, TerrainSection):
@@ -117,11 +105,11 @@ class RasterBed(FromFile, TerrainSection):
 
     in_file = shape_key = "heights"
     rules = (
-        Rule("heights", lambda s: sum(map(len, s.heights)) > MOST_HEIGHTS,
-             lambda s: f"are {sum(map(len, s.heights))}", f"give {MOST_HEIGHTS} at most, or a larger cell"),
+        Rule("heights", lambda s: (number := sum(map(len, s.heights))) > MOST_HEIGHTS and number,
+             "are {v}", f"give {MOST_HEIGHTS} at most, or a larger cell"),
         Rule("heights", lambda s: len(set(map(len, s.heights))) > 1,
              "are in rows of different lengths", "give as many in each"),
-        Rule("cell", lambda s: s.cell is None, "is missing",
+        Rule("cell", lambda s: s.heights and s.cell is None, "is missing",
              "give the spacing of the heights, as in [0.1, 0.1]"),
     )  # fmt: skip
 
@@ -134,28 +122,24 @@ class RasterBed(FromFile, TerrainSection):
         offset: tuple[float, float]
 
     @classmethod
-    def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        raise NotImplementedError
-
-    @classmethod
-    def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
+    def _raster(
+        cls, path: Path, cell: Any, given: Any
+    ) -> tuple[geometry.HeightMap, Sequence[float]]:
+        """The heights of a file, sampled with `cell` if not None, and x, y of the first one."""
         raise NotImplementedError
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
-        for name in ("cell", "offset", "scale"):
-            _require_numbers(cls.__name__, name, data.get(name))
-        try:
-            cell = data.get("cell")
-            raster = cls._in_file(path, None if cell is None else tuple(cell), data)
-        except SceneError as error:
-            raise about_file(cls.__name__, *split(str(error))) from None
-        offset = cls._first_at(data.get("offset"), raster.origin)
-        return {"cell": raster.cell, "offset": offset, "heights": raster.heights.tolist()}
+        cell = data.get("cell")
+        # The other keys are validated with a raster of any heights and, if its size is in the file, any size.
+        others = {"cell": (1.0, 1.0) if cell is None else cell, "heights": ((0.0, 0.0), (0.0, 0.0))}
+        given = cls.model_validate(data | others)
+        raster, offset = cls._raster(path, None if cell is None else given.cell, given)
+        return {"cell": raster.cell, "offset": tuple(offset), "heights": raster.heights.tolist()}
 
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
         assert self.cell is not None
-        place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
+        place = (self.offset[0] - corner[0], self.offset[1] - corner[1], base)
         return geometry.HeightMap(
             getattr(self, "relief", 1.0) * np.array(self.heights), self.cell, place
         )
@@ -178,13 +162,11 @@ class HeightMapBed(RasterBed):
     )
 
     @classmethod
-    def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
-        x, y = origin[:2] if offset is None else offset
-        return x, y
-
-    @classmethod
-    def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        return geometry.HeightMap.from_file(path, cell)
+    def _raster(
+        cls, path: Path, cell: Any, given: Any
+    ) -> tuple[geometry.HeightMap, Sequence[float]]:
+        raster = geometry.HeightMap.from_file(path, cell)
+        return raster, given.offset if "offset" in given.model_fields_set else raster.origin[:2]
 
 
 class MeshBed(RasterBed):
@@ -202,33 +184,11 @@ class MeshBed(RasterBed):
     offset: Pair = key("x, y of the file's origin [length]", (0.0, 0.0))
 
     @classmethod
-    def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
-        x, y = (0.0, 0.0) if offset is None else offset
-        return x + origin[0], y + origin[1]
-
-    @classmethod
-    def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
-        return geometry.HeightMap.from_surface(path, cell, data.get("scale", 1.0))
-
-
-_NUMBERS = {  # keys with which a file is read: number of values, lower bound, remedy
-    "cell": (2, SMALLEST, "give two lengths, as in [0.1, 0.1]"),
-    "offset": (2, -LARGEST, "give two lengths, as in [0.1, 0.1]"),
-    "scale": (1, SMALLEST, "give a positive number"),
-}
-
-
-def _require_numbers(section: str, key: str, value: Any) -> None:
-    count, least, remedy = _NUMBERS[key]
-    numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
-    if value is None or (
-        len(numbers) == count
-        and all(
-            isinstance(number, (int, float)) and least <= number <= LARGEST for number in numbers
-        )
-    ):
-        return
-    raise refusal(section, [Problem((key,), f"is {shown(value)}", remedy)])
+    def _raster(
+        cls, path: Path, cell: Any, given: Any
+    ) -> tuple[geometry.HeightMap, Sequence[float]]:
+        raster = geometry.HeightMap.from_surface(path, cell, given.scale)
+        return raster, np.add(given.offset, raster.origin[:2]).tolist()
 
 
 TerrainBed = SphereBed | HeapBed | RidgeBed | HeightMapBed | MeshBed

@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from .section import NotNegative, Positive, Rule, Section, key, rises
 
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
+OF_INFLOW = ("intensity", "length")
 OF_K_EPSILON = ("c_mu", "c_1", "c_2", "sigma_k", "sigma_epsilon")
-
-
-def _of_profile(broken: Callable[[Any], bool], why: str, remedy: str) -> Rule:
-    return Rule("profile", lambda s: s.inflow == "profile" and broken(s), why, remedy)
-
-
-def _of_inflow(key: str) -> tuple[Rule, Rule]:
-    return (
-        Rule(key, lambda s: s.inflow == "developed" and getattr(s, key) is not None,
-             'is read only with inflow = "given" or "profile"', "leave it out"),
-        Rule(key, lambda s: s.inflow != "developed" and getattr(s, key) is None,
-             'is missing, which inflow = "{s.inflow}" needs', "add it"),
-    )  # fmt: skip
-
-
-def _of_k_epsilon(key: str) -> Rule:
-    return Rule(key, lambda s: not s.has_wall_functions and s.changed(key),
-                'is not read by model = "k-omega-sst"', "leave it out")  # fmt: skip
 
 
 class Turbulence(Section):
@@ -43,17 +25,20 @@ class Turbulence(Section):
              'is for smooth walls, but wall is "rough"', "leave it out: the inflow developed over these walls"),
         Rule("upstream_roughness", lambda s: s.upstream_roughness and s.inflow == "given",
              'is not read with inflow = "given"', "leave it out"),
-        *(rule for key in ("intensity", "length") for rule in _of_inflow(key)),
+        Rule("{v}", lambda s: [k for k in OF_INFLOW if s.inflow == "developed" and getattr(s, k) is not None],
+             'is read only with inflow = "given" or "profile"', "leave it out"),
+        Rule("{v}", lambda s: [k for k in OF_INFLOW if s.inflow != "developed" and getattr(s, k) is None],
+             'is missing, which inflow = "{s.inflow}" needs', "add it"),
         Rule("profile", lambda s: s.profile and s.inflow != "profile",
              'is read only with inflow = "profile"', "leave it out"),
-        _of_profile(lambda s: len(s.profile) < 2 or len(set(map(len, s.profile))) != 1,
-                    "does not have two or more rows of one length",
-                    "give rows of height and speed, each with k or none"),
-        _of_profile(lambda s: not rises(((0.0,), *s.profile)),
-                    "has heights that do not increase from above zero", "sort the rows by height, without walls"),
-        _of_profile(lambda s: any(value <= 0.0 for row in s.profile for value in row[1:]),
-                    "has a speed or a k that is not positive", "omit walls: the law of the wall holds there"),
-        *map(_of_k_epsilon, OF_K_EPSILON),
+        Rule("profile", lambda s: s.inflow == "profile" and (len(s.profile) < 2 or len(set(map(len, s.profile))) != 1),
+             "does not have two or more rows of one length", "give rows of height and speed, each with k or none"),
+        Rule("profile", lambda s: s.profile and not rises(((0.0,), *s.profile)),
+             "has heights that do not increase from above zero", "sort the rows by height, without walls"),
+        Rule("profile", lambda s: any(value <= 0.0 for row in s.profile for value in row[1:]),
+             "has a speed or a k that is not positive", "omit walls: the law of the wall holds there"),
+        Rule("{v}", lambda s: [k for k in OF_K_EPSILON if not s.has_wall_functions and s.changed(k)],
+             'is not read by model = "k-omega-sst"', "leave it out"),
         Rule("c_2", lambda s: not 1.0 < s.c_1 < s.c_2,
              "is {s.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"),
     )  # fmt: skip

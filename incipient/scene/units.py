@@ -11,14 +11,11 @@ The unit of force is rho_f V0^2 L0^2, in 2-D rho_f V0^2 L0 per unit depth.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import ValidationError
-
 from ..arrays import SMALLEST
-from .messages import either, problem, refusal
+from .messages import either
 from .section import Positive, Rule, Section, allowed, is_number, key
 
 if TYPE_CHECKING:
@@ -26,8 +23,6 @@ if TYPE_CHECKING:
 
 _ONE_LENGTH = 'give one of them, as in length = "mm"'
 _SAME = 1e-9  # relative difference allowed between a value of the scene and its units
-_ANY = {"reynolds": 1.0, "acceleration": 1.0, "density": 2.0}  # until they are known
-_FILLED = (("fluid", "reynolds"), ("gravity", "acceleration"), ("body", "density"))
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
@@ -116,71 +111,42 @@ def nominal_diameter(grain: Any) -> float:
     return float((6.0 * grain.volume / math.pi) ** (1.0 / 3.0))
 
 
-def scales_of(scene: Scene, units: Units) -> Scales:
-    """Scales of a scene. Raises ValidationError without a grain or with an inconsistent speed of the flow."""
-    if scene.body is None:
-        raise _refused(
-            "units", "are those of a scene with a grain, and there is none", "add a section [body]"
-        )
-    kind, shear = scene.flow.kind, scene.flow.scaled_by == "shear_rate"
-    needed, other = ("shear_rate", "velocity") if shear else ("velocity", "shear_rate")
-    speed = getattr(units, needed)
-    if speed is None:
-        raise _refused(f"units.{needed}", f'is missing, which the flow "{kind}" needs', "add it")
-    if getattr(units, other) is not None:
-        raise _refused(f"units.{other}", f'is not of the flow "{kind}"', f"give {needed} only")
-    length = units.metres(scene.grain)
-    stated = scene.flow.reference_velocity(1.0)
-    time = stated / speed if shear else length * stated / speed
+WITHOUT_UNITS = (
+    Rule("fluid.reynolds", lambda s: s.fluid.reynolds is None, "is missing", "add it, or a section [units]"),
+    Rule("gravity.acceleration", lambda s: s.gravity is not None and s.gravity.acceleration is None,
+         "is missing", "add it, or a section [units]"),
+)  # fmt: skip
+OF_UNITS = (
+    Rule("units", lambda s: s.body is None,
+         "are those of a scene with a grain, and there is none", "add a section [body]"),
+    Rule("units.{s.flow.scaled_by}", lambda s: getattr(s.units, s.flow.scaled_by) is None,
+         'is missing, which the flow "{s.flow.kind}" needs', "add it"),
+    Rule("units.{v}",
+         lambda s: [k for k in ("shear_rate", "velocity") if k != s.flow.scaled_by and getattr(s.units, k) is not None],
+         'is not of the flow "{s.flow.kind}"', "give {s.flow.scaled_by} only"),
+    Rule("body.mass", lambda s: s.body.mass is not None, "is given with [units]", "leave one of them out"),
+    Rule("{v[0]}.{v[1]}", lambda s: [
+            (section, key, stated, value) for (section, key), value in derived(s).items()
+            if (stated := getattr(getattr(s, section), key, None)) is not None and abs(stated / value - 1.0) > _SAME],
+         "is {v[2]:g}, but [units] makes it {v[3]:g}", "leave it out"),
+)  # fmt: skip
+
+
+def scales_of(scene: Scene) -> Scales:
+    """Scales of a scene with a grain and units."""
+    units: Any = scene.units
+    length, stated = units.metres(scene.grain), scene.flow.reference_velocity(1.0)
+    speed = getattr(units, scene.flow.scaled_by)
+    time = stated / speed if scene.flow.scaled_by == "shear_rate" else length * stated / speed
     return Scales(length, time, units.fluid_density, scene.gdim)
 
 
-def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], Scene]) -> dict[str, Any]:
-    """Data of a scene completed from its units; `checked` makes the scene of data without units.
-
-    Raises ValidationError for an invalid scene, or one that contradicts its units.
-    """
-    try:
-        units = Units.model_validate(data["units"])
-    except ValidationError:  # which is reported when the whole scene is checked
-        return _filled(data, _ANY)
-    if _get(data.get("body"), "mass") is not None:
-        raise _refused("body.mass", "is given with [units]", "leave one of them out")
-    scene = checked({**_filled(data, _ANY), "units": None})
-    scales, speed, length = (
-        scales_of(scene, units),
-        scene.reference_velocity,
-        scene.reference_length,
-    )
-    derived = {
-        "reynolds": speed * scales.velocity * length * scales.length / units.viscosity,
-        "acceleration": units.gravity * scales.time**2 / scales.length,
-        "density": units.grain_density / units.fluid_density,
+def derived(scene: Scene) -> dict[tuple[str, str], float]:
+    """Values of a scene's keys (section, key) that follow from its units."""
+    units: Any = scene.units
+    scales, size = scales_of(scene), scene.reference_velocity * scene.reference_length
+    return {
+        ("fluid", "reynolds"): size * scales.velocity * scales.length / units.viscosity,
+        ("gravity", "acceleration"): units.gravity * scales.time**2 / scales.length,
+        ("body", "density"): units.grain_density / units.fluid_density,
     }
-    for section, name in _FILLED:
-        stated = _get(data.get(section), name)
-        if isinstance(stated, int | float) and abs(stated / derived[name] - 1.0) > _SAME:
-            why = f"is {stated:g}, but [units] makes it {derived[name]:g}"
-            raise _refused(f"{section}.{name}", why, "leave it out")
-    return _filled(data, derived)
-
-
-def _filled(data: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    filled = dict(data)
-    for section, name in _FILLED:
-        part = data.get(section)
-        if _get(part, name) is not None:
-            continue
-        if isinstance(part, Section):
-            filled[section] = part.model_copy(update={name: values[name]})
-        elif isinstance(part, dict) or (part is None and section == "gravity"):
-            filled[section] = {**(part or {}), name: values[name]}
-    return filled
-
-
-def _get(section: Any, key: str) -> Any:
-    return section.get(key) if isinstance(section, dict) else getattr(section, key, None)
-
-
-def _refused(key: str, why: str, remedy: str) -> ValidationError:
-    return refusal("Scene", [problem(key, why, remedy)], between=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +14,8 @@ from ..arrays import Floats
 from ..geometry.plane.beds import effective_level
 from ..scene import Domain, Scene
 from ..scene.expression import expressions
-from ..scene.gust import Gust
+from ..scene.gusts import Gust
 from .mean_profile import MeanProfile
-
-if TYPE_CHECKING:
-    from ..fluid.model import Driven
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 
@@ -48,16 +45,19 @@ class BaseFlow:
     """The flow without grain and bedforms, in units of the scene. No method is collective.
 
     Kinds whose profile depends on more than height and depth derive from it, see `KINDS`.
+    `speed`: of the flow for which the datum is computed, over the scene's.
     """
 
-    flow: Any  # the section of the scene that gives it
-    domain: Domain
-    bed: Any  # shape on which the inflow comes to rest; None without a bed
-    reference: float  # velocity of the Reynolds number
-    viscosity: float  # kinematic
-    walled: bool = False  # whether the fluid sticks to the sides across the width
-    creeping: bool = False  # whether inertia is left out, by which a computed datum is another one
-    speed: float = 1.0  # of the flow for which the datum is computed, over this one's
+    scene: Scene
+    speed: float = 1.0
+
+    @cached_property
+    def flow(self) -> Any:  # a section with the keys of its kind
+        return self.scene.flow
+
+    @cached_property
+    def domain(self) -> Domain:
+        return self.scene.domain
 
     # -- what a kind of flow may override ----------------------------------------------------------
 
@@ -68,7 +68,7 @@ class BaseFlow:
 
     @property
     def mean_speed(self) -> float:
-        return self.reference
+        return self.scene.reference_velocity
 
     @property
     def body_force(self) -> Callable[[Any, Any], Any] | None:
@@ -82,14 +82,6 @@ class BaseFlow:
 
     def factor(self, t: float) -> float:
         return 1.0 if self.gust is None else self.gust.factor(t)
-
-    def driven(self, grain: Any) -> Driven | None:
-        """The force that changes `factor`, also on the fluid that a grain displaces, or None."""
-        if self.gust is None:
-            return None
-        from .driving_force import driven
-
-        return driven(self, grain)
 
     def driving_speed(self, z: Any) -> Any:
         """Speed at factor one at heights from zero to the depth, numbers or UFL."""
@@ -108,21 +100,27 @@ class BaseFlow:
         heights = self.datum + step * np.array([0.0, 1.0, 2.0])
         u = self.velocity(self.column(self.domain.entrance, heights), 0.0)[0]
         gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
-        return float(self.speed * self.viscosity * abs(gradient))
+        return float(self.speed * self.scene.viscosity * abs(gradient))
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
         return self._risen_from(self.datum, x, t)
 
     @cached_property
     def entering(self) -> Velocity:
-        """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum."""
-        bed, datum = self.bed, self.datum
-        if bed is None:
-            return self.velocity
-        if self.domain.gdim == 2:
-            foot = max(datum, float(bed.height([self.domain.left])[0]))
-            return lambda x, t: self._risen_from(foot, x, t)
-        return lambda x, t: self._risen_from(np.maximum(datum, bed.height(x[:2].T)), x, t)
+        """Inflow velocity (gdim, n) at (3, n), t: at rest on a bed above the datum, at both ends if it oscillates."""
+        bed, domain = self.scene.bed_shape, self.domain
+        ends = (domain.left, domain.right)[: 1 + self.flow.oscillates] if bed is not None else ()
+
+        def foot(x: Floats) -> Floats:
+            heights = [np.full(x.shape[1], self.datum)]
+            for end in ends:
+                along = np.full(x.shape[1], end)
+                heights.append(
+                    bed.height(along if domain.gdim == 2 else np.column_stack([along, x[1]]))
+                )
+            return np.max(heights, axis=0)
+
+        return lambda x, t: self._risen_from(foot(x), x, t)
 
     # -- what all have -----------------------------------------------------------------------------
 
@@ -131,34 +129,41 @@ class BaseFlow:
         return getattr(self.flow, "gust", None)
 
     @property
+    def creeping(self) -> bool:
+        """Whether inertia is left out, without which a computed datum is another."""
+        return not self.scene.fluid.inertia or self.scene.effects.inertia is False
+
+    @property
     def over_forms(self) -> bool:
-        if self.domain.gdim == 3 or self.bed is None or not self.flow.shear_rate(1.0):
+        bed = self.scene.bed_shape
+        if self.domain.gdim == 3 or bed is None or not self.flow.shear_rate(1.0):
             return False
-        return bool(self.bed.period and self.domain.length >= FEWEST_PERIODS * self.bed.period)
+        return bool(bed.period and self.domain.length >= FEWEST_PERIODS * bed.period)
 
     @property
     def effective(self) -> bool:
         level = getattr(self.flow, "datum", "crest")
-        return self.bed is not None and (
-            level == "effective" or (level == "auto" and self.over_forms)
-        )
+        computed = level == "effective" or (level == "auto" and self.over_forms)
+        return computed and self.scene.bed_shape is not None
 
     @cached_property
     def effective_height(self) -> EffectiveHeight:
-        domain, bed = self.domain, self.bed
+        domain, bed = self.domain, self.scene.bed_shape
         if not math.isfinite(bed.feature):
             return EffectiveHeight(0.0, 0.0, 0.0)
         level = effective_level(bed)
         depth = max(bed.crest - domain.bottom - level, 0.0)
         shear = self.flow.shear_rate(domain.ceiling - bed.crest)
-        reynolds = 0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.viscosity
+        reynolds = (
+            0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
+        )
         lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
         return EffectiveHeight(level + lost, UNSURE * lost, level)
 
     @cached_property
     def datum(self) -> float:
         """Height at which the profile starts; below it the fluid is at rest."""
-        domain, bed = self.domain, self.bed
+        domain, bed = self.domain, self.scene.bed_shape
         if bed is None:
             return domain.bottom
         if self.effective:
@@ -185,9 +190,9 @@ class BaseFlow:
         return points
 
     def at_factor_one(self, z: Floats, y: Floats) -> Floats:
-        depth, (low, high) = self.depth, self.domain.across if self.walled else (0.0, 0.0)
-        inside = np.clip(z, 0.0, depth)
-        if self.walled and self.flow.duct:
+        depth, inside = self.depth, np.clip(z, 0.0, self.depth)
+        if self.domain.gdim == 3 and self.scene.sides == "wall" and self.flow.duct:
+            low, high = self.domain.across
             across, whole = np.clip(y - low, 0.0, high - low), self.flow.duct * depth
             speed = self.flow.velocity * duct_speed(across, inside, high - low, whole)
         else:
@@ -209,7 +214,7 @@ class LogLawFlow(BaseFlow):
     @cached_property
     def mean_profile(self) -> MeanProfile:
         flow = self.flow
-        return MeanProfile(flow.shear_velocity, self.viscosity, flow.roughness, self.depth)
+        return MeanProfile(flow.shear_velocity, self.scene.viscosity, flow.roughness, self.depth)
 
     @property
     def layer(self) -> float:
@@ -239,7 +244,7 @@ class OscillatoryFlow(BaseFlow):
 
     @property
     def layer(self) -> float:
-        return self.flow.thickness(self.viscosity)
+        return self.flow.thickness(self.scene.viscosity)
 
     def instants(self, end: float, samples: int) -> np.ndarray:
         return np.linspace(0.0, min(self.flow.period, end), samples)
@@ -249,21 +254,11 @@ class OscillatoryFlow(BaseFlow):
         phase, eta = self.flow.frequency * t, np.maximum(z, 0.0) / self.layer
         return self.flow.velocity * (np.cos(phase) - np.exp(-eta) * np.cos(phase - eta))
 
-    @cached_property
-    def entering(self) -> Velocity:
-        return lambda x, t: self._risen_from(self._foot(x), x, t)
-
-    def _foot(self, x: Floats) -> Floats:
-        foot, domain = np.full(x.shape[1], self.datum), self.domain
-        for end in (domain.left, domain.right) if self.bed is not None else ():
-            along = np.full(x.shape[1], end)
-            places = along if domain.gdim == 2 else np.column_stack([along, x[1]])
-            foot = np.maximum(foot, self.bed.height(places))
-        return foot
-
     def bed_stress(self) -> float:
         """The largest in time, U (w nu)^(1/2)."""
-        return self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.viscosity)
+        return (
+            self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.scene.viscosity)
+        )
 
 
 class FormulaFlow(BaseFlow):
@@ -283,20 +278,6 @@ class FormulaFlow(BaseFlow):
 
 # Flows that are not `FlowSection.speed` times a factor, by flow.kind.
 KINDS = {"log-law": LogLawFlow, "oscillatory": OscillatoryFlow, "expression": FormulaFlow}
-
-
-def base_flow_of(scene: Scene, speed: float = 1.0) -> BaseFlow:
-    """The base flow of a scene's flow faster by a factor, in its own units: only the datum may differ."""
-    return KINDS.get(scene.flow.kind, BaseFlow)(
-        flow=scene.flow,
-        domain=scene.domain,
-        bed=scene.bed_shape,
-        reference=scene.reference_velocity,
-        viscosity=scene.viscosity,
-        walled=scene.gdim == 3 and scene.sides == "wall",
-        creeping=not scene.fluid.inertia or scene.effects.inertia is False,
-        speed=speed,
-    )
 
 
 def duct_speed(y: np.ndarray, z: np.ndarray, width: float, depth: float) -> np.ndarray:

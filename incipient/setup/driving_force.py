@@ -70,8 +70,10 @@ class DisplacedFluid:
         return np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
 
 
-def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven:
-    """The base flow with its gust, for `FlowModel.driven`."""
+def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven | None:
+    """The base flow with its gust, which also acts on the fluid that a grain displaces; None without a gust."""
+    if base_flow.gust is None:
+        return None
     displaced = None if grain is None else DisplacedFluid(grain, base_flow).load
     return Driven(_velocity(base_flow), base_flow.factor, displaced)
 

@@ -27,6 +27,8 @@ MESHED_BED, PASSAGE = 3.0, 2.0
 # A grain on much smaller forms sees many of them alike: from so many features on fewer grain sizes do; never fewer
 # features than the forms next to the grain.
 MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
+# Names of the lines that close the space below a grain, upstream and downstream of its contacts.
+CLOSED = ("closed upstream", "closed downstream")
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -168,18 +170,9 @@ class SideNames:
         return self.bottom, self.right, self.top, self.left
 
     @property
-    def of_rectangle(self) -> tuple[str, ...]:
-        return self.left, self.right, self.bottom, self.top
-
-    def of_box(self, half: bool) -> tuple[str, ...]:
-        return (
-            self.left,
-            self.right,
-            SYMMETRY if half else "right",
-            "left",
-            self.bottom,
-            self.top,
-        )
+    def of_grid(self) -> tuple[str, ...]:
+        across = (SYMMETRY, *self.across) if len(self.across) == 1 else self.across
+        return self.left, self.right, *across, self.bottom, self.top
 
 
 def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:

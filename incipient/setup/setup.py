@@ -1,20 +1,69 @@
-"""A scene with its derived parts before meshing and computation, each derived once."""
+"""A scene with its derived parts and dimensionless numbers, each derived once, before meshing and computation."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..scene import Scene, Surface, Turbulence
+from ..scene.expression import of_time
 from ..scene.symmetry import differences
-from .base_flow import BaseFlow, base_flow_of
+from .base_flow import KINDS, BaseFlow
 from .geometry import Geometry, SideNames, side_names
-from .numbers import Numbers, numbers_of
-from .surroundings import Surroundings, surroundings_of
+from .surroundings import Surroundings
 
 if TYPE_CHECKING:
     from ..turbulence.walls import Walls
+
+SAMPLES = 33  # of times and of heights at which a given flow is sampled
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A scene's dimensionless numbers; None where a number does not apply."""
+
+    # Speed of the flow past the grain times its largest diameter over the viscosity
+    grain_reynolds: float | None = None
+    flow_reynolds: float = 0.0  # reference velocity times height of the domain over the viscosity
+    # Speed at the height of the bed's relief above the datum times that height over the viscosity
+    bed_reynolds: float | None = None
+    reach: float = 0.0  # extent of the grain's disturbance up to a wall, in grain sizes
+    # Grain size over speed times the time in which the flow changes
+    strouhal: float | None = None
+    density_ratio: float | None = None  # density of a free or weighing grain over the fluid's
+    # Density ratio times grain Reynolds number / 18: the Stokes number of the grain
+    stokes: float | None = None
+    # Mean velocity over sqrt(g depth), g across the bed, the depth from the datum
+    froude: float | None = None
+    # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
+    shear_reynolds: float | None = None
+    # That stress over the submerged weight of the grain, (rho_s - rho_f) g d
+    shields: float | None = None
+    of_flow: dict[str, float] = field(default_factory=dict)  # of its kind alone, by name
+
+    def text(self) -> str:
+        named = {
+            "grain Re": self.grain_reynolds,
+            "flow Re": self.flow_reynolds,
+            "bed Re": self.bed_reynolds,
+            "Strouhal": self.strouhal,
+            "density ratio": self.density_ratio,
+            "Stokes": self.stokes,
+            "Froude": self.froude,
+            "Re*": self.shear_reynolds,
+            "Shields number": self.shields,
+            **self.of_flow,
+        }
+        notes = {"grain Re": " (largest speed at its height)"}
+        return ", ".join(
+            f"{name} {value:.3g}{notes.get(name, '')}"
+            for name, value in named.items()
+            if value is not None
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +99,8 @@ class Setup:
         return self.base_flow_at(1.0)
 
     def base_flow_at(self, speed: float) -> BaseFlow:
-        return base_flow_of(self.scene, speed)
+        """The flow faster by a factor, in its own units: only the datum may differ."""
+        return KINDS.get(self.scene.flow.kind, BaseFlow)(self.scene, speed)
 
     @property
     def turbulence(self) -> Turbulence:
@@ -70,7 +120,7 @@ class Setup:
 
         datum = 0.0 if self.scene.gdim == 2 else self.base_flow.datum
         ground = self.geometry.height_at_inflow(datum)
-        return walls_of(self.scene, self.base_flow, self.sides, ground, self.turbulence)
+        return walls_of(self.scene, self.sides, ground, self.turbulence)
 
     @property
     def pinned_sides(self) -> tuple[str, ...]:
@@ -85,7 +135,7 @@ class Setup:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        return surroundings_of(self.geometry, self.sides, self.ceiling)
+        return Surroundings(self)
 
     def faster(self, factor: float) -> Setup:
         """The setup of a flow faster by a factor at the same viscosity, in units of that flow."""
@@ -111,3 +161,117 @@ class Setup:
             return self.base_flow_at(speed).bed_stress()
         faster = self if speed == 1.0 else self.faster(speed)
         return speed**2 * faster.walls.bed_shear_velocity**2
+
+
+def numbers_of(setup: Setup) -> Numbers:
+    """The scene's dimensionless numbers."""
+    scene, base_flow, grain = setup.scene, setup.base_flow, setup.scene.grain
+    viscosity, height, velocity = scene.viscosity, scene.domain.height, base_flow.mean_speed
+    gravity, flow, froude = float(abs(scene.gravity_vector[scene.up])), 0.0, None
+    if not scene.flow.at_rest:
+        # The reference velocity of shear is that over the reference length.
+        over = scene.flow.reference_velocity(height) / scene.reference_velocity
+        flow = velocity * over * height / viscosity
+        froude = velocity / math.sqrt(gravity * base_flow.depth) if gravity else None
+    numbers = Numbers(flow_reynolds=flow, bed_reynolds=_bed_reynolds(base_flow), froude=froude)
+    if grain is None:
+        return numbers
+    speed, period = (
+        max(speed_past_grain(setup), _own_speed(setup)),
+        time_of_change(base_flow),
+    )
+    reynolds, ratio = speed * grain.size / viscosity, scene.density
+    numbers = replace(
+        numbers,
+        grain_reynolds=reynolds,
+        reach=_wall_distance(setup) + 0.5,
+        strouhal=grain.size / (speed * period) if period is not None and speed > 0.0 else None,
+        density_ratio=ratio,
+        stokes=None if ratio is None else ratio * reynolds / 18.0,
+        of_flow=scene.flow.numbers(grain.size, viscosity),
+    )
+    if scene.bed is None or not scene.flow.stresses_bed or base_flow.gust is not None:
+        return numbers
+    stress, shields = setup.bed_stress(), None
+    if ratio is not None and ratio > 1.0 and scene.gravity is not None and setup.stress_unit > 0.0:
+        shields = stress / setup.stress_unit
+    shear_reynolds = math.sqrt(stress) * grain.size / viscosity
+    return replace(numbers, shear_reynolds=shear_reynolds, shields=shields)
+
+
+def _times(base_flow: BaseFlow, samples: int) -> np.ndarray:
+    time = base_flow.scene.time
+    return np.zeros(1) if time is None else base_flow.instants(time.end, samples)
+
+
+def speed_past_grain(setup: Setup) -> float:
+    """Largest speed of the base flow over the grain's height."""
+    grain, placement, base_flow = setup.scene.grain, setup.scene.placement, setup.base_flow
+    assert grain is not None and placement is not None
+    heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(
+        -1.0, 1.0, SAMPLES
+    )
+    points = base_flow.column(placement.centre, heights)
+    return max(
+        float(np.abs(base_flow.velocity(points, t)).max()) for t in _times(base_flow, SAMPLES)
+    )
+
+
+def _own_speed(setup: Setup) -> float:
+    """Estimated speed of the grain: prescribed, initial, or settling (Stokes, capped by free fall)."""
+    scene, size = setup.scene, setup.scene.grain.size
+    body = scene.body
+    if body is None or not body.moves:
+        return 0.0
+    if body.course is not None:
+        course = of_time(body.course, "body.course")
+        times = _times(setup.base_flow, SAMPLES)
+        velocities = np.abs([course(float(t)) for t in times])
+        turning = 3 if scene.gdim == 3 else 1
+        weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
+        return float((velocities @ weights).max())
+    drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
+    settling = min(drive * size**2 / (18.0 * setup.scene.viscosity), math.sqrt(drive * size))
+    spin = float(np.linalg.norm(body.spin))
+    return max(settling, math.hypot(*body.velocity), 0.5 * size * spin)
+
+
+def _bed_reynolds(base_flow: BaseFlow) -> float | None:
+    domain, bed = base_flow.domain, base_flow.scene.bed_shape
+    if bed is None:
+        return None
+    along = domain.grid(*(20 * SAMPLES, 2 * SAMPLES)[: len(domain.spans)])
+    heights = bed.height(along if domain.gdim == 3 else along[:, 0])
+    relief = float(heights.max() - heights.min())
+    if relief == 0.0:
+        return None
+    levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
+    points = base_flow.column(base_flow.domain.entrance, levels)
+    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.scene.viscosity
+
+
+def _wall_distance(setup: Setup) -> float:
+    scene, base_flow = setup.scene, setup.base_flow
+    placement, domain, top = scene.placement, scene.domain, scene.top
+    assert placement is not None
+    if scene.rests:
+        return 0.0
+    y, distances = placement.centre[scene.up], [domain.height]
+    bounded = domain.kind == "box" or top == "wall" or base_flow.scene.flow.wall_below
+    if scene.bed_shape is not None or bounded:
+        distances.append(y - base_flow.datum)
+    if top == "wall":
+        distances.append(domain.ceiling - y)
+    return max(min(distances) / scene.grain.size - 0.5, 0.0)
+
+
+def time_of_change(base_flow: BaseFlow) -> float | None:
+    """Largest speed of the base flow over its largest rate of change, or None."""
+    domain, scene = base_flow.domain, base_flow.scene
+    if scene.time is None or not scene.flow.changes:
+        return None
+    times = _times(base_flow, 4 * SAMPLES)
+    points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))
+    speeds = np.array([base_flow.velocity(points, t) for t in times])
+    rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())
+    return float(np.abs(speeds).max()) / rate if rate > 0.0 else None

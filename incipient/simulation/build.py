@@ -11,12 +11,12 @@ from ..effects import known
 from ..installed import required
 from ..parallel import Comm, collectively
 from ..planning import meshing
-from ..planning.cells import CLOSED
 from ..planning.effects import EffectName
 from ..planning.layout import Layout
 from ..planning.plan import Plan, plan_of
 from ..progress import Silent
 from ..scene import Scene
+from ..setup.geometry import CLOSED
 from ..setup.setup import Setup
 from .recorder import Recorder
 from .state import Accounts, Run
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def prepared(
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
-        from ..fluid.flow import build_fluid
+        from ..fluid import Fluid
         from ..mesh import domain
         from ..planning.conditions import conditions
     voice.begin("mesh")
@@ -70,7 +70,7 @@ def prepared(
         if checkpoint is None:
             made = domain.build(comm, layout.mesh)
         else:
-            from ..restart.redistribution import domain_of
+            from ..restart import domain_of
 
             made = domain_of(checkpoint, comm)
     (recorder or Recorder()).begin(scene, plan, made)
@@ -84,7 +84,7 @@ def prepared(
 
                 parts = [TurbulentFlow(setup, made, accounts.ledger.stage)]
                 model = parts[0].within(model)
-            newest = [build_fluid(made, model, conditions(meshed), plan.reynolds)]
+            newest = [Fluid(made, model, conditions(meshed), plan.reynolds)]
             # Another fluid may replace it.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             for part in parts:

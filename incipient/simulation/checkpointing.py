@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from itertools import chain
+from typing import Any
 
 import numpy as np
 
 from ..fluid.transient import Transient
 from ..planning.discretisation import with_order
-from ..restart.checkpoint import Checkpoint, Progress
-from ..restart.redistribution import stored_flow, stored_mesh
+from ..restart import Checkpoint, Progress, StoredMotion, numbered_nodes, stored_flow, stored_mesh
 from ..scene.file import dumps
 from .state import Run
 
@@ -21,16 +20,21 @@ def collected(run: Run) -> Checkpoint:
     transient, coupling = run.march.transient, run.march.coupling
     fluid = transient.fluid
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
-    parts = dict(
-        chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts)
-    )
+    parts: dict[str, Any] = {**stored_flow(fluid, states)}
+    for part in run.parts:
+        parts |= part.stored(transient)
+    motion = None
+    if coupling is not None:
+        nodes = numbered_nodes(fluid.domain.mesh)
+        places = nodes.joined(np.stack(coupling.places, axis=1))
+        motion = StoredMotion(nodes.joined(coupling.motion.reference), places)
     return Checkpoint(
         # Later versions may choose another order.
         scene=dumps(with_order(run.scene, run.plan.order)),
         progress=_progress(run, transient),
         mesh=stored_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
-        flow=stored_flow(fluid, states),
+        motion=motion,
         **parts,
     )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects import known
-from ..effects.run_part import RunPart
+from ..effects.effect import RunPart
 from ..errors import IncipientError, MeshError
 from ..fluid import Fluid
 from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
@@ -22,7 +22,7 @@ from .state import Run, part_of
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
     from ..effects.moving_grain.part import MovingGrain
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 class March:
@@ -94,15 +94,18 @@ class March:
         return coupling
 
     def _restore(self, checkpoint: Checkpoint) -> None:
-        from ..restart.redistribution import put_back_flow
+        from ..restart import put_back_flow, spread_nodes
 
-        fluid = self._run.fluid
-        for part in self._run.parts:
-            part.restore(checkpoint, self.coupling)
+        fluid, mesh = self._run.fluid, self._run.fluid.domain.mesh
+        if self.coupling is not None:
+            assert checkpoint.motion is not None
+            places = spread_nodes(mesh, checkpoint.motion.places)
+            self.coupling.places = list(np.moveaxis(places, 1, 0).copy())
             # Values stored by node position belong to the mesh of that time.
-            if self.coupling is not None:
-                fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
-                fluid.constraints.boundary_points_moved()
+            mesh.geometry.x[:] = self.coupling.places[0]
+            fluid.constraints.boundary_points_moved()
+        for part in self._run.parts:
+            part.restore(checkpoint)
         put_back_flow(checkpoint, self.transient)
 
     def _renew_worn_mesh(self) -> None:

@@ -13,7 +13,7 @@ from .state import Run
 
 if TYPE_CHECKING:
     from ..mesh.domain import Domain
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 class Recorder:

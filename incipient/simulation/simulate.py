@@ -22,7 +22,7 @@ from .state import Accounts, Run
 from .steady import loads_at, solve_with_turbulence
 
 if TYPE_CHECKING:
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
-from ..effects.run_part import RunPart
+from ..effects.effect import RunPart
 from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.layout import Layout
@@ -22,8 +22,8 @@ from .steadiness import Steadiness
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
-    from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
+    from ..effects.moving_surface import MovingSurface
     from ..effects.turbulent_flow import TurbulentFlow
     from ..fluid import Fluid
     from ..fluid.transient import Transient

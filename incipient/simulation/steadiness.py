@@ -9,7 +9,7 @@ import numpy as np
 from ..results.result import Steadied
 
 if TYPE_CHECKING:
-    from ..effects.free_surface.part import MovingSurface
+    from ..effects.moving_surface import MovingSurface
     from ..fluid import Fluid
     from ..fluid.transient import TimeStep
 

@@ -34,12 +34,11 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     # Start with the full Reynolds number unless it is large.
     whole = fluid.reynolds * run.setup.base_flow.mean_speed * run.scene.domain.height
     share = min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
-    with run.stage("flow"), run.corrections.begun():
-        watch = run.corrections.watched_by(run.voice.iterate)
+    with run.stage("flow"):
+        watch = run.corrections.of_steady(run.voice.iterate)
         steps = solve_steady(
             fluid, tolerance, numerics.max_iterations, first_share=share, watch=watch, **way
         )
-        run.corrections.book_steady(steps)
     run.accounts.count(
         continuation=len(steps), newton=sum(step.report.iterations for step in steps)
     )

@@ -27,7 +27,7 @@ from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
     from ..fluid.transient import TimeStep
-    from ..restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 
 NOT_STEADY = 'time.start: the steady flow did not converge; use a smaller numerics.mesh_size, or time.start = "rest"'
@@ -140,9 +140,8 @@ class TimeLoop:
         if run.surface is not None:
             run.surface.begin()
         while not run.is_steady:
-            with run.stage("flow"), run.corrections.begun():
+            with run.stage("flow"), run.corrections.step():
                 step = next(steps, None)
-                run.corrections.book_step(step.number if step else 0)
             if step is None:
                 break
             run.accounts.count(steps=1, rejected=step.rejected, newton=step.report.iterations)
@@ -178,11 +177,13 @@ class TimeLoop:
         if (base_flow := run.setup.base_flow).gust is not None:
             row["gust"] = base_flow.factor(step.time)
         for part in run.parts:
-            row |= part.columns(step, run.march.coupling)
-        if run.steadiness is not None:
-            row |= run.steadiness.column(step)
+            row |= part.columns(step)
+        if run.march.coupling is not None:
+            row |= run.march.coupling.columns(step.report)
         if run.grain is not None:
             row |= run.grain.energies()
+        if run.steadiness is not None:
+            row |= run.steadiness.column(step)
         for one in known.quantities(run.plan):
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)

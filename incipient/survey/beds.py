@@ -2,25 +2,140 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import singledispatch
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from pydantic import ValidationError
 from scipy.ndimage import center_of_mass, maximum
 
 from ..arrays import Floats, decimal
 from ..errors import SceneError
 from ..geometry.space.heightmap import LARGEST_FILE, HeightMap, array_in, require_few
+from ..geometry.statics import nearest_motion
 from ..input_files import read_table, reading
-from ..scene.messages import one_line, problems_of
 from ..scene.points import read_numbers
-from .deposition import Spheres, deposited
-from .request import MOST_GRAINS, Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres
+from .request import Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres
 
 _G3POINT = ("Xc", "Yc", "Zc", "Dmax", "Dmed", "Dmin")
 FEWEST_PIXELS = 12  # of a label that is a grain
+DOWN = np.array([0.0, 0.0, -1.0])
+# In radii of the sphere that rolls.
+STEP, SHORTEST = 0.2, 1e-7
+STILL = 1e-6  # speed of a sphere at rest, over the speed of free fall
+MOST_STEPS = 5000
+AS_FORESEEN = 0.5  # of the descent by the contacts' planes: steps with less are halved
+
+
+@dataclass(frozen=True, eq=False)
+class Spheres:
+    """Spheres with centres (n, 3) and radii (n,), periodic over `period` (2,) in x and y if given."""
+
+    centres: Floats
+    radii: Floats
+    period: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    def away(self, points: Floats) -> Floats:
+        """Vectors (..., n, 3) from the nearest images of the centres to points (..., 3)."""
+        vectors = points[..., None, :] - self.centres
+        if self.period is not None:
+            vectors[..., :2] -= self.period * np.round(vectors[..., :2] / self.period)
+        return np.asarray(vectors)
+
+    def without(self, number: int) -> Spheres:
+        kept = np.arange(len(self)) != number
+        return Spheres(self.centres[kept], self.radii[kept], self.period)
+
+    def around(self, point: Floats, reach: float) -> tuple[Floats, np.ndarray]:
+        """Centres (k, 3), images included, and numbers of spheres within a horizontal distance of a point."""
+        shifts = np.zeros((1, 2))
+        if self.period is not None:
+            most = np.ceil((reach + self.radii.max()) / self.period).astype(int)
+            steps = np.meshgrid(*(np.arange(-n, n + 1) for n in most))
+            shifts = np.stack(steps, axis=-1).reshape(-1, 2) * self.period
+        base = point - self.away(point)
+        images = np.repeat(base[None], len(shifts), axis=0)
+        images[..., :2] += shifts[:, None]
+        near = np.linalg.norm(images[..., :2] - point[:2], axis=2) <= reach + self.radii
+        return np.asarray(images[near]), np.nonzero(near)[1]
+
+
+def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spheres:
+    """A bed of spheres with radii (n,), dropped in this order at positions by a seed. Raises SceneError.
+
+    Sequential deposition (Visscher & Bolsterli 1972, Nature 239, 504): each rolls without friction until the normals of
+    its contacts hold its weight; those at rest do not move.
+
+    tries: positions at which each is dropped; the lowest rest counts.
+    """
+    if min(period) < 8.0 * radii.max():
+        raise SceneError(
+            f"bed: a box of {min(period):g} is less than four of its grains; enlarge length and width"
+        )
+    random, centres = np.random.default_rng([seed, 0]), np.empty((0, 3))
+    for number, radius in enumerate(radii.tolist()):
+        lying = Spheres(centres, radii[:number], period)
+        places = random.random((tries, 2)) * period
+        rests = [rolled(lying, np.array([*place, np.inf]), radius, floor=0.0) for place in places]
+        lowest = min(rests, key=lambda rest: float(rest[2]))
+        lowest[:2] %= period
+        centres = np.vstack([centres, lowest])
+    return Spheres(centres, radii, period)
+
+
+def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = None) -> Floats:
+    """The centre (3,) at which a sphere rests after its release at `start`; infinite height: above all others.
+
+    `floor`: height of a level floor. Raises SceneError if it leaves the others and there is none.
+    """
+    place, step = _dropped(others, start, radius, floor), STEP * radius
+    for _ in range(MOST_STEPS):
+        normals, gaps = _near(others, place, radius, 1.5 * step, floor)
+        motion = nearest_motion(normals, -np.maximum(gaps, 0.0) / step, DOWN)
+        ahead = _dropped(others, place + step * motion, radius, floor)
+        descent = place[2] - ahead[2]
+        if descent > 0.0:
+            place = ahead
+        is_as_foreseen = descent > -AS_FORESEEN * step * motion[2]
+        step = min(2.0 * step, STEP * radius) if is_as_foreseen else 0.5 * step
+        if step < SHORTEST * radius or np.linalg.norm(motion) < STILL:
+            return place
+    raise SceneError("a sphere did not come to rest; change the seed of the bed")
+
+
+def _dropped(others: Spheres, place: Floats, radius: float, floor: float | None) -> Floats:
+    level = place.copy()
+    level[2] = 0.0
+    away = others.away(level)
+    reach = others.radii + radius
+    below = reach**2 - (away[:, :2] ** 2).sum(axis=1)
+    tops = others.centres[:, 2] + np.sqrt(np.maximum(below, 0.0))
+    # A sphere that is beside another one, below its middle, does not land on it.
+    under = (below > 0.0) & (others.centres[:, 2] < place[2] + 1e-12 * radius)
+    tops = tops[under & (tops <= place[2] + 1e-6 * radius)]
+    lowest = -np.inf if floor is None else floor + radius
+    level[2] = max(float(tops.max(initial=-np.inf)), lowest)
+    if not np.isfinite(level[2]):
+        raise SceneError("a sphere rolls off the bed: give a larger bed")
+    return level
+
+
+def _near(
+    others: Spheres, place: Floats, radius: float, within: float, floor: float | None
+) -> tuple[Floats, Floats]:
+    """Normals (k, 3), and gaps (k,) less than `within`, to the others and the floor."""
+    away = others.away(place)
+    length = np.linalg.norm(away, axis=1)
+    gaps = length - others.radii - radius
+    close = gaps < within
+    normals, gaps = away[close] / length[close, None], gaps[close]
+    if floor is not None and place[2] - radius - floor < within:
+        normals, gaps = np.vstack([normals, -DOWN]), np.append(gaps, place[2] - radius - floor)
+    return normals, gaps
 
 
 @singledispatch
@@ -49,11 +164,7 @@ def _radii(bed: Deposited) -> Floats:
 
 @spheres_of.register
 def _(bed: MeasuredSpheres, base: Path) -> Spheres:
-    columns = "x, y, z, diameter"
-    try:
-        rows = np.array(read_numbers(base / bed.file, 4, MOST_GRAINS, "bed", columns, 3))
-    except ValidationError as error:
-        raise SceneError(one_line("bed", problems_of(error, MeasuredSpheres))) from None
+    rows = np.array(read_numbers(base / bed.file, "x, y, z, diameter", 3))
     return _measured(rows[:, :3], 0.5 * rows[:, 3], bed.file)
 
 

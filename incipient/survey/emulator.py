@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from ..arrays import Floats, Integers
-from ..errors import MissingError
 
 FEWEST, FOLDS = 8, 5  # runs of an emulator, and parts that they are cut into
 NINETY_FIVE = 1.96
@@ -58,14 +58,6 @@ class Emulator:
         """Probability with which bars of a grain without a run hold."""
         return min(LEVEL, len(self.errors) / (len(self.errors) + 1))
 
-    @staticmethod
-    def require() -> None:
-        try:
-            import_module("sklearn.gaussian_process")
-        except ImportError as error:
-            remedy = "pip install 'incipient[survey]'"
-            raise MissingError(f"scikit-learn cannot be used ({error}): {remedy}") from None
-
     def predicted(self, features: Floats) -> tuple[Floats, Floats]:
         means, deviations = _predicted(self.processes, features)
         return means, deviations * self.widened
@@ -87,12 +79,11 @@ class Emulator:
 
     def most_wanted(self, features: Floats, count: int) -> Integers:
         """Indices of the `count` least certain of features (m, 7), each after those before it."""
-        chosen: list[int] = []
-        for _ in range(min(count, len(features))):
-            deviations = self.deviations_with(features, features[chosen])
-            deviations[chosen] = -1.0
-            chosen.append(int(deviations.argmax()))
-        return np.array(chosen, dtype=np.int64)
+
+        def deviations(chosen: list[int]) -> Floats:
+            return self.deviations_with(features, features[chosen])
+
+        return _greedily(deviations, min(count, len(features)))
 
 
 def _fitted(features: Floats, values: Floats) -> tuple[Any, ...]:
@@ -128,12 +119,22 @@ def designed(features: Floats, count: int) -> Integers:
     """
     spread = features.std(axis=0)
     scaled = (features - np.median(features, axis=0)) / np.where(spread > 1e-12, spread, 1.0)
-    chosen = [int(np.linalg.norm(scaled, axis=1).argmin())] if len(features) and count else []
-    away = np.full(len(features), np.inf)
-    while len(chosen) < min(count, len(features)):
-        away = np.minimum(away, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
-        away[chosen] = -1.0
-        chosen.append(int(away.argmax()))
+
+    def distances(chosen: list[int]) -> Floats:
+        if not chosen:
+            return -np.linalg.norm(scaled, axis=1)
+        return cdist(scaled, scaled[chosen]).min(axis=1)
+
+    return _greedily(distances, min(count, len(features)))
+
+
+def _greedily(wanted: Callable[[list[int]], Floats], count: int) -> Integers:
+    """Indices of `count` items, each the most wanted one after those chosen before."""
+    chosen: list[int] = []
+    for _ in range(count):
+        values = wanted(chosen)
+        values[chosen] = -np.inf
+        chosen.append(int(values.argmax()))
     return np.array(chosen, dtype=np.int64)
 
 
@@ -146,12 +147,11 @@ def runs_to_halve(emulator: Emulator, features: Floats, unknown: Sequence[int]) 
     order = emulator.most_wanted(left, len(left))
 
     def bar(added: int) -> float:
-        if added == len(order):
-            return 0.0
         return float(emulator.deviations_with(left[order[added:]], left[order[:added]]).sum())
 
-    whole, low, high = bar(0), 0, len(order)
-    while low < high:  # the bar falls with every run
-        middle = (low + high) // 2
-        low, high = (low, middle) if bar(middle) <= 0.5 * whole else (middle + 1, high)
-    return low
+    # The bar falls with every run, to zero with the last one.
+    return (
+        bisect_left(range(len(left)), -0.5 * bar(0), key=lambda added: -bar(added))
+        if len(left)
+        else 0
+    )

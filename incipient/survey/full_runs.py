@@ -19,7 +19,7 @@ from ..geometry.space.beds import SphereBed
 from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Shear, Sphere
 from ..sweep.cases import identity_of
 from .pockets import TOUCHING, Pocket
-from .request import SurveyRequest
+from .request import Survey
 
 BELOW = 0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
 WIDEST = 0.8  # diameters: radius of posts that fill interstices
@@ -52,7 +52,7 @@ class FullRun:
 def scene_of(
     pocket: Pocket,
     level: float,
-    request: SurveyRequest,
+    request: Survey,
     reynolds: float,
     error_bars: bool = False,
     wide: bool = False,

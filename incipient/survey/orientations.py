@@ -16,27 +16,17 @@ from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
 from ..geometry.placement import Placement
 from ..output.ownership import locked
-from ..parallel import Comm, collectively
+from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.file import parse
 from ..scene.solids import SolidSection, orientation_of
-from ..sweep import run as run_sweep
 from ..sweep.cases import Source, identity_of
-from ..sweep.table import columns, rows
+from ..sweep.table import columns
 from .outcome import SHARES, TOO_FEW, few
-from .procedure import ONE_OF_MANY, RUNS
+from .procedure import RUNS, swept
 
 POSES, SUMMARY = "poses.csv", "poses.json"
-
-
-@dataclass(frozen=True)
-class Poses:
-    """Numbers of random orientations and of seeds of the bed; `first`: seed of the orientations."""
-
-    orientations: int = 1
-    seeds: int = 1
-    first: int = 0
 
 
 @dataclass(frozen=True)
@@ -81,15 +71,16 @@ class PoseOutcome:
 def survey_poses(
     path: Path,
     overrides: Sequence[str],
-    request: Poses,
+    orientations: int,
+    seeds: int,
     directory: Path,
     comm: Comm,
     sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> PoseOutcome:
-    """Compute the thresholds of a scene's grain in random orientations, on beds of several seeds. Collective.
+    """Compute the thresholds of a scene's grain in random orientations, on beds of several seeds. Not collective.
 
-    Poses without rest are counted. `sweep`: as of `survey`. Raises IncipientError on all ranks.
+    Poses without rest are counted. `sweep`: as of `survey`. Raises IncipientError.
     """
     source, voice = Source.of(path), voice or Silent()
 
@@ -100,8 +91,8 @@ def survey_poses(
     if not (isinstance(own.body, SolidSection) and own.body.x is not None):
         need = "a 3-D grain that rests on a bed; give body.x"
         raise SceneError(f"{path}: --orientations and --seeds need {need}")
-    scenes, reason, refused, total = [], "", 0, request.orientations * request.seeds
-    for number, settings in enumerate(_settings(request, own.body.orientation)):
+    scenes, reason, refused, total = [], "", 0, orientations * seeds
+    for number, settings in enumerate(_settings(orientations, seeds, own.body.orientation)):
         voice.count("poses", number, total)
         try:
             scenes.append(posed(*settings).model_copy(update={"title": f"pose {number}"}))
@@ -112,32 +103,32 @@ def survey_poses(
     if not scenes:
         raise SceneError(f"{path}: the grain rests in none of {total} poses: {reason}")
     with locked(directory, comm, make=True):
-        file, inertia = directory / RUNS, {"fluid.inertia": [own.fluid.inertia]}
-        arguments = {**ONE_OF_MANY, **sweep}
-        run_sweep(scenes, file, inertia, do="threshold", voice=voice, **arguments)
-        stored = {row["id"]: row for row in rows(file)}
-        identities = {identity_of(scene, "threshold"): scene.title for scene in scenes}
+        stored = swept(scenes, directory / RUNS, "threshold", sweep, voice)
+        titles = {identity_of(scene, "threshold"): scene.title for scene in scenes}
         table = [
-            stored[identity] | {"source": title}
-            for identity, title in identities.items()
+            {**stored[identity], "source": title}
+            for identity, title in titles.items()
             if identity in stored
         ]
         outcome = PoseOutcome.of(table, total, refused, reason)
-        with collectively(comm):
-            if comm.rank == 0:
-                write_text_atomically(directory / POSES, csv_text(columns(table), table))
-                write_json(directory / SUMMARY, vars(outcome))
+        write_text_atomically(directory / POSES, csv_text(columns(table), table))
+        write_json(directory / SUMMARY, vars(outcome))
     return outcome
 
 
-def _settings(request: Poses, own: tuple[float, float, float]) -> list[tuple[str, ...]]:
-    random = np.random.default_rng(request.first)
-    turned = [own, *(random_orientation(random) for _ in range(request.orientations - 1))]
-    orientations = [
-        f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]" for angles in turned
+def _settings(
+    orientations: int, seeds: int, own: tuple[float, float, float]
+) -> list[tuple[str, ...]]:
+    random = np.random.default_rng(0)
+    turned = [own, *(random_orientation(random) for _ in range(orientations - 1))]
+    return [
+        (
+            f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]",
+            *((f"bed.seed={seed}",) if seeds > 1 else ()),
+        )
+        for seed in range(seeds)
+        for angles in turned
     ]
-    seeds = [(f"bed.seed={seed}",) if request.seeds > 1 else () for seed in range(request.seeds)]
-    return [(orientation, *seed) for seed in seeds for orientation in orientations]
 
 
 def random_orientation(random: np.random.Generator) -> tuple[float, float, float]:

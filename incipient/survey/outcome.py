@@ -1,4 +1,7 @@
-"""The results of a survey as data."""
+"""The results of a survey as data, with published laws for comparison.
+
+Lengths of the laws are in diameters of the grain, angles in degrees.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Floats, known_percentiles, percentile
-from .deposition import Spheres
+from .beds import Spheres
 from .emulator import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator
-from .full_runs import LoadCoefficients
-from .laws import kirchner, with_constant_drag
+from .full_runs import LoadCoefficients, relative_error
 from .pockets import Pocket, Surface
-from .request import SurveyRequest
+from .request import Survey
 from .thresholds import Threshold, range_of
 
 SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
@@ -32,6 +35,33 @@ COLUMNS = (
     *("shields_constant_drag", "loads", "mode", "shields", "shields_low", "shields_high"),
     *("stress", "stress_low", "stress_high", "rank"),
 )
+DRAG = 0.76  # of a sphere on a bed, as Feehan et al. (2023) assume after Schmeeckle et al. (2007)
+KARMAN, ROUGH = 0.41, 30.0  # Nikuradse's z0 = median diameter/30 of rough walls
+HEIGHTS = 400  # of the quadrature
+
+
+def kirchner(percentile: ArrayLike, ratio: ArrayLike = 1.0) -> Floats:
+    """Percentile of the pivot angle by the grain's diameter over the bed's median, (30 + 0.5 n)(D/K50)^-0.3.
+
+    Kirchner, Dietrich, Iseya & Ikeda (1990), Sedimentology 37, 647, for water-worked mixtures of sand and gravel.
+    """
+    return np.asarray((30.0 + 0.5 * np.asarray(percentile)) * np.asarray(ratio) ** -0.3)
+
+
+def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:
+    """Shields number at which a constant drag coefficient and a rough log law, without lift, move a grain.
+
+    pivot: angle; protrusion: top above the bed's mean level, where the velocity is zero; ratio: diameter over the
+    median. Infinite without protrusion, or if no force along the flow moves the grain.
+    """
+    if not (protrusion > 0.0 and pivot < 90.0):
+        return math.inf
+    heights = protrusion * (np.arange(HEIGHTS) + 0.5) / HEIGHTS
+    width = 2.0 * np.sqrt(np.maximum(0.25 - (heights - protrusion + 0.5) ** 2, 0.0))
+    speed = np.log(np.maximum(ROUGH * ratio * heights, 1.0)) / KARMAN
+    squared = float((speed**2 * width).sum()) * protrusion / HEIGHTS
+    force = math.pi / 6.0 * math.tan(math.radians(pivot))
+    return force / (0.5 * DRAG * squared) if squared > 0.0 else math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,19 +93,15 @@ class EmulatorRecord:
         failed: int,
         thresholds: Sequence[Threshold],
         to_halve: int,
-        of_flow: Floats,
     ) -> EmulatorRecord:
-        wrong, bars = emulator.errors, emulator.bars
+        wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
-        ranges = [
-            (*threshold.bar, threshold.shields)
+        relative = [
+            0.5 * float(np.ptp(threshold.bar)) / threshold.shields
             for threshold in thresholds
             if not threshold.is_computed
-        ]
-        relative = [
-            0.5 * (high - low) / shields
-            for low, high, shields in ranges
-            if np.isfinite([shields, high]).all() and shields > 0.0
+            and threshold.shields > 0.0
+            and np.isfinite([threshold.shields, threshold.bar[1]]).all()
         ]
         return cls(
             runs=len(runs),
@@ -110,7 +136,7 @@ class SurveyOutcome:
     runs: grains with a full run, in their order; mark: of the bed and the flow of these runs
     """
 
-    request: SurveyRequest
+    request: Survey
     spheres: Spheres
     surface: Surface
     exposed: int

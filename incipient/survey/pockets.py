@@ -16,7 +16,7 @@ from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..errors import SceneError
 from ..geometry.space.beds import SphereBed
-from .deposition import DOWN, Spheres, rolled
+from .beds import DOWN, Spheres, rolled
 from .request import FlowPast, Surveyed
 
 TOUCHING = 1e-6  # of the diameter: gaps of contacts

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,44 +13,36 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from ..files import csv_text, make_directory, write_json, write_text_atomically
-from ..input_files import read_text
+from ..files import csv_text, write_json, write_text_atomically
+from ..installed import optional
 from ..output.ownership import locked
-from ..parallel import Comm, collectively, from_first
+from ..parallel import Comm
 from ..progress import Silent
-from ..scene.file import parse
+from ..scene import Scene
 from ..sweep import run as run_sweep
 from ..sweep.cases import identity_of
 from ..sweep.store import DONE, FAILED
 from ..sweep.table import rows as rows_of
-from .beds import spheres_of
-from .deposition import Spheres
+from .beds import Spheres, spheres_of
 from .emulator import FEWEST, Emulator, designed, runs_to_halve
 from .full_runs import (
     FullRun,
     LoadCoefficients,
     coefficients_of,
-    relative_error,
     reynolds_of,
     scene_of,
 )
 from .outcome import COLUMNS, EmulatorRecord, SurveyOutcome
 from .pockets import Surface, exposed, pockets
-from .request import SurveyRequest
-from .thresholds import LoadErrors, features_of, thresholds
+from .request import Survey
+from .thresholds import features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
-ONE_OF_MANY = {"tries": 1}  # a run that dies or takes too long is not repeated by itself
-
-
-def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
-    """Read a survey from a TOML file. Raises SceneError."""
-    text = read_text(path, "give the name of a survey file")
-    return parse(SurveyRequest, text, path.parent, overrides, str(path))
+Rows = Mapping[str, Mapping[str, Any]]
 
 
 def survey(
-    request: SurveyRequest,
+    request: Survey,
     base: Path,
     directory: Path,
     comm: Comm,
@@ -59,14 +50,14 @@ def survey(
     sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> SurveyOutcome:
-    """Survey a bed; results are written to a directory, whose finished runs are reused. Collective.
+    """Survey a bed; results are written to a directory, whose finished runs are reused. Not collective.
 
     Args:
         base: directory that files of the bed are relative to.
         more: full runs beyond those of the request.
         sweep: arguments of the sweep of full runs, such as jobs, wall, retry, scheduler, limit.
 
-    Raises IncipientError on all ranks; finished runs are in the directory.
+    Raises IncipientError; finished runs are in the directory.
     """
     voice = voice or Silent()
     with locked(directory, comm, make=True):
@@ -78,21 +69,20 @@ def survey(
             grains.append(grain)
             voice.count("grains", count, len(numbers))
         mark = _mark(request, spheres)
-        begun = from_first(comm, lambda: _begun(directory / RECORD, mark))
         bed = spheres, surface, len(numbers), grains
-        outcome = SurveyOutcome(request, *bed, runs=begun, mark=mark)
+        outcome = SurveyOutcome(request, *bed, runs=_begun(directory / RECORD, mark), mark=mark)
         if not outcome.free:
             why = "no exposed grain is free to move; enlarge the bed or lower grains.visible"
             raise SceneError(f"bed: {why}")
-        _write(outcome, directory, comm)
+        _write(outcome, directory)
         if request.runs.number or more:
-            Emulator.require()
-            outcome = _Loads(outcome, directory, comm, more, sweep, voice).computed()
-            _write(outcome, directory, comm)
+            optional("sklearn.gaussian_process", "survey", "scikit-learn")
+            outcome = _with_loads(outcome, directory, more, sweep, voice)
+            _write(outcome, directory)
         return outcome
 
 
-def _mark(request: SurveyRequest, spheres: Spheres) -> str:
+def _mark(request: Survey, spheres: Spheres) -> str:
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
@@ -107,111 +97,101 @@ def _begun(record: Path, mark: str) -> tuple[int, ...]:
         return ()
 
 
-def _write(outcome: SurveyOutcome, directory: Path, comm: Comm) -> None:
-    with collectively(comm):
-        if comm.rank:
-            return
-        make_directory(directory)
-        write_text_atomically(directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
-        names = ("x", "y", "z", "diameter")
-        places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
-        rows = (dict(zip(names, row, strict=True)) for row in places.tolist())
-        write_text_atomically(directory / SPHERES, csv_text(names, rows))
-        write_json(directory / RECORD, outcome.to_dict())
+def _write(outcome: SurveyOutcome, directory: Path) -> None:
+    write_text_atomically(directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
+    names = ("x", "y", "z", "diameter")
+    places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
+    rows = (dict(zip(names, row, strict=True)) for row in places.tolist())
+    write_text_atomically(directory / SPHERES, csv_text(names, rows))
+    write_json(directory / RECORD, outcome.to_dict())
 
 
-@dataclass(frozen=True, eq=False)
-class _Loads:
-    outcome: SurveyOutcome
-    directory: Path
-    comm: Comm
-    more: int
-    sweep: Mapping[str, Any]
-    voice: Silent
-
-    def computed(self) -> SurveyOutcome:
-        grains, number = self.outcome.free, self.outcome.request.runs.number
-        order = designed(self._features, min(number, len(grains)))
-        # Runs of an earlier call come first: the place of a run decides its Reynolds number.
-        first = [grains[place].number for place in order.tolist()]
-        chosen = list(dict.fromkeys([*self.outcome.runs, *first]))
-        runs, table = self._full_runs(chosen), self._table()
-        begun = sum(status not in (DONE, FAILED) for status in _statuses(runs, table))
-        if (more := self.more - begun) > 0:
-            further = self._further(chosen, coefficients_of(runs, table), more)
-            runs += self._full_runs(further, len(chosen))
-            chosen += further
-        if len(chosen) < FEWEST:
-            remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
-            why = f"{len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
-            raise SceneError(f"runs.number: {why}")
-        outcome = replace(self.outcome, runs=tuple(chosen))
-        _write(outcome, self.directory, self.comm)
-        scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
-        inertia = {"fluid.inertia": [outcome.request.flow.galileo is not None]}
-        means = {**ONE_OF_MANY, **self.sweep}
-        run_sweep(scenes, self.directory / RUNS, inertia, do="run", voice=self.voice, **means)
-        table = self._table()
-        done, failed = coefficients_of(runs, table), _statuses(runs, table).count(FAILED)
-        if len(done) < FEWEST:
-            why = f"{len(done)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
-            raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(done)}")
-        return self._with_thresholds(outcome, done, failed)
-
-    @cached_property
-    def _features(self) -> Floats:
-        median = self.outcome.surface.median
-        return np.array([features_of(grain, median, 1.0) for grain in self.outcome.free])
-
-    def _further(
-        self, chosen: Sequence[int], runs: Sequence[LoadCoefficients], more: int
-    ) -> list[int]:
-        numbers = np.array([grain.number for grain in self.outcome.free])
-        left = np.flatnonzero(~np.isin(numbers, chosen))
-        wanted = self._emulator(runs).most_wanted if len(runs) >= FEWEST else designed
-        return list(map(int, numbers[left[wanted(self._features[left], more)]]))
-
-    def _full_runs(self, numbers: Sequence[int], place: int = 0) -> list[FullRun]:
-        outcome, runs = self.outcome, []
-        free = {grain.number: grain for grain in outcome.free}
-        median, galileo = outcome.surface.median, outcome.request.flow.galileo
-        for at, number in enumerate(numbers, place):
-            if (grain := free.get(number)) is None:
-                continue
-            level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
-            own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
-            arguments = grain, level, outcome.request, reynolds_of(at, own)
-            with_bars = at < outcome.request.runs.with_error_bars
-            wide = scene_of(*arguments, wide=True) if with_bars else None
-            runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
-        return runs
-
-    def _table(self) -> dict[str, dict[str, Any]]:
-        file = self.directory / RUNS
-        return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
-
-    def _emulator(self, runs: Sequence[LoadCoefficients]) -> Emulator:
-        free = {grain.number: grain for grain in self.outcome.free}
-        median = self.outcome.surface.median
-        features = [features_of(free[run.number], median, run.reynolds) for run in runs]
-        return Emulator.of(np.array(features), np.array([run.values for run in runs]))
-
-    def _with_thresholds(
-        self, outcome: SurveyOutcome, runs: list[LoadCoefficients], failed: int
-    ) -> SurveyOutcome:
-        flow, grains, median = outcome.request.flow, outcome.free, outcome.surface.median
-        self.voice.begin("thresholds")
-        emulator, of_flow = self._emulator(runs), relative_error(runs)
-        errors = LoadErrors(emulator.correlation, of_flow, outcome.request.runs.seed)
-        critical = thresholds(grains, median, flow, runs, emulator, errors)
-        features, computed = self._features.copy(), {run.number for run in runs}
-        features[:, -1] = np.log10(runs[0].reynolds)
-        unknown = [place for place, grain in enumerate(grains) if grain.number not in computed]
-        to_halve = runs_to_halve(emulator, features, unknown)
-        record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve, of_flow)
-        return replace(outcome, thresholds=critical, emulator=record)
+def swept(
+    scenes: Sequence[Scene], file: Path, task: str, sweep: Mapping[str, Any], voice: Silent
+) -> Rows:
+    """Compute scenes of one inertia in a sweep; its rows by identity, with those of earlier calls."""
+    same = {"fluid.inertia": [scenes[0].fluid.inertia]}
+    means = {"tries": 1, **sweep}  # a run that dies or takes too long is not repeated by itself
+    run_sweep(list(scenes), file, same, do=task, voice=voice, **means)
+    return _stored(file)
 
 
-def _statuses(runs: Sequence[FullRun], table: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _stored(file: Path) -> Rows:
+    return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
+
+
+def _with_loads(
+    outcome: SurveyOutcome,
+    directory: Path,
+    more: int,
+    sweep: Mapping[str, Any],
+    voice: Silent,
+) -> SurveyOutcome:
+    request, grains, file = outcome.request, outcome.free, directory / RUNS
+    numbers = np.array([grain.number for grain in grains])
+    features = np.array([features_of(grain, outcome.surface.median, 1.0) for grain in grains])
+    # Runs of an earlier call come first: the place of a run decides its Reynolds number.
+    first = numbers[designed(features, request.runs.number)].tolist()
+    chosen = list(dict.fromkeys([*outcome.runs, *first]))
+    runs, table = _full_runs(outcome, chosen), _stored(file)
+    begun = sum(status not in (DONE, FAILED) for status in _statuses(runs, table))
+    if more > begun:
+        done, left = coefficients_of(runs, table), np.flatnonzero(~np.isin(numbers, chosen))
+        wanted = _emulator(outcome, done).most_wanted if len(done) >= FEWEST else designed
+        chosen += numbers[left[wanted(features[left], more - begun)]].tolist()
+        runs = _full_runs(outcome, chosen)
+    if len(chosen) < FEWEST:
+        remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
+        why = f"{len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
+        raise SceneError(f"runs.number: {why}")
+    outcome = replace(outcome, runs=tuple(chosen))
+    _write(outcome, directory)
+    scenes = [scene for run in runs for scene in (run.scene, run.wide) if scene is not None]
+    table = swept(scenes, file, "run", sweep, voice)
+    done, failed = coefficients_of(runs, table), _statuses(runs, table).count(FAILED)
+    if len(done) < FEWEST:
+        why = f"{len(done)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
+        raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(done)}")
+    voice.begin("thresholds")
+    return _with_thresholds(outcome, features, done, failed)
+
+
+def _with_thresholds(
+    outcome: SurveyOutcome, features: Floats, runs: Sequence[LoadCoefficients], failed: int
+) -> SurveyOutcome:
+    grains, emulator = outcome.free, _emulator(outcome, runs)
+    median, flow = outcome.surface.median, outcome.request.flow
+    critical = thresholds(grains, median, flow, runs, emulator, outcome.request.runs.seed)
+    features[:, -1] = np.log10(runs[0].reynolds)
+    known = {run.number for run in runs}
+    unknown = [place for place, grain in enumerate(grains) if grain.number not in known]
+    to_halve = runs_to_halve(emulator, features, unknown)
+    record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve)
+    return replace(outcome, thresholds=critical, emulator=record)
+
+
+def _full_runs(outcome: SurveyOutcome, numbers: Sequence[int]) -> list[FullRun]:
+    """Runs of the grains with these numbers that are free."""
+    runs, free = [], {grain.number: grain for grain in outcome.free}
+    median, galileo = outcome.surface.median, outcome.request.flow.galileo
+    for place, number in enumerate(numbers):
+        if (grain := free.get(number)) is None:
+            continue
+        level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
+        own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
+        arguments = grain, level, outcome.request, reynolds_of(place, own)
+        with_bars = place < outcome.request.runs.with_error_bars
+        wide = scene_of(*arguments, wide=True) if with_bars else None
+        runs.append(FullRun(number, scene_of(*arguments, error_bars=with_bars), wide))
+    return runs
+
+
+def _emulator(outcome: SurveyOutcome, runs: Sequence[LoadCoefficients]) -> Emulator:
+    free, median = {grain.number: grain for grain in outcome.free}, outcome.surface.median
+    features = [features_of(free[run.number], median, run.reynolds) for run in runs]
+    return Emulator.of(np.array(features), np.array([run.values for run in runs]))
+
+
+def _statuses(runs: Sequence[FullRun], table: Rows) -> list[str]:
     identities = [identity_of(run.scene, "run") for run in runs]
     return [table[identity]["status"] for identity in identities if identity in table]

@@ -120,7 +120,7 @@ class Runs(Section):
     seed: int = key("Seed of the emulator's draws", 0, ge=0)
 
 
-class SurveyRequest(Section):
+class Survey(Section):
     """A survey of a bed of grains."""
 
     title: str = key("Title of the survey", "")

@@ -14,13 +14,14 @@ import numpy as np
 from ..arrays import Floats, percentile
 from ..contact.batch import Batch, Cases, judge_many
 from ..contact.friction import FrictionCone
-from .deposition import DOWN
+from .beds import DOWN
 from .emulator import Emulator
-from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients
+from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients, relative_error
 from .pockets import Pocket
 from .request import FlowPast
 
 DRAWS = 40  # of the errors of all loads
+OF_EMULATOR, OF_FLOW = 3, 4  # seeds of errors
 STRENGTHS = 16  # Shields numbers, with inertia, between which the threshold is interpolated
 BEYOND = 1e-3  # relative excess over the critical load of the load that shows the motion
 SUBMERGED_WEIGHT = math.pi / 6.0  # of a sphere of diameter and submerged specific weight 1
@@ -49,36 +50,18 @@ class Threshold:
         return low, high
 
 
-@dataclass(frozen=True, eq=False)
-class LoadErrors:
-    """Random errors of the emulator, independent for each grain, and of the flow, common to all.
-
-    correlation: of the emulator's errors; flow: errors (6,) of the runs over the drag
-    """
-
-    correlation: Floats
-    flow: Floats
-    seed: int
-
-    def of_emulator(self, number: int) -> Floats:
-        drawn = np.random.default_rng([self.seed, 3, number]).standard_normal((DRAWS, 6))
-        return np.asarray(drawn @ np.linalg.cholesky(self.correlation).T)
-
-    def of_flow(self) -> Floats:
-        """Errors (DRAWS, 6) over the drag; an error bar is two standard deviations."""
-        drawn = np.random.default_rng([self.seed, 4]).standard_normal((DRAWS, 6))
-        return np.asarray(0.5 * self.flow * drawn)
-
-
 def thresholds(
     grains: Sequence[Pocket],
     median: float,
     flow: FlowPast,
     runs: Sequence[LoadCoefficients],
     emulator: Emulator,
-    errors: LoadErrors,
+    seed: int = 0,
 ) -> list[Threshold]:
-    """Thresholds of grains: by their own run in creeping flow, otherwise by the emulator."""
+    """Thresholds of grains: by their own run in creeping flow, otherwise by the emulator.
+
+    Errors of the emulator are independent for each grain, those of the flow common to all.
+    """
     galileo = flow.galileo
     computed = {run.number: run for run in runs} if galileo is None else {}
     strengths = np.geomspace(*SHIELDS_RANGE, STRENGTHS)
@@ -90,20 +73,27 @@ def thresholds(
         features += [features_of(grain, median, number) for number in numbers]
     shape = len(grains), -1, 6
     means, deviations = (part.reshape(shape) for part in emulator.predicted(np.array(features)))
+    # An error bar of the runs, over the drag, is two standard deviations.
+    of_flow = 0.5 * relative_error(runs) * _drawn(seed, OF_FLOW)
+    correlated = np.linalg.cholesky(emulator.correlation).T
     critical = []
     for place, grain in enumerate(grains):
-        own, ranges = means[place], deviations[place][:, None] * errors.of_emulator(grain.number)
-        if grain.number in computed:
+        own = means[place]
+        ranges = deviations[place][:, None] * (_drawn(seed, OF_EMULATOR, grain.number) @ correlated)
+        if is_computed := grain.number in computed:
             own, ranges = computed[grain.number].values[None], np.zeros_like(ranges)
-        common = np.abs(own[:, :1])[:, None] * errors.of_flow()
+        common = np.abs(own[:, :1])[:, None] * of_flow
         drawn = np.concatenate([own[:, None], own[:, None] + ranges + common], axis=1)
         law = flow.law(grain.diameter / median, SUBMERGED_WEIGHT)
         shields = _critical(grain, drawn, law, None if galileo is None else strengths)
         nearest = int(np.abs(strengths - shields[0]).argmin()) if len(own) > 1 else 0
         mode = _mode(grain, own[nearest], float(shields[0]), law)
-        is_computed = grain.number in computed
         critical.append(Threshold(grain, float(shields[0]), shields[1:], mode, is_computed))
     return critical
+
+
+def _drawn(*seed: int) -> Floats:
+    return np.random.default_rng(seed).standard_normal((DRAWS, 6))
 
 
 def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:

@@ -1,21 +1,165 @@
-"""The cases of a sweep: checked scenes, each with an identity that depends on its content alone."""
+"""Varied keys and cases of a sweep: checked scenes, each with an identity that depends on its content alone."""
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
+import math
+import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..input_files import read_text
+import numpy as np
+
+from ..errors import SceneError, refuse_broken
+from ..files import plain
+from ..input_files import read_table, read_text
 from ..scene import Scene
 from ..scene.file import dumps, parse
-from .axes import Settings
 
-_DIGITS = 20  # of an identity
+# The overrides of one case, as of `--set`.
+Settings = tuple[str, ...]
+# Varied keys of scenes and their values, as text for `--set`.
+Axes = dict[str, tuple[str, ...]]
+
+_RANGE = re.compile(r"(log|lin):([^:,]+):([^:,]+):([^:,]+)")
+_DIGITS = 12  # of values between two ends, so that they are the same numbers whatever computes them
+_OF_IDENTITY = 20  # digits
+_MOST = 100_000  # cases
+_REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NUMBER"
+
+
+def axes_of(over: Mapping[str, Any] | Iterable[str]) -> Axes:
+    """Varied keys from texts such as ``fluid.reynolds=log:0.1:200:17``, or from values by key.
+
+    Values are text as after the sign of equality, a list, or one value; sections may be nested. Raises SceneError.
+    """
+    listed = _of_mapping(over) if isinstance(over, Mapping) else map(_parsed, over)
+    axes: Axes = {}
+    for key, values in listed:
+        if key in axes:
+            raise SceneError(f"--over {key}: is given twice; put all its values into one list")
+        axes[key] = values
+    return axes
+
+
+def _of_mapping(
+    over: Mapping[str, Any], section: str = ""
+) -> Iterator[tuple[str, tuple[str, ...]]]:
+    for name, values in over.items():
+        key = f"{section}{name}"
+        if isinstance(values, Mapping):
+            yield from _of_mapping(values, f"{key}.")
+        elif isinstance(values, str):
+            yield _parsed(f"{key}={values}")
+        else:
+            listed = [plain(values)] if np.ndim(values) == 0 else plain(values)
+            if not listed:
+                remedy = "give a list, or text as in log:0.1:200:17"
+                raise SceneError(f"over {key}: has no values; {remedy}")
+            texts = (value if isinstance(value, str) else json.dumps(value) for value in listed)
+            yield key, tuple(texts)
+
+
+def _parsed(text: str) -> tuple[str, tuple[str, ...]]:
+    key, equals, values = (part.strip() for part in text.partition("="))
+    if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
+        raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
+    return key, _values(values, text)
+
+
+def _values(text: str, option: str) -> tuple[str, ...]:
+    values: list[str] = []
+    for part in _split(text):
+        match = _RANGE.fullmatch(part)
+        values += _range(part.split(":"), option) if match else [part]
+    if not all(values):
+        raise SceneError(f"--over {option}: has an empty value; {_REMEDY}")
+    return tuple(values)
+
+
+def _range(parts: Sequence[str], option: str) -> list[str]:
+    kind, first, last, number = parts
+    try:
+        ends, count = (float(first), float(last)), int(number)
+    except ValueError:
+        raise SceneError(f"--over {option}: is not a range of numbers; {_REMEDY}") from None
+    refuse_broken(
+        (
+            not np.isfinite(ends).all(),
+            f"--over {option}: {first} to {last} are not finite numbers; give finite ones",
+        ),
+        (
+            not 1 <= count <= _MOST,
+            f"--over {option}: gives {number} values; give a number from 1 to {_MOST}",
+        ),
+        (
+            kind == "log" and min(ends) <= 0.0,
+            f"--over {option}: a logarithmic range needs ends above zero; use lin",
+        ),
+    )
+    between = np.geomspace(*ends, count) if kind == "log" else np.linspace(*ends, count)
+    return [rounded(value) for value in between]
+
+
+def rounded(value: float) -> str:
+    """A number as text, equal on all machines."""
+    return repr(float(f"{value:.{_DIGITS}g}"))
+
+
+def _split(text: str) -> list[str]:
+    parts, depth, quoted = [""], 0, False
+    for sign in text:
+        quoted ^= sign == '"'
+        depth += 0 if quoted else (sign == "[") - (sign == "]")
+        if sign == "," and not depth and not quoted:
+            parts.append("")
+        else:
+            parts[-1] += sign
+    return [part.strip() for part in parts]
+
+
+def table_of_cases(path: Path) -> list[Settings]:
+    """Cases of a CSV file, a row each, with keys in the header; empty cells change nothing. Raises SceneError."""
+    heads, rows = read_table(path, "give a CSV file of cases")
+    if not rows:
+        raise SceneError(
+            f"{path}: has no cases; write keys in the first row and a case in each one after it"
+        )
+    return [
+        tuple(
+            f"{key}={value.strip()}" for key, value in zip(heads, row, strict=True) if value.strip()
+        )
+        for row in rows
+    ]
+
+
+def combined(axes: Axes, together: bool, table: Iterable[Settings] = ()) -> list[Settings]:
+    """Overrides of all cases: every combination of axes and rows; `together`: axes vary side by side.
+
+    Raises SceneError if axes that vary together differ in length, a key comes twice, or there are too many cases.
+    """
+    columns = [[f"{key}={value}" for value in values] for key, values in axes.items()]
+    lengths = ", ".join(f"{key} {len(values)}" for key, values in axes.items())
+    number = math.prod(map(len, columns[:1] if together else columns))
+    refuse_broken(
+        (
+            together and len(set(map(len, columns))) > 1,
+            f"--zip: the numbers of values differ ({lengths}); give as many for each key",
+        ),
+        (number > _MOST, f"the sweep has {number} cases; give at most {_MOST}"),
+    )
+    combine = partial(zip, strict=True) if together and columns else itertools.product
+    varied, listed = list(combine(*columns)), list(table) or [()]
+    in_table = {setting.split("=")[0].strip() for row in listed for setting in row}
+    if both := next((key for key in axes if key in in_table), None):
+        raise SceneError(f"--over {both}: the table of cases has it as well; leave one of them out")
+    return [(*row, *settings) for row in listed for settings in varied]
 
 
 @dataclass(frozen=True)
@@ -59,28 +203,25 @@ def resolved(
     """A source with the settings of one case; `common`: those of all cases. Raises SceneError."""
     overrides = (*common, *settings)
     if task == "judge":
-        return _judged(source, settings, overrides)
-    scene = parse(Scene, source.text, source.base, overrides, source.name)
-    text = json.dumps(tomllib.loads(dumps(scene)))
-    return SweepCase(identity_of(scene, task), task, source.name, settings, text)
+        from ..judging.case import Case
+
+        case = parse(Case, source.text, source.base, overrides, source.name)
+        case.require_flow(source.name)
+        content = case.model_dump(mode="json", exclude_none=True, warnings=False)
+        identity = _identity(task, content, "title", "source")
+    else:
+        scene = parse(Scene, source.text, source.base, overrides, source.name)
+        content, identity = tomllib.loads(dumps(scene)), identity_of(scene, task)
+    return SweepCase(identity, task, source.name, settings, json.dumps(content))
 
 
 def identity_of(scene: Scene, task: str) -> str:
     """The identity of a scene as a case of a sweep."""
-    left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
-    return _identity(task, scene.model_dump(mode="json", exclude=left_out))
+    units = ("units",) if scene.units is None else ()
+    return _identity(task, scene.model_dump(mode="json"), "title", "output", *units)
 
 
-def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:
-    from ..judging.case import Case
-
-    case = parse(Case, source.text, source.base, overrides, source.name)
-    content = case.model_dump(mode="json", exclude_none=True, warnings=False)
-    identifying = {name: part for name, part in content.items() if name not in ("title", "source")}
-    identity = _identity("judge", identifying)
-    return SweepCase(identity, "judge", source.name, settings, json.dumps(content))
-
-
-def _identity(task: str, content: dict[str, Any]) -> str:
-    text = json.dumps([task, content], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+def _identity(task: str, content: Mapping[str, Any], *left_out: str) -> str:
+    identifying = {name: part for name, part in content.items() if name not in left_out}
+    text = json.dumps([task, identifying], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:_OF_IDENTITY]

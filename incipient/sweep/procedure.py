@@ -20,20 +20,19 @@ from ..errors import (
     Interrupted,
     MissingError,
     OutputError,
-    SceneError,
+    refuse_broken,
     shortened,
 )
 from ..installed import memory_of_libraries
 from ..parallel import ranks_there_are
 from ..progress import Silent
 from ..scene import Scene
-from .axes import of_mapping, parsed
 from .cases import Source, SweepCase
 from .cluster import client_of, exceeded_memory, local_client, number_of_workers, usual_jobs
 from .refinement import SweepRefinement
 from .request import parsed_seconds, requested
 from .store import DONE, FAILED, Store
-from .table import in_words, rests_elsewhere
+from .table import in_words, pockets, rows
 from .worker import RELEASE, CaseOutcome, computed_within
 
 LOOK = 0.5  # seconds between looks at the time and at the number of workers
@@ -55,24 +54,39 @@ class Means:
     limit: float = LIMIT
 
     def __post_init__(self) -> None:
-        if getattr(multiprocessing.current_process(), "_inheriting", False):
-            remedy = 'put the calls of the script below `if __name__ == "__main__":`'
-            raise SceneError(f"incipient.sweep.run: worker processes import the script; {remedy}")
-        if ranks_there_are().size > 1:
-            remedy = "start it without mpirun, with --jobs, or with --scheduler on a cluster"
-            raise SceneError(f"a sweep computes each case on one rank; {remedy}")
-        numbers = {"jobs": self.jobs, "memory": self.memory_mib, "tries": self.tries}
-        for name, value in numbers.items():
-            if value is not None and not value > 0:
-                raise SceneError(f"--{name} {value}: is not above zero; give a positive number")
-        least = memory_of_libraries()
-        if self.memory_mib is not None and self.memory_mib < least:
-            why = f"the libraries of a worker process take {least:.0f} MiB"
-            raise SceneError(f"--memory {self.memory_mib:g}: {why}; give more")
-        if self.scheduler is not None and (self.jobs or self.memory_mib):
-            name, option = ("jobs", "--nworkers") if self.jobs else ("memory", "--memory-limit")
-            remedy = f"give {option} to its `dask worker` instead"
-            raise SceneError(f"--{name}: the workers of --scheduler are started by you; {remedy}")
+        least, numbers = memory_of_libraries(), (self.jobs, self.memory_mib, self.tries)
+        is_elsewhere, remedy = self.scheduler is not None, "are started by you; give"
+        refuse_broken(
+            (
+                getattr(multiprocessing.current_process(), "_inheriting", False),
+                "incipient.sweep.run: worker processes import the script; "
+                'put the calls of the script below `if __name__ == "__main__":`',
+            ),
+            (
+                ranks_there_are().size > 1,
+                "a sweep computes each case on one rank; "
+                "start it without mpirun, with --jobs, or with --scheduler on a cluster",
+            ),
+            *(
+                (
+                    value is not None and not value > 0,
+                    f"--{name} {value}: is not above zero; give a positive number",
+                )
+                for name, value in zip(("jobs", "memory", "tries"), numbers, strict=True)
+            ),
+            (
+                self.memory_mib is not None and self.memory_mib < least,
+                f"--memory {self.memory_mib}: the libraries of a worker process take {least:.0f} MiB; give more",
+            ),
+            (
+                is_elsewhere and self.jobs,
+                f"--jobs: the workers of --scheduler {remedy} --nworkers to its `dask worker` instead",
+            ),
+            (
+                is_elsewhere and self.memory_mib,
+                f"--memory: the workers of --scheduler {remedy} --memory-limit to its `dask worker` instead",
+            ),
+        )
 
 
 @dataclass
@@ -147,7 +161,7 @@ def run(
     means = Means(jobs, memory_mib, end, retry, scheduler, tries, longest)
     request = requested(
         [Source.of(scene) for scene in (scenes if isinstance(scenes, list | tuple) else [scenes])],
-        of_mapping(over) if isinstance(over, Mapping) else [parsed(text) for text in over],
+        over,
         zip,
         None if cases is None else Path(cases),
         do,
@@ -171,7 +185,8 @@ def run(
             raise Interrupted(sweep.left("interrupted")) from interrupt
         finally:
             store.write_view()
-    for line in rests_elsewhere(path):
+        keys = store.keys()
+    for line in pockets(rows(path), keys):
         reporter.say(line)
     if refinement is not None:
         sweep.progress.refined = refinement.lines()
@@ -230,9 +245,9 @@ class _Sweep:
         return f"{why}: {finished} and kept in {self._store.path}; repeat the command to resume"
 
     def _grows(self, refinement: SweepRefinement | None) -> bool:
-        if refinement is None:
-            return False
-        while cases := refinement.following(self._store.columns(refinement.identities)):
+        while refinement is not None and (
+            cases := refinement.following(self._store.columns(refinement.identities))
+        ):
             self.add(cases)
             if self._waiting:
                 return True
@@ -268,49 +283,46 @@ class _Sweep:
             future.add_done_callback(self._ended.put)
 
     def _take(self) -> None:
-        ended = []
         with suppress(Empty):
-            ended.append(self._ended.get(timeout=LOOK))
+            future = self._ended.get(timeout=LOOK)
             while True:
-                ended.append(self._ended.get_nowait())
-        for future in (future for future in ended if future in self._running):
-            case, since = self._running.pop(future)
-            try:
-                outcome = self._outcome(future, case, time.monotonic() - since)
-            except TimeoutError:  # the worker has died with the result: another one computes it
-                self._running[future] = case, since
-                future.add_done_callback(self._ended.put)
-                continue
-            except CancelledError:
-                self._voice.say(
-                    f"{case.name}: the connection to the scheduler is lost; waiting for it"
-                )
-                self._tries[case.identity] -= 1
-                self._waiting[case.identity] = case
-                continue
-            if outcome is not None:
-                self._outcomes.append((case, outcome))
+                self._end(future)
+                future = self._ended.get_nowait()
         self._write()
 
-    def _outcome(self, future: Any, case: SweepCase, spent: float) -> CaseOutcome | None:
-        """The outcome of a case; None: it is tried again. Raises as Dask's future."""
+    def _end(self, future: Any) -> None:
         from distributed import KilledWorker
 
+        if future not in self._running:
+            return
+        case, since = self._running.pop(future)
+        spent = time.monotonic() - since
         try:
-            outcome: CaseOutcome = future.result(timeout=LOOK)
-            return outcome
+            outcome = future.result(timeout=LOOK)
         except KilledWorker as error:
-            return self._of_death(case, error.last_worker.address, spent)
-        except (IncipientError, TimeoutError, CancelledError):
+            outcome = self._of_death(case, error.last_worker.address, spent)
+        except TimeoutError:  # the worker has died with the result: another one computes it
+            self._running[future] = case, since
+            future.add_done_callback(self._ended.put)
+            return
+        except CancelledError:
+            self._voice.say(f"{case.name}: the connection to the scheduler is lost; waiting for it")
+            self._tries[case.identity] -= 1
+            self._waiting[case.identity] = case
+            return
+        except IncipientError:
             raise
         except ModuleNotFoundError as error:
             remedy = "install incipient where the workers run"
             raise MissingError(f"the workers cannot compute cases ({error}); {remedy}") from None
         except Exception as error:
             message = shortened(f"{type(error).__name__}: {error}", 200)
-            return CaseOutcome(reason=f"its worker failed: {message}", wall=spent)
+            outcome = CaseOutcome(reason=f"its worker failed: {message}", wall=spent)
+        if outcome is not None:
+            self._outcomes.append((case, outcome))
 
     def _of_death(self, case: SweepCase, worker: str, spent: float) -> CaseOutcome | None:
+        """The outcome of a case whose worker has died; None: it is tried again."""
         limit, tries = self._means.limit, self._tries[case.identity]
         if spent >= limit:
             return CaseOutcome(reason=f"was stopped: it took longer than {limit:.0f} s", wall=spent)

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import SceneError
-from .axes import Settings, VariedKey, rounded
-from .cases import Source, SweepCase
+from ..errors import SceneError, refuse_broken
+from .cases import Axes, Settings, Source, SweepCase, rounded
 
 Columns = Mapping[str, Any]
 Resolve = Callable[[Source, Settings], SweepCase]
@@ -41,11 +40,16 @@ class Aim:
     most: int = MOST
 
     def __post_init__(self) -> None:
-        if not LEAST <= self.tolerance <= 1.0:
-            why = f"is not a fraction of the range; give a number from {LEAST:g} to 1"
-            raise SceneError(f"--refine {self.tolerance:g}: {why}")
-        if self.most < 1:
-            raise SceneError(f"--most {self.most}: is not a number of cases; give 1 or more")
+        refuse_broken(
+            (
+                not LEAST <= self.tolerance <= 1.0,
+                f"--refine {self.tolerance:g}: is not a fraction of the range; give a number from {LEAST:g} to 1",
+            ),
+            (
+                self.most < 1,
+                f"--most {self.most}: is not a number of cases; give 1 or more",
+            ),
+        )
 
     def of_case(self, columns: Columns) -> tuple[str, float | None]:
         value, mode = columns.get(self.quantity), str(columns.get("mode", "no verdict"))
@@ -57,54 +61,52 @@ class Aim:
 
 
 class _Numbers:
-    def __init__(self, axis: VariedKey, numbers: Mapping[tuple[float, ...], str]):
-        self.key, self.texts, values = axis.key, list(numbers.values()), np.array(list(numbers))
-        self.is_single = values.shape[1] == 1
-        self.is_logarithmic = self.is_single and _has_equal_ratios(values[:, 0])
+    """The numbers of a key: as text, and scaled (n, components), by logarithms if their ratios are equal."""
+
+    def __init__(self, numbers: Mapping[tuple[float, ...], str]):
+        self.texts, values = list(numbers.values()), np.array(list(numbers))
+        self.is_logarithmic = values.shape[1] == 1 and _has_equal_ratios(values[:, 0])
         self.scaled = np.log(values) if self.is_logarithmic else values
 
-    def setting(self, position: float) -> str:
-        if position == int(position):
-            return f"{self.key}={self.texts[int(position)]}"
-        places = np.arange(len(self.texts))
-        between = np.array([np.interp(position, places, column) for column in self.scaled.T])
+    def text(self, position: float, positions: Floats) -> str:
+        given = np.flatnonzero(positions == position)
+        if len(given):
+            return self.texts[given[0]]
+        between = np.array([np.interp(position, positions, part) for part in self.scaled.T])
         parts = [rounded(x) for x in (np.exp(between) if self.is_logarithmic else between)]
-        return f"{self.key}={parts[0] if self.is_single else '[' + ', '.join(parts) + ']'}"
+        return parts[0] if len(parts) == 1 else f"[{', '.join(parts)}]"
 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """Keys refined together; `along` (n,): positions of the given numbers, from 0 to 1."""
+    """Keys refined together, with their numbers at `positions` (n,) from 0 to 1."""
 
-    keys: Sequence[_Numbers]
-    along: Floats
-
-    def at(self, position: float) -> float:
-        return float(np.interp(position, np.arange(len(self.along)), self.along))
+    positions: Floats
+    keys: Mapping[str, _Numbers]
 
     def settings(self, position: float) -> Settings:
-        return tuple(key.setting(position) for key in self.keys)
+        texts = {key: part.text(position, self.positions) for key, part in self.keys.items()}
+        return tuple(f"{key}={text}" for key, text in texts.items())
 
 
-def direction(axes: Sequence[VariedKey], together: bool) -> tuple[Direction, list[VariedKey]]:
+def direction(axes: Axes, together: bool) -> tuple[Direction, Axes]:
     """The first key with distinct numbers, or all keys that vary together, and the other keys. Raises SceneError."""
-    numbers = {axis: _numbers(axis) for axis in axes}
+    numbers = {key: _numbers(values) for key, values in axes.items()}
     if together and len(axes) > 1:
-        for axis in axes:
-            if len(numbers[axis]) < len(axis.values):
+        for key, values in axes.items():
+            if len(numbers[key]) < len(values):
                 why = "is varied with other keys and takes no distinct numbers"
-                raise SceneError(f"--refine: {axis.key} {why}; give it by --cases")
-        keys = [_Numbers(axis, numbers[axis]) for axis in axes]
-        return Direction(keys, np.linspace(0.0, 1.0, len(axes[0].values))), []
-    first = next((axis for axis in axes if len(numbers[axis]) > 1), None)
+                raise SceneError(f"--refine: {key} {why}; give it by --cases")
+        keys = {key: _Numbers(listed) for key, listed in numbers.items()}
+        return Direction(np.linspace(0.0, 1.0, len(next(iter(numbers.values())))), keys), {}
+    first = next((key for key in axes if len(numbers[key]) > 1), None)
     if first is None:
         raise SceneError("--refine: no key is varied over numbers; give --over KEY=FIRST,LAST")
-    key = _Numbers(first, numbers[first])
-    if key.is_single:
-        key = _Numbers(first, dict(sorted(numbers[first].items())))
-    scale = key.scaled[:, 0] if key.is_single else np.arange(float(len(key.texts)))
-    others = [axis for axis in axes if axis is not first]
-    return Direction([key], (scale - scale[0]) / (scale[-1] - scale[0])), others
+    is_scalar = all(len(number) == 1 for number in numbers[first])
+    listed = _Numbers(dict(sorted(numbers[first].items())) if is_scalar else numbers[first])
+    scale = listed.scaled[:, 0] if is_scalar else np.arange(float(len(listed.texts)))
+    others = {key: values for key, values in axes.items() if key != first}
+    return Direction((scale - scale[0]) / (scale[-1] - scale[0]), {first: listed}), others
 
 
 @dataclass(eq=False)
@@ -116,7 +118,6 @@ class Family:
 
     source: Source
     fixed: Settings
-    along: Direction
     cases: dict[float, SweepCase | None] = field(default_factory=dict)
     known: dict[float, tuple[str, float | None]] = field(default_factory=dict)
 
@@ -127,15 +128,12 @@ class Family:
             if self.known[low][0] != self.known[high][0]
         ]
 
-    def length(self, low: float, high: float) -> float:
-        return self.along.at(high) - self.along.at(low)
-
     def wanted(self, tolerance: float, span: float) -> Iterator[tuple[tuple[int, float], float]]:
         """Urgency and position of the cases that the tolerance needs: modes first, then the largest bend."""
         positions, changes = sorted(self.known), self.changes()
         bends = [self._curvature(positions[n : n + 3]) for n in range(len(positions) - 2)]
         for n, (low, high) in enumerate(pairwise(positions)):
-            length, middle = self.length(low, high), 0.5 * (low + high)
+            length, middle = high - low, 0.5 * (low + high)
             if length <= tolerance * (1.0 + _ROUND_OFF) or middle in self.cases:
                 continue
             if (low, high) in changes:
@@ -147,29 +145,33 @@ class Family:
                     yield (1, -miss), middle
 
     def _curvature(self, three: Sequence[float]) -> float | None:
+        a, b, c = three
         (first, f), (second, g), (last, h) = (self.known[position] for position in three)
         if len({first, second, last}) > 1 or f is None or g is None or h is None:
             return None
-        a, b, c = map(self.along.at, three)
         return abs(((h - g) / (c - b) - (g - f) / (b - a)) / (c - a))
 
 
+@dataclass(eq=False)
 class SweepRefinement:
-    """The refinement of a sweep's families, between `cases`.
+    """The refinement of a sweep's families along a direction.
 
     resolve: makes the case of a source with settings; raises SceneError
+    identities: of all cases
     """
 
-    def __init__(
-        self, families: Sequence[Family], aim: Aim, resolve: Resolve, cases: Iterable[SweepCase]
-    ):
-        self._families, self._aim, self._resolve = families, aim, resolve
-        self.identities = {case.identity for case in cases}
-        self._refused: list[str] = []
-        self._is_spent = False
-        for family in families:
-            for position in range(len(family.along.along)):
-                self._put(family, float(position))
+    along: Direction
+    families: Sequence[Family]
+    aim: Aim
+    resolve: Resolve
+    identities: set[str]
+    refused: list[str] = field(default_factory=list, init=False)
+    is_spent: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        for family in self.families:
+            for position in self.along.positions.tolist():
+                self._put(family, position)
 
     def following(self, results: Mapping[str, Columns]) -> list[SweepCase]:
         """The next cases, from the columns of finished ones; none if the aim or the budget is reached.
@@ -177,29 +179,29 @@ class SweepRefinement:
         Raises SceneError if no case has the quantity.
         """
         names = list(dict.fromkeys(name for columns in results.values() for name in columns))
-        if results and self._aim.quantity not in names:
+        if results and self.aim.quantity not in names:
             why = f"no case has this column; available: {', '.join(names) or 'none'}"
-            raise SceneError(f"--quantity {self._aim.quantity}: {why}")
-        for family in self._families:
+            raise SceneError(f"--quantity {self.aim.quantity}: {why}")
+        for family in self.families:
             for position, case in family.cases.items():
                 if case is not None and case.identity in results:
-                    family.known[position] = self._aim.of_case(results[case.identity])
+                    family.known[position] = self.aim.of_case(results[case.identity])
         new: list[SweepCase] = []
         while not new and (wanted := self._wanted()):
             for _, number, position in wanted:
-                if len(self.identities) >= self._aim.most:
-                    self._is_spent = True
+                if len(self.identities) >= self.aim.most:
+                    self.is_spent = True
                     return new
-                new += self._put(self._families[number], position)
+                new += self._put(self.families[number], position)
         return new
 
     def _put(self, family: Family, position: float) -> list[SweepCase]:
-        settings = (*family.fixed, *family.along.settings(position))
+        settings = (*family.fixed, *self.along.settings(position))
         family.cases[position] = None
         try:
-            case = self._resolve(family.source, settings)
+            case = self.resolve(family.source, settings)
         except SceneError as error:
-            self._refused.append(f"{', '.join(settings)}: {error}")
+            self.refused.append(f"{', '.join(settings)}: {error}")
             return []
         family.cases[position] = case
         new = [] if case.identity in self.identities else [case]
@@ -207,36 +209,36 @@ class SweepRefinement:
         return new
 
     def _wanted(self) -> list[tuple[tuple[int, float], int, float]]:
-        known = (value for family in self._families for _, value in family.known.values())
+        known = (value for family in self.families for _, value in family.known.values())
         values = [value for value in known if value is not None] or [0.0]
         span = max(max(values) - min(values), _CONSTANT * max(map(abs, values)))
         return sorted(
             (urgency, number, position)
-            for number, family in enumerate(self._families)
-            for urgency, position in family.wanted(self._aim.tolerance, span)
+            for number, family in enumerate(self.families)
+            for urgency, position in family.wanted(self.aim.tolerance, span)
         )
 
     def lines(self) -> list[str]:
-        changes = [(family, ends) for family in self._families for ends in family.changes()]
-        worst = max((family.length(*ends) for family, ends in changes), default=0.0)
+        changes = [(family, ends) for family in self.families for ends in family.changes()]
+        worst = max((ends[1] - ends[0] for family, ends in changes), default=0.0)
         within = f"to {worst:.2g} of the range, in {len(changes)} intervals" if changes else "none"
         lines = [f"{'changes of mode':<20}{within}"]
         for family, ends in changes:
             fixed = f" ({', '.join(family.fixed)})" if family.fixed else ""
-            sides = (f"{family.known[x][0]} at {', '.join(family.along.settings(x))}" for x in ends)
+            sides = (f"{family.known[x][0]} at {', '.join(self.along.settings(x))}" for x in ends)
             lines.append(f"  {', '.join(sides)}{fixed}")
-        if self._is_spent:
-            why = f"{self._aim.most} cases are spent before the tolerance is reached"
+        if self.is_spent:
+            why = f"{self.aim.most} cases are spent before the tolerance is reached"
             lines.append(f"{'':<20}{why}; raise --most")
-        if self._refused:
-            count = f"{len(self._refused)} cases between; the first: {self._refused[0]}"
+        if self.refused:
+            count = f"{len(self.refused)} cases between; the first: {self.refused[0]}"
             lines.append(f"{'left out':<20}{count}")
         return lines
 
 
-def _numbers(axis: VariedKey) -> dict[tuple[float, ...], str]:
+def _numbers(texts: Iterable[str]) -> dict[tuple[float, ...], str]:
     numbers: dict[tuple[float, ...], str] = {}
-    for text in axis.values:
+    for text in texts:
         try:
             value = tomllib.loads(f"value = {text}")["value"]
             parts = np.array(value if isinstance(value, list) and value else [value])

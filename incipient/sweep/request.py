@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ValidationError, field_validator
+from pydantic import ValidationError
 
 from ..errors import SceneError
 from ..progress import Silent
-from ..scene.messages import one_line, problems_of, shown
-from ..scene.section import Section, contradiction, key
-from . import axes
-from .axes import VariedKey
-from .cases import Source, SweepCase, resolved
+from ..scene.messages import one_line, problems_of
+from ..scene.section import Section, allowed, key
+from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, direction
 
-_TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?")
-_UNITS = (86400.0, 3600.0, 60.0, 1.0)
+_NUMBER_OR_TRUE = allowed(
+    lambda value: value is None or isinstance(value, int | float),
+    "give a fraction of the range, or true",
+)
 
 
 class SweepSection(Section):
@@ -31,16 +31,11 @@ class SweepSection(Section):
     zip: bool = key("Whether values of several keys vary side by side", False)
     cases: str | None = key("CSV file of cases", None)
     do: Literal["run", "threshold", "gust", "entrainment", "judge"] = key("For each case", "run")
-    refine: bool | float | None = key("Fraction of the range, or true", None)
+    refine: Annotated[bool | float | None, _NUMBER_OR_TRUE] = key(
+        "Fraction of the range, or true", None
+    )
     most: int | None = key("Largest number of cases of a refinement", None)
     quantity: str | None = key("Column that a refinement resolves", None)
-
-    @field_validator("refine", mode="before")
-    @classmethod
-    def _is_a_fraction(cls, value: Any) -> Any:
-        if value is None or isinstance(value, int | float):
-            return value
-        raise contradiction(f"is {shown(value)}", "give a fraction of the range, or true")
 
 
 class _Swept(Section):
@@ -51,20 +46,20 @@ class _Swept(Section):
 class Request:
     """Sources and their variation.
 
-    over: axes; together: they vary side by side; table: a CSV file of cases; task: one of `SweepSection.do`
+    over: axes; together: they vary side by side; table: rows of a file of cases; task: one of `SweepSection.do`
     common: overrides of all cases; aim: of the refinement, None without one
     """
 
-    sources: tuple[Source, ...]
-    over: tuple[VariedKey, ...] = ()
-    together: bool = False
-    table: Path | None = None
-    task: str = "run"
-    common: tuple[str, ...] = ()
-    aim: Aim | None = None
+    sources: Sequence[Source]
+    over: Axes
+    together: bool
+    table: Sequence[Settings]
+    task: str
+    common: Sequence[str]
+    aim: Aim | None
 
     def cases(self, voice: Silent | None = None) -> list[SweepCase]:
-        settings = axes.combined(self.over, self.together, self._rows())
+        settings = combined(self.over, self.together, self.table)
         pairs = [(source, varied) for source in self.sources for varied in settings]
         cases: dict[str, SweepCase] = {}
         for number, (source, varied) in enumerate(pairs):
@@ -82,20 +77,18 @@ class Request:
         if self.aim is None:
             return None
         along, others = direction(self.over, self.together)
-        fixed = axes.combined(others, False, self._rows())
-        families = [Family(source, setting, along) for source in self.sources for setting in fixed]
-        return SweepRefinement(families, self.aim, self._case, cases)
+        fixed = combined(others, False, self.table)
+        families = [Family(source, setting) for source in self.sources for setting in fixed]
+        identities = {case.identity for case in cases}
+        return SweepRefinement(along, families, self.aim, self._case, identities)
 
-    def _rows(self) -> list[axes.Settings]:
-        return [] if self.table is None else axes.table_of_cases(self.table)
-
-    def _case(self, source: Source, settings: axes.Settings) -> SweepCase:
+    def _case(self, source: Source, settings: Settings) -> SweepCase:
         return resolved(source, settings, self.task, self.common)
 
 
 def requested(
     sources: Sequence[Source],
-    over: Sequence[VariedKey] = (),
+    over: Mapping[str, Any] | Sequence[str] = (),
     together: bool = False,
     table: Path | None = None,
     task: str | None = None,
@@ -109,15 +102,14 @@ def requested(
     refine, most, quantity: tolerance of a refinement, True for the default; number of cases; a column. Raises
     SceneError if nothing is varied, or the section is invalid.
     """
-    section = _section_of(sources[0])
-    if not over and table is None:
-        over, together = axes.of_mapping(section.over), together or section.zip
+    section, axes, aim = _section_of(sources[0]), axes_of(over), None
+    if not axes and table is None:
+        axes, together = axes_of(section.over), together or section.zip
         table = sources[0].base / section.cases if section.cases else None
-    if not over and table is None and len(sources) == 1:
+    if not axes and table is None and len(sources) == 1:
         remedy = "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
         raise SceneError(f"nothing is varied; {remedy}")
-    task, aim = task or section.do, None
-    refine = section.refine if refine is None else refine
+    task, refine = task or section.do, section.refine if refine is None else refine
     if refine is not None and refine is not False:
         tolerance = USUAL if refine is True else float(refine)
         column = quantity or section.quantity or QUANTITIES.get(task, "safety_factor")
@@ -125,7 +117,8 @@ def requested(
     elif most is not None or quantity is not None:
         option, remedy = "most" if most is not None else "quantity", "give --refine as well"
         raise SceneError(f"--{option}: applies to a refinement; {remedy}, or leave it out")
-    return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
+    rows = [] if table is None else table_of_cases(table)
+    return Request(sources, axes, together, rows, task, common, aim)
 
 
 def _section_of(source: Source) -> SweepSection:
@@ -141,11 +134,12 @@ def _section_of(source: Source) -> SweepSection:
 
 def parsed_seconds(text: str | float, option: str) -> float:
     """Seconds of an option, from a number or text such as 8h, 1h30m, 90s or 1.5d. Raises SceneError."""
-    match = _TIME.fullmatch(str(text).strip())
-    parts = zip(match.groups() if match else (), _UNITS, strict=False)
+    from dask.utils import parse_timedelta
+
+    parts = re.findall(r"[\d.]+[a-z]*|.+", str(text).replace(" ", ""))
     try:
-        total = sum(float(part) * unit for part, unit in parts if part)
-    except ValueError:
+        total = sum(float(parse_timedelta(part)) for part in parts)
+    except (ValueError, KeyError):
         total = 0.0
     if total <= 0.0:
         raise SceneError(f"--{option} {text}: is not a time; write it as 8h, 30m or 1h30m")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -108,28 +108,21 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        with self._reported():
+        with self._reported(), self._base:  # which commits, or rolls back after an error
             self._base.execute("BEGIN IMMEDIATE")
-            try:
-                yield
-            except BaseException:
-                if self._base.in_transaction:
-                    self._base.execute("ROLLBACK")
-                raise
-            self._base.execute("COMMIT")
+            yield
 
-    def add(self, cases: Iterable[SweepCase], retry: bool = False) -> None:
+    def add(self, cases: Sequence[SweepCase], retry: bool = False) -> None:
         """Add new cases; with `retry` failed cases wait again."""
         names = "id, source, task, status, settings, scene"
+        insert = f"INSERT OR IGNORE INTO cases ({names}) VALUES (?, ?, ?, ?, ?, ?)"
+        update = "UPDATE cases SET status = ?, reason = '' WHERE id = ? AND status = ?"
         with self._transaction():
             for case in cases:
                 settings = json.dumps(case.settings)
-                self._base.execute(
-                    f"INSERT OR IGNORE INTO cases ({names}) VALUES (?, ?, ?, ?, ?, ?)",
-                    (case.identity, case.source, case.task, WAITING, settings, case.text),
-                )
+                row = (case.identity, case.source, case.task, WAITING, settings, case.text)
+                self._base.execute(insert, row)
                 if retry:
-                    update = "UPDATE cases SET status = ?, reason = '' WHERE id = ? AND status = ?"
                     self._base.execute(update, (WAITING, case.identity, FAILED))
 
     def finish(self, outcomes: Sequence[tuple[str, int, CaseOutcome]]) -> None:
@@ -170,16 +163,11 @@ class Store:
         with self._reported():
             return dict(map(tuple, self._base.execute("SELECT id, status FROM cases")))
 
-    def columns(self, identities: Iterable[str]) -> dict[str, dict[str, Any]]:
-        query = "SELECT columns FROM cases WHERE id = ? AND status = ?"
+    def columns(self, identities: Container[str]) -> dict[str, dict[str, Any]]:
+        query = "SELECT id, columns FROM cases WHERE status = ?"
         with self._reported():
-            rows = {
-                identity: self._base.execute(query, (identity, DONE)).fetchone()
-                for identity in identities
-            }
-            return {
-                identity: json.loads(row[0]) for identity, row in rows.items() if row is not None
-            }
+            rows = self._base.execute(query, (DONE,))
+            return {number: json.loads(text) for number, text in rows if number in identities}
 
     def keys(self) -> list[str]:
         with self._reported():

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import degrees, dist
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..errors import MissingError
+from ..arrays import known_percentiles, number, percentile
+from ..errors import SceneError
 from ..files import csv_text, part_of, replaced, require_ending
-from ..parquet import pyarrow
+from ..input_files import read_table
+from ..installed import optional
 from ..results.quantity import AXES, HIGH, at
 from .store import COST, FAILED, Store
 
@@ -25,6 +29,18 @@ if TYPE_CHECKING:
 # Move of the grain's surface over its size: in one pocket neither gravity nor flow moves a settled grain.
 ELSEWHERE = 0.01
 LAST = ("reason", *COST, "versions", "id")
+# Outcomes in words, by task.
+SENTENCES = {
+    "threshold": "{mode} at Shields number {shields:.4g}",
+    "gust": "critical strength {strength:.4g}",
+    "entrainment": "probability of motion {probability:.3g}, steady Shields number {shields:.4g}",
+}
+SHARES = (16, 50, 84)  # percentiles of a class
+HEADS = (
+    *("size_low", "size_high", "size_median", "grains", "without_threshold"),
+    *(f"shields_{share}" for share in SHARES),
+)
+SIZES = ("diameter", "body.diameter")  # columns that are looked for where none is named
 
 
 def rows(path: Path | str) -> list[dict[str, Any]]:
@@ -52,18 +68,11 @@ def _row(case: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
     return first | texts | case["columns"] | last
 
 
-def rests_elsewhere(path: Path | str) -> list[str]:
+def pockets(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
     """Name neighbouring cases, along each varied number, in which the grain rests on other points of the bed.
 
-    Raises as `rows`.
+    table: rows of a sweep over `keys`, of which those of [body] move the grain anyway
     """
-    with Store(Path(path)) as store:
-        keys = store.keys()
-    return pockets(rows(path), keys)
-
-
-def pockets(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
-    """The lines of `rests_elsewhere` from the rows of a sweep over `keys`; those of [body] move the grain anyway."""
     kept = [row for row in table if "grain_size" in row]
     return [line for key in keys if not key.startswith("body.") for line in _moves(kept, key, keys)]
 
@@ -96,14 +105,9 @@ def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, flo
 
 def frame(path: Path | str) -> pandas.DataFrame:
     """The `rows` as a data frame of pandas. Raises MissingError without pandas, and as `rows`."""
-    try:
-        import pandas
-    except ImportError as error:
-        raise MissingError(
-            f"pandas cannot be used ({error}): pip install 'incipient[tables]'"
-        ) from None
+    library = optional("pandas", "tables")
     table = rows(path)
-    return pandas.DataFrame(table, columns=columns(table))
+    return cast("pandas.DataFrame", library.DataFrame(table, columns=columns(table)))
 
 
 def columns(table: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -119,7 +123,7 @@ def as_csv(table: Sequence[Mapping[str, Any]]) -> str:
 
 def write_parquet(source: Path, target: Path) -> None:
     """Write the table as a Parquet file. Raises MissingError without pandas or pyarrow, and OutputError."""
-    pyarrow("tables")
+    optional("pyarrow.parquet", "tables")
     require_ending(target, ".parquet")
     table = frame(source)
     with replaced(target, part_of(target)) as part:
@@ -130,26 +134,80 @@ def in_words(row: Mapping[str, Any]) -> str:
     """Outcome of a case in a few words, by its row."""
     if row["status"] == FAILED:
         return str(row["reason"])
-    if row["task"] == "threshold":
-        bar = row.get(f"shields{HIGH}")
-        error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
-        return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
-    if row["task"] == "entrainment":
-        return f"probability of motion {row['probability']:.3g}, steady Shields number {row['shields']:.4g}"
-    if row["task"] == "gust":
-        return f"critical strength {row['strength']:.4g}"
-    return _run_in_words(row)
-
-
-def _run_in_words(row: Mapping[str, Any]) -> str:
+    if row["task"] in SENTENCES:
+        error = row.get(f"shields{HIGH}", math.nan) - row.get("shields", math.nan)
+        words = SENTENCES[row["task"]].format_map(row)
+        return words if math.isnan(error) else f"{words} +- {error:.1g}"
     if "left_pocket" in row:
         return f"left its pocket at t = {row['left_pocket']:.4g}"
-    words = "no verdict"
+    words = f"C_f {row['friction']:.5g}" if "friction" in row else "no verdict"
     if "mode" in row:
         words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}"
     if "does" in row:
         words = f"{row['does']} at the end, {words}"
-    if "friction" not in row:
-        return words
-    words = words if "mode" in row else f"C_f {row['friction']:.5g}"
     return words + (", NOT CONVERGED" if row.get("load_spread") else "")
+
+
+def size_classes(
+    path: Path, bounds: Sequence[float], size: str | None = None
+) -> list[dict[str, float]]:
+    """Rows of classes [low, high) of sizes: numbers of grains and of those without a threshold, and percentiles.
+
+    Percentiles of the critical Shields number count grains that no flow moves as infinite.
+
+    Args:
+        path: file of a sweep of thresholds, or a CSV with a column `shields`, such as grains.csv of a survey.
+        bounds: n + 1 sizes, ascending, in the unit of the column.
+        size: the column of sizes; default: diameter, or body.diameter.
+
+    Raises:
+        SceneError: bounds do not increase, a column is missing, or no grain is in a class.
+        OutputError: the file of the sweep cannot be read.
+    """
+    if len(bounds) < 2 or not all(low < high for low, high in pairwise(bounds)):
+        numbers = ", ".join(f"{bound:g}" for bound in bounds)
+        raise SceneError(
+            f"--size-classes: {numbers} do not increase; give two bounds or more, as in 1,2,4"
+        )
+    if path.suffix == ".csv":
+        names, cells = read_table(path, "give grains.csv of a survey")
+        listed: list[dict[str, Any]] = [dict(zip(names, row, strict=True)) for row in cells]
+    else:
+        listed = [row for row in rows(path) if row["status"] == "done"]
+    named = next(
+        (name for name in ([size] if size else SIZES) if any(name in row for row in listed)),
+        None,
+    )
+    if named is None or not any("shields" in row for row in listed):
+        lacks = "shields" if named is not None else size or " or ".join(SIZES)
+        raise SceneError(
+            f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN"
+        )
+    # A grain that carries others has none, and is not free to move.
+    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in listed]
+    table = np.array([grain for grain in grains if not any(map(math.isnan, grain))]).reshape(-1, 2)
+    classes = [_class(table, low, high) for low, high in pairwise(bounds)]
+    if not any(row["grains"] for row in classes):
+        where = f"{named} from {bounds[0]:g} to {bounds[-1]:g}"
+        raise SceneError(
+            f"--size-classes: {path} has no threshold of a {where}; give others, or compute thresholds"
+        )
+    return classes
+
+
+def _class(table: Any, low: float, high: float) -> dict[str, float]:
+    inside = table[(table[:, 0] >= low) & (table[:, 0] < high)]
+    row = {"size_low": low, "size_high": high, "grains": len(inside)}
+    row["without_threshold"] = int(np.isinf(inside[:, 1]).sum())
+    if len(inside):
+        row["size_median"] = float(np.median(inside[:, 0]))
+        for share in known_percentiles(SHARES, len(inside)):
+            row[f"shields_{share}"] = float(percentile(inside[:, 1], share))
+    return row
+
+
+def _number(value: Any) -> float:
+    try:
+        return number(value)
+    except ValueError:
+        return math.nan

@@ -22,7 +22,7 @@ from ..errors import IncipientError, MissingError
 from ..files import plain
 from ..parallel import Comm, end_with_parent, leave_parallel_run, start_alone_quickly, world
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, quantities_of
-from ..results.si import FLOW
+from ..results.si import SI
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
 
@@ -132,8 +132,9 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     )
     for quantity in of_run if kind is None else quantities_of(kind, result):
         columns |= quantity.columns(result)
-    si = result.get("si") or {}
-    return columns | {f"{name}_si": si[name] for name in FLOW if name in si}
+    for quantity in SI:
+        columns |= quantity.columns(result)
+    return columns
 
 
 @contextmanager

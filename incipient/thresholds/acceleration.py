@@ -28,7 +28,7 @@ def load_of_growth(setup: Setup, comm: Comm) -> Floats:
 
     Inviscid: pressure gradient on the displaced fluid, and potential disturbance.
     """
-    from ..fluid.acceleration import load_of_disturbance
+    from ..coupled.added_mass import load_of_disturbance
 
     scene, base_flow = setup.scene, setup.base_flow
     assert scene.grain is not None

@@ -12,7 +12,7 @@ from ..accuracy.errorbars import error_terms
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
-from ..effects.turbulence import threshold_needs, threshold_notes
+from ..effects.turbulence import threshold_notes
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
 from ..parallel import Comm
@@ -22,7 +22,6 @@ from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.units import nominal_diameter
-from ..setup.setup import Setup
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared
 from ..simulation.state import Run
@@ -118,11 +117,15 @@ def _require(scene: Scene) -> None:
         ),
         (not scene.flow.at_rest, "a flow (flow.kind other than still)"),
         (scene.flow.keeps_shape, KEEPS_SHAPE),
+        # Meshes follow the speed of the flow.
+        (
+            not scene.is_averaged or scene.numerics.accuracy is None,
+            "numerics.accuracy left out with turbulence; see its error bars",
+        ),
     )
-    lacking = [need for met, need in needs if not met]
-    setup = Setup(scene)
-    for need in lacking or threshold_needs(setup):
-        raise SceneError(f"a threshold needs {need}")
+    for met, need in needs:
+        if not met:
+            raise SceneError(f"a threshold needs {need}")
 
 
 def _threshold(run: Run, flow: CriticalFlow) -> Threshold:

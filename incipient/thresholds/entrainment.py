@@ -19,7 +19,7 @@ from scipy.stats import norm
 from ..errors import SceneError
 from ..parallel import Comm
 from ..progress import Silent
-from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
+from ..scene.gusts import GIVEN, MODEL, NEAR_WALL, Gusts
 from ..setup.setup import Setup
 from .acceleration import CriticalStrength, load_of_growth
 from .critical import find_threshold
@@ -135,9 +135,9 @@ class Entrainment:
         unknown = "; error of the flow not known" if critical.errors["shields"] is None else ""
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
-            f"flow of the scene   probability of motion at an instant {own.probability:.3g} "
+            f"flow of the scene   instantaneous probability of motion {own.probability:.3g} "
             f"({own.low:.3g} to {own.high:.3g}{unknown}); upcrossings: {rate}",
-            "probability of motion at an instant, and the mean flow",
+            "instantaneous probability of motion, and the mean flow",
             *(point.line() for point in self.quantiles),
             *(f"assumed             {line}" for line in self.assumed),
         ]
@@ -184,7 +184,7 @@ def find_entrainment(
         series_of(law, flow.integral_time(1.0))
     threshold = find_threshold(scene, comm, voice)
     if not threshold.is_critical:
-        raise SceneError(f"gusts: there is no threshold to exceed; {threshold.why_none()}")
+        raise SceneError(f"gusts: there is no threshold to exceed; {threshold.sentence}")
     if weakest is not None:
         weakest.require_of(threshold.factor)
     assert scene.contact is not None

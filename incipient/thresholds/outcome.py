@@ -96,6 +96,7 @@ class Threshold:
         return {
             **{name: getattr(self, name) for name in (*self.errors, *AS_THEY_ARE)},
             "schema_version": SCHEMA_VERSION,
+            "sentence": self.sentence,
             "error_bars": self.bars and self.bars.to_dict(),
             "without_error_bars": self.without_bars,
             "adaptation": as_stored(self.adaptation),
@@ -105,9 +106,9 @@ class Threshold:
         }
 
     def text(self) -> str:
-        lines = [f"threshold           {self.why_none()}"]
+        lines = [f"threshold           {self.sentence}"]
         if self.is_critical:
-            lines = self._critical_lines()
+            lines += self._critical_lines()
         if self.bars is not None:
             lines += self.bars.lines()
         elif self.without_bars:
@@ -117,7 +118,14 @@ class Threshold:
         unsolved = f", {len(self.unsolved)} not converged" if self.unsolved else ""
         return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
 
-    def why_none(self) -> str:
+    @property
+    def sentence(self) -> str:
+        """The critical flow and the mode, or the reason for none."""
+        if self.is_critical:
+            factor = with_error(self.factor, self.errors["factor"])
+            if self.computed not in (None, self.factor):
+                factor += f" (computed {self.computed:.4g})"
+            return f"{factor} times the flow of the scene; then the grain begins {self.mode}"
         if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
             return f"zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
@@ -145,11 +153,7 @@ class Threshold:
         shown = {
             name: with_error(getattr(self, name), error) for name, error in self.errors.items()
         }
-        if self.computed not in (None, self.factor):
-            shown["factor"] += f" (computed {self.computed:.4g})"
         return [
-            f"threshold           {shown['factor']} times the flow of the scene; "
-            f"then the grain begins {self.mode}",
             f"Shields number      {shown['shields']}",
             *(f"                    {note}" for note in self.notes),
             f"Reynolds number     {shown['reynolds']}   shear Reynolds number {shown['shear_reynolds']}",

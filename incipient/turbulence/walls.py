@@ -16,7 +16,6 @@ from .inflow import Developed, Inflow, Measured
 from .wall_law import CROSSING, WallLaw, shift
 
 if TYPE_CHECKING:
-    from ..setup.base_flow import BaseFlow
     from ..setup.geometry import SideNames
 
 # Distance of the mesh from smooth walls by model [nu/u*]: within the logarithmic layer, and in the viscous sublayer.
@@ -139,9 +138,7 @@ class Walls:
         )
 
 
-def walls_of(
-    scene: Scene, base_flow: BaseFlow, names: SideNames, ground: float, asked: Turbulence
-) -> Walls:
+def walls_of(scene: Scene, names: SideNames, ground: float, asked: Turbulence) -> Walls:
     """The walls of a flow, and their distances from the mesh. Not collective.
 
     ground: height of the bed at the inflow
@@ -151,7 +148,7 @@ def walls_of(
         ConvergenceError: no developed flow converged.
     """
     number = 2 if scene.top == "wall" else 1
-    depth, viscosity = (scene.domain.ceiling - ground) / number, base_flow.viscosity
+    depth, viscosity = (scene.domain.ceiling - ground) / number, scene.viscosity
     if why := asked.rows_beyond(number, depth):
         raise SceneError(why)
     of_grain = math.inf if scene.grain is None else scene.grain.size
@@ -162,7 +159,7 @@ def walls_of(
                 f"turbulence.{key}: is {getattr(asked, key):g}, {100 * share:.0f}% of the depth or the grain, at most "
                 f"{100 * LARGEST:.0f}%; use a smaller one, or bedforms next to the grain and upstream_roughness"
             )
-    mean = base_flow.reference
+    mean = scene.reference_velocity
     roughness = asked.upstream_roughness or asked.roughness
     channel = of_discharge(mean * depth / viscosity, roughness / depth)
     shear_velocities = np.array([mean / channel.mean])

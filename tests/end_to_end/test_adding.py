@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,12 +25,11 @@ from incipient.arrays import Floats, planar_cross
 from incipient.contact.friction import FrictionCone
 from incipient.effects import known
 from incipient.effects.effect import Effect, Solved
-from incipient.effects.flow import FlowEffect, UnsteadinessEffect
 from incipient.errors import SceneError
 from incipient.fluid import FlowModel
 from incipient.geometry.plane.curves import Curve
 from incipient.planning import doubts, effects
-from incipient.planning.effects import Decision
+from incipient.planning.effects import Decision, EffectName
 from incipient.planning.plan import Plan
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
@@ -123,10 +122,10 @@ class Sawtooth(BedSection):
         """Teeth."""
         return length / self.tooth
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        x = 0.5 * self.tooth * np.arange(-8, 9) - origin_x
-        return geometry.Polyline(np.column_stack([x, self.height * (np.arange(17) % 2)]), origin_y)
+    def shape(self, base: float, corner: Sequence[float]) -> geometry.Bed:
+        """The bed's shape above its base line, abscissae counted from a corner."""
+        x = 0.5 * self.tooth * np.arange(-8, 9) - corner[0]
+        return geometry.Polyline(np.column_stack([x, self.height * (np.arange(17) % 2)]), base)
 
 
 # -- the flows: one of a profile, with a key and its rule, and one whose profile changes in time -----
@@ -169,13 +168,13 @@ class StartingFlow(BaseFlow):
     @property
     def layer(self) -> float:
         """After a tenth of the unit of time."""
-        return math.sqrt(0.1 * self.viscosity)
+        return math.sqrt(0.1 * self.scene.viscosity)
 
     def profile(self, z: Floats, y: Floats, t: float) -> Floats:
         """V t (1 - 4 i2erfc(eta)), eta = z/(2 (nu t)^(1/2)) (Carslaw & Jaeger 1959, section 2.9)."""
         if t == 0.0:
             return np.zeros_like(z)
-        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.viscosity * t))
+        eta = np.maximum(z, 0.0) / (2.0 * math.sqrt(self.scene.viscosity * t))
         lag = (1.0 + 2.0 * eta**2) * erfc(eta) - 2.0 / math.sqrt(math.pi) * eta * np.exp(-(eta**2))
         return np.asarray(self.flow.velocity * t * (1.0 - lag))
 
@@ -456,25 +455,23 @@ def doubt(setup: Setup) -> Iterator[str]:
         yield "the driving force is the same everywhere"
 
 
-class DrivingForce(Effect):
-    """A uniform force along x, where the scene's title asks for it."""
+def add_force(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
+    """A uniform force along x in the equation of momentum, where the scene's title asks for it."""
+    return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
 
-    name = NAME
 
-    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
-        """The force in the equation of momentum."""
-        return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
-
-    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """What it would change: known."""
-        yield Omission(self.name, 0.5, "by Archimedes' law", False, "name the scene so")
+def without_force(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """What it would change: known."""
+    yield Omission(decision.name, 0.5, "by Archimedes' law", False, "name the scene so")
 
 
 @pytest.fixture
 def added_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(effects, "TABLE", (*effects.TABLE, decision))
     monkeypatch.setattr(doubts, "DOUBTS", (*doubts.DOUBTS, doubt))
-    monkeypatch.setattr(known, "EFFECTS", (*known.EFFECTS, DrivingForce()))
+    monkeypatch.setattr(
+        known, "EFFECTS", (*known.EFFECTS, Effect(NAME, terms=add_force, left_out=without_force))
+    )
 
 
 @pytest.mark.usefixtures("added_effect")
@@ -537,9 +534,18 @@ FLUX = OutputQuantity(
 )
 
 
+def measure(monkeypatch: pytest.MonkeyPatch, name: EffectName) -> None:
+    """Add the flux to the quantities of an effect."""
+    changed = [
+        replace(one, quantities=(*one.quantities, FLUX)) if one.name == name else one
+        for one in known.EFFECTS
+    ]
+    monkeypatch.setattr(known, "EFFECTS", tuple(changed))
+
+
 @pytest.fixture
 def added_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FlowEffect, "quantities", (*FlowEffect.quantities, FLUX))
+    measure(monkeypatch, EffectName.FLOW)
 
 
 @pytest.mark.usefixtures("added_quantity")
@@ -564,7 +570,7 @@ def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> N
 
 
 def test_of_an_absent_effect_it_is_null_and_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(UnsteadinessEffect, "quantities", (FLUX,))
+    measure(monkeypatch, EffectName.UNSTEADINESS)
     steady = incipient.run(SCENE_QUANTITY.model_copy(update={"time": None}))
     assert steady.to_dict()["flux"] is None
     assert FLUX.words not in steady.text()

@@ -405,7 +405,7 @@ def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) 
     )
     assert any(line.get_xydata().tolist() == stored["data"] for line in axes.lines)
     page = incipient.report(out).read_text()
-    assert "probability at an instant" in page and "moves the grain from Shields number" in page
+    assert "instantaneous probability" in page and "threshold of steady flow" in page
 
 
 @pytest.mark.slow

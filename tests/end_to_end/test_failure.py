@@ -43,7 +43,7 @@ from incipient.errors import ConvergenceError, MeshError, OutputError
 from incipient.files import MARK
 from incipient.installed import COMPILER, LIBRARIES, MODULES, missing, required
 from incipient.output.xdmf import FieldSeries
-from incipient.restart.checkpoint import read
+from incipient.restart import read
 
 # Interrupts, divergence, impossible meshes and full disks: one line, an exit code, no hang, nothing lost.
 
@@ -501,6 +501,7 @@ ALONE = """
 import sys
 from mpi4py import MPI
 from incipient import cli
+from incipient.commands import runs
 from incipient.errors import ConvergenceError
 
 def fails(options, comm):
@@ -511,8 +512,8 @@ def fails(options, comm):
     return 0
 
 cli.TO_COME = 1.0
-cli._commands = lambda: {"run": (fails, "run", cli.options.no_options)}
-raise SystemExit(cli.main(["run"]))
+runs.run = fails
+raise SystemExit(cli.main(["run", "scene.toml"]))
 """
 
 

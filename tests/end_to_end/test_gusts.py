@@ -286,7 +286,7 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     with Image.open(draw(tmp_path)[0]) as image:
         assert image.format == "PNG"
     page = incipient.report(tmp_path).read_text()
-    assert "1.6 times its strength" in page and "leaves at" in page
+    assert "1.6 times the flow of the scene" in page and "leaves its pocket at" in page
     assert "gust of 1          strength 4.85 +- not known in 7 runs" in curve.text()
 
 

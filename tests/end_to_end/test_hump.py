@@ -20,7 +20,7 @@ def test_a_boundary_layer_over_a_smooth_bed_has_no_grad_div():
     setup = Setup(hump.scene_to_the_wall(hump.rows("hump_shape"), 2.0))
     plan = make_plan(setup.scene)
     assert not plan.stabilisation.present
-    assert "stretched along walls" in plan.stabilisation.text()
+    assert "stretched along walls" in plan.stabilisation.reason
 
 
 @pytest.mark.slow

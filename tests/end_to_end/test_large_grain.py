@@ -10,7 +10,6 @@ from turbulent import balance
 import incipient
 from incipient.fluid.transient import Transient
 from incipient.pictures import record
-from incipient.planning.cells import CLOSED
 from incipient.scene import (
     Contact,
     Disc,
@@ -27,6 +26,7 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
+from incipient.setup.geometry import CLOSED
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
 

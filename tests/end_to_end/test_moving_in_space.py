@@ -178,7 +178,7 @@ def test_distances_from_sides_and_bed() -> None:
         time=Time(end=1, step=1),
     )  # fmt: skip
     around = Setup(scene).surroundings
-    assert isinstance(around.grain, BoxSolid) and not Setup(scene).symmetric
+    assert isinstance(scene.grain, BoxSolid) and not Setup(scene).symmetric
     walls = {
         "upstream": (0, 0, 1), "downstream": (0, 4, -1), "right": (1, 0, 1), "left": (1, 5, -1),
         "bottom": (2, 0, 1), "top": (2, 6, -1),

@@ -167,7 +167,7 @@ def test_the_stress_on_the_bed_is_the_largest_of_a_period() -> None:
     setup = Setup(loads(LAYER.format(step=0.1)))
     flow, times, small = setup.base_flow, np.linspace(0.0, 2.0 * math.pi, 801), 1e-5
     speeds = np.array([flow.velocity(np.array([[0.0], [small], [0.0]]), t)[0, 0] for t in times])
-    stress = flow.viscosity * speeds / small
+    stress = setup.scene.viscosity * speeds / small
     assert (
         setup.bed_stress() == pytest.approx(math.sqrt(0.5)) == pytest.approx(stress.max(), rel=1e-4)
     )

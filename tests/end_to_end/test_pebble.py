@@ -17,7 +17,6 @@ from incipient.contact import Load
 from incipient.contact.verdict import judge
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.space.grains import Triangulated
-from incipient.pictures import verdict as pictures
 from incipient.pictures.directory_pictures import draw
 from incipient.scene import Shear
 
@@ -134,9 +133,7 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     assert found.shields == pytest.approx(stress / (1.65 * scene.gravity.acceleration), rel=1e-6)
     assert found.shields == pytest.approx(0.0379, rel=0.05)
     stored = json.loads((tmp_path / "threshold.json").read_text())
-    assert stored["shields"] == found.shields and "begins pivoting" in pictures.critical_sentence(
-        stored
-    )
+    assert stored["shields"] == found.shields and "begins pivoting" in stored["sentence"]
     assert_is_a_picture(*draw(tmp_path))
 
 

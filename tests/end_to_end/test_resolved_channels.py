@@ -308,13 +308,11 @@ def test_a_large_wake_is_found():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True, reason="does not converge since walls take any first cell; the run says so"
-)
-def test_a_flow_that_changes_for_ever_at_a_contact_is_taken():
-    """A stone at u* d/nu = 800 with the default gap: not found in 300 steps where k in its dead water goes around.
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_flow_with_dead_water_at_a_contact_converges(order):
+    """A stone at u* d/nu = 800 with the default gap: an earlier version did not find it in 300 steps.
 
-    Its loads lie between those at u* d/nu = 430 and 1300, to 1%, whose flows are steady.
+    Its loads lie between those at u* d/nu = 430 and 1300, to 1%.
     """
     loads = []
     for reynolds in (45_000.0, 90_000.0, 150_000.0):
@@ -324,9 +322,10 @@ def test_a_flow_that_changes_for_ever_at_a_contact_is_taken():
             "contact": Contact(friction=0.6),
             "domain": Domain(length=6.0, height=1.0),
         }
-        found = incipient.run(channel(reynolds, mesh_size=2.0, **grain))
+        numerics = Numerics(mesh_size=2.0, order=order, error_bars=False)
+        found = incipient.run(channel(reynolds, numerics=numerics, **grain))
         loads.append(found.force.flow[:2])
-        assert found.turbulence.spread < 0.01
+        assert found.turbulence.converged and len(found.turbulence.iteration.changes) < 60
     slow, asked, fast = loads
     assert (asked > 0.99 * np.minimum(slow, fast)).all()
     assert (asked < 1.01 * np.maximum(slow, fast)).all()
@@ -469,15 +468,38 @@ def test_the_grain_is_about_to_move_at_its_threshold(sand):
     assert any("tau_b of the inflow" in note for note in found.notes)
 
 
-def test_the_order_that_a_plan_takes_converges_and_higher_ones_are_refused():
-    """Of order 3 the velocity alternates between cells and grows eightfold in each iteration."""
-    scene = channel(20000.0, numerics=Numerics(error_bars=False))
-    assert incipient.make_plan(scene).order == 2
-    found = incipient.run(scene).turbulence
-    assert found.converged
-    assert 1.0 / found.shear_velocity == pytest.approx(of_discharge(20000.0, 0.0).mean, rel=5e-3)
-    with pytest.raises(SceneError, match=r"numerics\.order: is 3, .* use 2, or a turbulence\.wall"):
-        incipient.make_plan(channel(20000.0, numerics=Numerics(order=3)))
+@pytest.mark.parametrize(
+    ("order", "mesh_size", "within"),
+    [(2, 3.0, 0.01), (2, 4.0, 0.015), (3, 1.0, 0.005), (3, 2.0, 0.01), (3, 3.0, 0.01)],
+)
+def test_any_order_and_size_of_cells_converges(order, mesh_size, within):
+    """u* against the 1-D model's, as near as by an earlier version (2.3% on cells of 4, 3% on those of 3, order 3).
+
+    With a derivative of quadrature degree 5 velocities of order 3 grew eightfold in each iteration; with first rows as
+    coarse as all others k grew twofold.
+    """
+    numerics = Numerics(order=order, mesh_size=mesh_size, error_bars=False)
+    found = incipient.run(channel(20000.0, numerics=numerics)).turbulence
+    assert found.converged and len(found.iteration.changes) <= 12
+    mean = of_discharge(20000.0, 0.0).mean
+    print(order, mesh_size, 1 / found.shear_velocity / mean - 1, len(found.iteration.changes))
+    assert 1.0 / found.shear_velocity == pytest.approx(mean, rel=within)
+
+
+@pytest.mark.parametrize(("order", "mesh_size"), [(2, 4.0), (3, 2.8)])
+def test_a_flow_past_a_grain_converges_on_coarse_cells(order, mesh_size):
+    """u* d/nu = 30, loads within 2% of those on cells of 0.7 of both orders.
+
+    Where first layers grew with all cells k in them grew without end from 3 nu/u* on.
+    """
+    mean = developed(120.0).mean
+    grain = {"body": Disc(diameter=1.0, x=0.0, density=2.65), "contact": Contact(friction=0.5)}
+    box = Domain(length=10.0, height=4.0, origin=(-4.0, 0.0))
+    numerics = Numerics(order=order, mesh_size=mesh_size, error_bars=False)
+    found = incipient.run(channel(120.0 * mean, domain=box, bed=Flat(), numerics=numerics, **grain))
+    assert found.turbulence.converged
+    print(order, mesh_size, found.force.flow, len(found.turbulence.iteration.changes))
+    assert found.force.flow[:2] == pytest.approx([0.5821, 0.3555], rel=0.02)
 
 
 def test_an_accuracy_is_reached_where_walls_are_resolved():

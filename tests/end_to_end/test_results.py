@@ -531,7 +531,7 @@ def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:
     assert walls is not None
     page = Seen(incipient.report(tmp_path))
     assert "Turbulence" in page.text
-    told = [walls.least, walls.largest, walls.shear_velocity, walls.at_outflow, walls.friction]
+    told = [walls.least, walls.largest, walls.at_outflow, walls.friction, walls.shear_velocity]
     at = page.numbers.index(told[0])
     assert page.numbers[at : at + 5] == told
 

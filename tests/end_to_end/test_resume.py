@@ -19,14 +19,14 @@ from mpi4py import MPI
 from processes import VORTEX_STREET, result_of, settings
 
 import incipient
+from incipient import restart
 from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError, SceneError
 from incipient.files import reported
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
 from incipient.interrupt import Interruption
 from incipient.output.series_file import read_step, times
-from incipient.restart import checkpoint
-from incipient.restart.checkpoint import VERSION, read
+from incipient.restart import VERSION, read
 from incipient.scene.file import loads
 
 COMM = MPI.COMM_SELF
@@ -336,7 +336,7 @@ def test_the_first_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = checkpoint.write_hdf5
+    written = restart.write_hdf5
 
     def full(path: Path, *what: Any) -> None:
         with reported(path):
@@ -344,7 +344,7 @@ def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         written(path, *what)
 
-    monkeypatch.setattr("incipient.restart.checkpoint.write_hdf5", full)
+    monkeypatch.setattr("incipient.restart.write_hdf5", full)
     with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be written: no space left"):
         incipient.run(vortices(output_checkpoint=2), tmp_path)
     assert read(tmp_path / "checkpoint.h5", COMM).progress.number == 2
@@ -427,7 +427,7 @@ def test_refusals_are_one_line_on_all_ranks(
     with h5py.File(tmp_path / "version/checkpoint.h5", "r+") as file:
         file.attrs["version"] = VERSION + 1
     damaged = tmp_path / "damaged/checkpoint.h5"
-    largest = np.abs(read(damaged, COMM).flow.velocities).max()
+    largest = np.abs(read(damaged, COMM).velocity.values).max()
     changed = np.nextafter(largest, 0.0).tobytes()
     damaged.write_bytes(damaged.read_bytes().replace(largest.tobytes(), changed))
     os.truncate(tmp_path / "half/checkpoint.h5", 20_000)

@@ -253,7 +253,7 @@ def test_the_error_bar_of_a_cavity_holds_its_error(mesh_size, tmp_path):
     assert off < result.error_bars.total.centreline.max() < 10.0 * off
     assert f"+- {result.error_bars.total.centreline.max():.1e}   at" in result.text()
     assert len(plain(result.to_dict())["error_bars"]["centreline"]) == 3
-    assert "of velocities on centrelines" in part(tmp_path / "result.json")[0]
+    assert "velocity on the centrelines" in part(tmp_path / "result.json")[0]
 
 
 @pytest.mark.slow

@@ -24,10 +24,10 @@ from incipient.judging.case import Case, judge_case
 from incipient.pictures.charts import survey as chart
 from incipient.scene.file import parse
 from incipient.scene.mass import mass_and_inertia
-from incipient.survey.deposition import Spheres
+from incipient.survey.beds import Spheres
 from incipient.survey.full_runs import scene_of
 from incipient.survey.pockets import Surface, pockets
-from incipient.survey.request import FlowPast, SurveyRequest
+from incipient.survey.request import FlowPast, Survey
 from incipient.sweep.store import Store
 
 # `incipient survey`: what it writes, draws and reports, what it refuses, and that nothing is computed twice.
@@ -189,7 +189,7 @@ def test_the_bead_of_another_page_by_a_full_run() -> None:
     spheres = Spheres(np.vstack([centres, bead]), np.full(145, 0.5), period)
     (pocket,) = pockets(spheres, Surface.of(spheres), np.array([144]), FlowPast())
     runs = "[runs]\norder = 3\nmeshed_bed = 1.0\ndomain = 12.0\ngap = 0.01\n"
-    asked = parse(SurveyRequest, BED + runs, ".", (), "bead.toml")
+    asked = parse(Survey, BED + runs, ".", (), "bead.toml")
     found = incipient.run(scene_of(pocket, 0.5 - float(bead[2]), asked, 1.0))
     assert found.force.flow[0] == pytest.approx(7.01, rel=0.02)
 

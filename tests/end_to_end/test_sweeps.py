@@ -359,9 +359,10 @@ def test_wrong_sweeps_are_refused_in_one_line(
 
 def test_ranks_of_mpirun_are_refused_in_one_line(tmp_path: Path, command: Any) -> None:
     scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
-    ended = command(*order(scene, file, 2), ranks=2)
-    assert ended.returncode == 2 and ended.stderr.count("incipient: ") == 1
-    assert "start it without mpirun" in ended.stderr
+    for words in (order(scene, file, 2), ["survey", "bed.toml"]):
+        ended = command(*words, ranks=2)
+        assert ended.returncode == 2 and ended.stderr.count("incipient: ") == 1
+        assert "on one rank; start it without mpirun" in ended.stderr
 
 
 # -- clusters ---------------------------------------------------------------------------------------------------

@@ -17,8 +17,8 @@ from incipient.cost.ladder import ladder
 from incipient.cost.measurement import measure
 from incipient.cost.study import run_ladder
 from incipient.fluid.transient import Transient
+from incipient.pictures.flow import along_walls
 from incipient.pictures.record import read
-from incipient.pictures.walls import picture
 from incipient.planning.wall_cells import coarsest
 from incipient.scene import (
     Contact,
@@ -128,8 +128,7 @@ def test_a_rough_channel(reynolds, k):
     walls = rough(reynolds, k)
     assert over_volumes(walls, reynolds, k) == pytest.approx(1.0, abs=0.003)
     assert walls.at_outflow == pytest.approx(by_hand(k, 0.2, 8.5), rel=0.015)
-    (line,) = walls.lines()
-    assert "1 times the roughness off" in line
+    assert walls.distance == pytest.approx(walls.roughness)
 
 
 @pytest.mark.slow
@@ -161,7 +160,7 @@ def test_friction_is_larger_on_crests_than_in_troughs_and_is_drawn(tmp_path):
     # Friction is known at nodes 0.05 apart.
     assert x[last][np.argmax(friction[last])] == pytest.approx(7.2, abs=0.1)
     assert 1.2 < friction[last].max() / friction[last].min() < 2.0
-    figure = picture(read(tmp_path))
+    figure = along_walls(read(tmp_path))
     (drawn,) = (line for line in figure.axes[1].lines if line.get_label() == "bed")
     assert drawn.get_ydata() == pytest.approx(friction, rel=1e-5)
 
@@ -369,7 +368,7 @@ def test_a_level_channel_is_as_accurate_as_asked():
     assert abs(walls.friction - finer.friction) < 2.0 * adapted.reached * walls.friction
     assert found.scene["numerics"]["mesh_size"] == 1.0
     assert (
-        "within" in found.text()
+        f"u* at the outflow {walls.at_outflow:.6g} +- " in found.text()
         and "accuracy            error of the shear velocity" in found.text()
     )
 

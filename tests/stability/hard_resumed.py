@@ -15,7 +15,7 @@ from scenes import CARRIED
 import incipient
 from incipient.errors import IncipientError
 from incipient.progress import Silent
-from incipient.restart.checkpoint import read
+from incipient.restart import read
 from incipient.results.result import Result
 from incipient.scene.file import loads
 

@@ -212,11 +212,11 @@ def test_height_maps_hold_real_numbers_and_few(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("key", "value", "remedy"),
     [
-        ("cell", "[0.0, 1.0]", "give two lengths"),
-        ("cell", "[nan, 1.0]", "give two lengths"),
+        ("cell", "[0.0, 1.0]", "bed.cell[0]: is 0.0; give a number greater than 0"),
+        ("cell", "[nan, 1.0]", "bed.cell[0]: is nan; give a finite number"),
         ("cell", "[1e-9, 1e-9]", "has 6.4e+19 heights; give 250000 at most, or a larger cell"),
-        ("scale", "-1.0", "give a positive number"),
-        ("scale", '"big"', "give a positive number"),
+        ("scale", "-1.0", "bed.scale: is -1.0; give a number greater than 0"),
+        ("scale", '"big"', 'bed.scale: is "big"; give a number'),
     ],
 )
 def test_a_surface_is_read_by_sensible_numbers(

@@ -27,7 +27,7 @@ from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.arrays import Floats
 from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
-from incipient.effects.turbulence import findings
+from incipient.effects.turbulence import QUANTITIES, findings
 from incipient.errors import ConvergenceError, MeshError
 from incipient.meshes import expected
 from incipient.planning import meshing
@@ -36,8 +36,9 @@ from incipient.planning.plan import make_plan
 from incipient.planning.wall_cells import coarsest
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
+from incipient.results.quantity import screen_lines
 from incipient.results.result import Result
-from incipient.results.trajectory import place_words
+from incipient.results.trajectory import place_words, separation_words
 from incipient.results.wall_report import OF_MODEL, WallReport
 from incipient.scene import (
     Contact,
@@ -512,13 +513,14 @@ def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
 def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
     """C_f = 2 u*^2 errs by twice as much, relative; over a bed that is not level the mean is told, too."""
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005)
-    (line,) = walls.lines(np.array([5e-4, 2e-4]))
-    assert "u* 0.05, within 5.0e-04, and C_f 0.005, within 1.0e-04, at the outflow" in line
+    bars = {"shear_velocity": [5e-4, 2e-4]}
+    (line,) = screen_lines(QUANTITIES, {"turbulence": walls.to_dict(), "error_bars": bars})
+    assert (
+        "u* at the outflow 0.05 +- 5.0e-04   C_f 0.005 +- 1.0e-04   mean u* along the walls 0.04 +- 2.0e-04"
+        in line
+    )
     assert walls.shear_velocities[walls.leading] == 0.05
     wavy = replace(walls, plane=False)
-    assert wavy.lines(np.array([5e-4, 2e-4]))[0].endswith(
-        "u* 0.04, within 2.0e-04, on average along the walls"
-    )
     assert wavy.shear_velocities[wavy.leading] == 0.04
 
 
@@ -526,15 +528,10 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
     """Narrow wedges next to contacts are full of eddies, each shorter than the one before."""
     spans = tuple((place, place + 0.01 * place) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     walls = walls_of(41.0, 220.0, 0.04, 0.05, 0.005, backward=spans)
-    error = OF_MODEL["k-epsilon"]
-    assert walls.lines()[0].endswith(
-        "x = 3 to 3.03, 4 to 4.04, 5 to 5.05, 6 to 6.06, and in 2 shorter places" + error
-    )
-    assert (
-        replace(walls, backward=spans[:1])
-        .lines()[0]
-        .endswith("reverse flow next to the bed from x = 1 to 1.01" + error)
-    )
+    ordered = ", ".join(f"x = {place:g} to {1.01 * place:g}" for place in (6.0, 5.0, 4.0, 3.0))
+    assert separation_words(spans) == f"{ordered}, and 2 shorter intervals"
+    assert separation_words(spans[:1]) == "x = 1 to 1.01"
+    assert walls.lines() == [f"{'model':<20}{OF_MODEL['k-epsilon']}"]
 
 
 def test_the_history_tells_where_the_flow_separates():
@@ -589,8 +586,8 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     table, within = quantities("run", stored), 1.2 * np.array(far)
     assert (table["separation"], table["reattachment"]) == (1.0, 5.31)
     assert table["separation_high"] == pytest.approx(1.0 + max(0.048, within[0]))
-    words = "x = 0.2 to 0.4, 1 to 5.31 (within {:.1e} and {:.1e})".format(*found.separated)
-    assert words in "\n".join(walls[0].lines(bars.total.shear, bars.total.separated))
+    words = "x = 1 to 5.31 (within {:.1e} and {:.1e}), x = 0.2 to 0.4".format(*found.separated)
+    assert separation_words(walls[0].backward, bars.total.separated) == words
     assert "x of separation" in "\n".join(bars.lines())
 
 
@@ -698,8 +695,10 @@ def test_a_coarse_scene_is_its_own_coarse_run(mesh_size, order, same):
 
 def test_walls_along_which_nothing_flows_are_told_all_the_same():
     """As after a first step in time that failed, of which result.json tells."""
-    (line,) = walls_of(0.0, 0.0, 0.0, 0.0, 0.0).lines(np.zeros(2))
-    assert line.endswith("u* 0 and C_f 0 at the outflow")
+    walls = walls_of(0.0, 0.0, 0.0, 0.0, 0.0).to_dict()
+    bars = {"shear_velocity": [0.0, 0.0]}
+    (line,) = screen_lines(QUANTITIES, {"turbulence": walls, "error_bars": bars})
+    assert "u* at the outflow 0   C_f 0" in line
 
 
 def test_a_threshold_with_turbulence_chooses_no_mesh():

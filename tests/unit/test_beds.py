@@ -341,7 +341,7 @@ class TestTerrains:
                 {**asc, **given}, context={"directory": str(tmp_path)}
             )
             assert bed.offset == place
-            low = [side[0] for side in bed.terrain(0.0).extent]
+            low = [side[0] for side in bed.shape(0.0, (0.0, 0.0)).extent]
             assert tuple(low) == place
 
     @pytest.mark.parametrize(

@@ -35,21 +35,24 @@ from incipient.geometry.space.heightmap import HeightMap
 from incipient.input_files import read_table, read_text, reading
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
-from incipient.output.directory import CHECKPOINT
 from incipient.output.ownership import locked, make_room, place_scene, refuse_foreign
-from incipient.output.runs import reopened
+from incipient.output.runs import CHECKPOINT, reopened
 from incipient.pictures import style
 from incipient.planning.discretisation import order_of
-from incipient.restart.checkpoint import (
+from incipient.restart import (
     Checkpoint,
     Progress,
     StoredBody,
-    StoredFlow,
+    StoredField,
     StoredMesh,
+    StoredMotion,
     read,
+    spread_flow,
+    spread_mesh,
+    stored_flow,
+    stored_mesh,
     write,
 )
-from incipient.restart.redistribution import spread_flow, spread_mesh, stored_flow, stored_mesh
 from incipient.results.kinds import GUSTS
 from incipient.scene import example
 from incipient.scene.file import dumps, loads
@@ -166,7 +169,7 @@ def test_a_flow_finds_its_nodes_by_place(order: int) -> None:
         flow = stored_flow(fluid, [fluid.state.x.array, 2 * fluid.state.x.array])
     with streams(spread_mesh(MPI.COMM_WORLD, renumbered(whole)), order) as other:
         fill(other)
-        for factor, state in zip((1, 2), spread_flow(other, flow), strict=True):
+        for factor, state in zip((1, 2), spread_flow(other, **flow), strict=True):
             assert state == pytest.approx(factor * other.state.x.array, abs=1e-13)
 
 
@@ -177,7 +180,7 @@ def test_a_flow_of_another_mesh_is_refused() -> None:
         OutputError, match="the stored flow and the stored mesh have different nodes"
     )
     with streams(square_in_box(0.3, 0.3), 2) as other, refused:
-        spread_flow(other, whole)
+        spread_flow(other, **whole)
 
 
 # -- the file --------------------------------------------------------------------------------------------------
@@ -188,15 +191,17 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
     numbers = np.random.default_rng(1).standard_normal
     cells = np.array([[0, 1, 2]])
     mesh = StoredMesh(2, numbers((4, 2)), cells, np.array([[0, 1]]), np.array([7]), {"bed": 7})
-    flow = StoredFlow(*(numbers(shape) for shape in ((4, 3), (3, 3), (4, 2, 2), (3, 2))))
+    velocity = StoredField(numbers((4, 3)), numbers((4, 2, 2)))
+    pressure = StoredField(numbers((3, 3)), numbers((3, 2, 1)))
     body = StoredBody(
-        *(numbers(shape) for shape in ((4, 3), (4, 3), 3, (2, 6), 2, (4, 2, 3))),
+        *(numbers(shape) for shape in ((4, 3), 3, (2, 6), 2)),
         None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((0, 3)), met,
         [{"time": 0.1, "cells": 5}], np.array([1, 2]),
     )  # fmt: skip
     progress = Progress(2, 0.1 + 0.2, 1e-5, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)
     times = np.array([time, 0.5])
-    return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, flow, body)
+    motion = StoredMotion(numbers((4, 3)), numbers((4, 2, 3)))
+    return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, velocity, pressure, motion, body)
 
 
 def assert_same(first: Any, second: Any) -> None:
@@ -236,7 +241,7 @@ def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
     with pytest.raises(
-        OutputError, match=r"of version 99, .* reads version 9; .* \(incipient 9\.9\)"
+        OutputError, match=r"of version 99, .* reads version 11; .* \(incipient 9\.9\)"
     ):
         read(path, COMM)
 
@@ -276,7 +281,7 @@ def test_a_damaged_file(path: Path, damage: str | int) -> None:
         os.truncate(path, damage)
     else:
         content = path.read_bytes()
-        at = content.index(sample().flow.velocities.tobytes())
+        at = content.index(sample().velocity.values.tobytes())
         path.write_bytes(content[: at + 6] + b"\x55" + content[at + 7 :])
     damaged = r"checkpoint\.h5: cannot be read: it is damaged or incomplete; start a new run"
     with pytest.raises(OutputError, match=damaged) as told:

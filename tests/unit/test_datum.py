@@ -36,8 +36,7 @@ from incipient.scene import (
     dumps,
     loads,
 )
-from incipient.setup.numbers import numbers_of
-from incipient.setup.setup import Setup
+from incipient.setup.setup import Setup, numbers_of
 from incipient.sweep.worker import quantities
 
 # The datum of the undisturbed flow: one for the whole bed, wherever the domain cuts it.
@@ -266,7 +265,7 @@ def landed(found, centre, push, angle=0.0):
 def test_a_box_that_lands_flat_stays_as_long_as_friction_holds_it(bed, share):
     """Pushed by a share of its weight: the safety factor is friction over the share; both lower corners touch."""
     found = landed(
-        landing_scene(bed=bed), (2.0, 0.25 + GAP * BOX.grain().size), (share * WEIGHT, 0.0, 0.0)
+        landing_scene(bed=bed), (2.0, 0.25 + GAP * BOX.grain.size), (share * WEIGHT, 0.0, 0.0)
     )
     assert found.contacts.points[:, 0].tolist() == pytest.approx([1.5, 2.5])
     assert found.verdict["safety_factor"] == pytest.approx(0.5 / share, rel=1e-6)
@@ -294,7 +293,7 @@ def test_a_disc_that_lands_in_a_pocket_has_both_contacts():
 
 def test_a_contact_that_is_farther_than_the_gap_is_none():
     """Tilted by more than the gap allows, the box stands on one corner, and its weight tips it over."""
-    size = BOX.grain().size
+    size = BOX.grain.size
     height = 0.5 * math.sin(math.radians(5)) + 0.25 * math.cos(math.radians(5)) + GAP * size
     found = landed(landing_scene(), (2.0, height), (0.0, 0.0, 0.0), angle=5.0)
     assert len(found.contacts.points) == 1 and found.verdict["moves"]

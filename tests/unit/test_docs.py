@@ -22,6 +22,7 @@ from slow_parts import PARTS, TESTS, files, of_day
 
 import incipient
 from incipient import cli
+from incipient.commands.options import COMMANDS
 from incipient.judging.in_place import GrainInPlace
 from incipient.scene import Scene
 
@@ -186,7 +187,7 @@ OTHER_KEYS = {"forces.md": keys(GrainInPlace)}  # of pages on files that are no 
 @of_every_page
 def test_commands_exist(page: Path) -> None:
     named = re.findall(r"(?:`|^ *|bin/)incipient ([a-z]+)", page.read_text(), re.MULTILINE)
-    assert set(named) <= set(cli._commands())
+    assert set(named) <= set(COMMANDS)
 
 
 @of_every_page

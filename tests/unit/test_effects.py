@@ -32,8 +32,7 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.scene.file import dumps, loads
-from incipient.setup.numbers import numbers_of
-from incipient.setup.setup import Setup
+from incipient.setup.setup import Setup, numbers_of
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 

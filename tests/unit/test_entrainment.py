@@ -79,7 +79,7 @@ REFUSED = [
     ("intensity = 0.3\ndepth = 3.0", "gusts.depth: is read only with"),
     ("intensity = 0.3\npoints = [[0.0, 1.0]]", "are not read with law"),
     ("intensity = 0.3\nrecord = 100.0", "gusts.record: is read only with"),
-    ('law = "measured"', "neither file nor points is given"),
+    ('law = "measured"', "points: are 0; give 100 or more, or a file"),
     ('law = "measured"\npoints = [[0.0, 1.0], [1.0, 2.0]]', "are 2; give 100 or more"),
     ('law = "events"\nrecord = 100.0\npoints = [[1.5, 1.0]]', "gusts.points: are 1"),
     (EVENTS.replace("record = 100.0\n", "") + "]", "gusts.record: is missing"),

@@ -433,10 +433,8 @@ def test_what_does_not_apply_is_said() -> None:
     }
     assert bars.total.place is not None and np.all(bars.total.place > 0.0)
     total, *terms = bars.lines(details=True)
-    assert (
-        f"   end of the path ({bars.total.place[0]:.1e}, {bars.total.place[1]:.1e}), turn {bars.total.place[2]:.1e} rad"
-        in total
-    )
+    place = ", ".join(f"{error:.1e}" for error in bars.total.place)
+    assert f"   end of the path with rotation [rad] {place}" in total
     assert [line[:18].strip() for line in terms[:3]] == ["discretisation", "time step", "mesh"]
     assert terms[3:] == [f"  {name:<18}{why}" for name, why in bars.left_out.items()]
 

@@ -34,7 +34,7 @@ from incipient.contact.rocking import Rocking, follow
 from incipient.contact.safety import SafetyStatus, safety_factor
 from incipient.contact.verdict import judge
 from incipient.effects.effect import Solved
-from incipient.effects.moving_grain import FreeBodyEffect
+from incipient.effects.omitted import without_motion
 from incipient.errors import SceneError
 from incipient.evaluation.contact_verdict import (
     OTHER_CONTACTS,
@@ -844,7 +844,7 @@ def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose()
     at = Decision(EffectName.FREE_BODY, False, "")
 
     def said(**verdict: object) -> list[str]:
-        return [one.how for one in FreeBodyEffect().left_out(Solved(None, None, None, verdict), at)]  # type: ignore[arg-type]
+        return [one.how for one in without_motion(Solved(None, None, None, verdict), at)]  # type: ignore[arg-type]
 
     assert said(first_motion=None, rocking=None) == []
     assert said(first_motion=0.1, rocking=None) == ["the grain moves from t = 0.1 on, but was held"]

@@ -24,12 +24,10 @@ from incipient.cli import main
 from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
 from incipient.judging.batch import Verdicts, judge_table
-from incipient.judging.case import Case, load_case, load_case_without_flow
-from incipient.judging.forces import JudgedForces, judge_forces
+from incipient.judging.case import Case, load_case
+from incipient.judging.forces import ForcesInTime, JudgedForces, judge_forces, read_forces
 from incipient.judging.in_place import grain_in_place
-from incipient.judging.motion import MotionInTime, mean_in_time
-from incipient.judging.openfoam import ForcesInTime, read_forces
-from incipient.judging.series import judge_series, read_series
+from incipient.judging.series import MotionInTime, judge_series, mean_in_time, read_series
 from incipient.judging.table import read_table
 from incipient.progress import Silent
 from incipient.scene import loads
@@ -696,7 +694,7 @@ def test_the_command_judges_a_series(kind: str, block: Case, tmp_path: Path, cap
     assert cli.main([*order, "--law", "U2"]) == 0
     said = capsys.readouterr().out
     assert "25.000% of the time" in said and "series.png" in said
-    assert "probability at an instant 0.25" in said
+    assert "instantaneous probability 0.25" in said
     # A push of 0.5 is held: for a quarter of the time it is 0.75, else 0.25, and grows as the square of the velocity.
     assert f"probability 0.05  {np.sqrt(0.5 / 0.75):.4g} " in said
     assert f"probability 0.5   {np.sqrt(0.5 / 0.25):.4g} " in said
@@ -784,38 +782,44 @@ def test_formats_are_told_by_header_and_columns(tmp_path: Path, made: str, porou
         assert forces.centre.tolist() == [4.5, 0.5, 0.0]
 
 
-def test_a_later_start_replaces_what_the_earlier_has_from_there_on(tmp_path: Path) -> None:
-    """Ordered by number, not by letters: "10" comes after "2.5", whose samples end before it."""
-    of_com(tmp_path / "0", rows=slice(0, 40), factor=0.1)
-    of_com(tmp_path / "2.5", rows=slice(25, 60))
-    of_com(tmp_path / "10", rows=slice(55, 60))
-    forces = read_forces(tmp_path)
-    assert forces.times == pytest.approx(TIMES)
-    assert forces.forces[:25] == pytest.approx(0.1 * PUSH[:25], abs=1e-9)
-    assert forces.forces[25:] == pytest.approx(PUSH[25:], abs=1e-9)
-
-
-def test_a_rerun_in_the_same_folder_supersedes_the_first(tmp_path: Path) -> None:
-    """OpenFOAM adds the start to the name where the folder has a file (`writeFile::newFileAtTime`)."""
-    of_com(tmp_path / "0", factor=0.1)
-    of_com(tmp_path / "0", "_0", slice(0, 50))
-    forces = read_forces(tmp_path)
-    assert forces.times == pytest.approx(TIMES[:50])
-    assert forces.forces == pytest.approx(PUSH[:50], abs=1e-9)
-    assert forces.sources == ("0/force_0.dat 0.1 to 5", "0/force.dat superseded")
-    first, second = (read_forces(tmp_path / "0" / f"force{name}.dat") for name in ("", "_0"))
-    assert first.forces == pytest.approx(0.1 * PUSH, abs=1e-9)
-    assert second.moments == pytest.approx(TWIST[:50], abs=1e-9)
-
-
-def test_a_run_resumed_in_the_same_folder_goes_on_from_its_start(tmp_path: Path) -> None:
-    of_com(tmp_path / "0", "", slice(0, 45), 0.1)
-    of_com(tmp_path / "0", "_3", slice(30, 60))
-    for path in (tmp_path, tmp_path / "0"):
-        forces = read_forces(path)
-        assert forces.times == pytest.approx(TIMES)
-        assert forces.forces == pytest.approx(np.vstack([0.1 * PUSH[:30], PUSH[30:]]), abs=1e-9)
-        assert [source[-8:] for source in forces.sources] == ["0.1 to 3", "3.1 to 6"]
+@pytest.mark.parametrize(
+    ("files", "slow", "sources"),
+    [
+        # Ordered by number, not by letters: "10" comes after "2.5", whose samples end before it.
+        (
+            [("0", "", 0, 40, 0.1), ("2.5", "", 25, 60, 1.0), ("10", "", 55, 60, 1.0)],
+            25,
+            ("0/force.dat 0.1 to 2.5", "2.5/force.dat 2.6 to 5.5", "10/force.dat 5.6 to 6"),
+        ),
+        # OpenFOAM adds the start to the name where the folder has a file (`writeFile::newFileAtTime`): a rerun
+        (
+            [("0", "", 0, 60, 0.1), ("0", "_0", 0, 50, 1.0)],
+            0,
+            ("0/force_0.dat 0.1 to 5", "0/force.dat superseded"),
+        ),
+        # and a run resumed in the same folder.
+        (
+            [("0", "", 0, 45, 0.1), ("0", "_3", 30, 60, 1.0)],
+            30,
+            ("0/force.dat 0.1 to 3", "0/force_3.dat 3.1 to 6"),
+        ),
+    ],
+)
+def test_later_starts_replace_what_earlier_ones_have_from_there_on(
+    tmp_path: Path,
+    files: list[tuple[str, str, int, int, float]],
+    slow: int,
+    sources: tuple[str, ...],
+) -> None:
+    """The first samples are a tenth of the others; each file alone is read as it is."""
+    for folder, name, first, end, factor in files:
+        path = of_com(tmp_path / folder, name, slice(first, end), factor) / f"force{name}.dat"
+        assert read_forces(path).moments == pytest.approx(factor * TWIST[first:end], abs=1e-9)
+    forces, end = read_forces(tmp_path), 50 if slow == 0 else 60
+    assert forces.times == pytest.approx(TIMES[:end])
+    expected = np.vstack([0.1 * PUSH[:slow], PUSH[slow:end]])
+    assert forces.forces == pytest.approx(expected, abs=1e-9)
+    assert forces.sources == sources
 
 
 @pytest.mark.parametrize(
@@ -931,7 +935,7 @@ def factor(judged: JudgedForces) -> float:
 @pytest.fixture
 def block_of_forces() -> Case:
     """The case of the demo."""
-    return load_case_without_flow(BLOCK_OF_FORCES / "case.toml", ["errors.samples=10"])
+    return load_case(BLOCK_OF_FORCES / "case.toml", ["errors.samples=10"], needs_flow=False)
 
 
 def test_the_block_tips_or_slides_as_statics_say(block_of_forces: Case) -> None:
@@ -1166,7 +1170,7 @@ def test_the_command(how: str, tmp_path: Path, capsys: Any) -> None:
     if how == "case":
         assert "mean from time 6 on" in said and "A block on a bed, forces of OpenFOAM\n" in said
     else:
-        assert "probability at an instant 0, 100 samples" in said
+        assert "instantaneous probability 0, 100 samples" in said
     for name in ("judgement.json", "series.csv", "series.json", "judgement.png", "series.png"):
         assert (tmp_path / "out" / name).is_file()
     stored = json.loads((tmp_path / "out" / "judgement.json").read_text())

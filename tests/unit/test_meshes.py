@@ -978,6 +978,13 @@ def test_thinner_layers_grow_less():
     assert number[1] / number[0] == pytest.approx(4.0, rel=0.1)
 
 
+def test_first_layers_become_thicker_up_to_a_factor():
+    """By two factors one after the other as by their product, by 1.5 at most; finer cells have thinner ones."""
+    layers = WallLayers({"bed": 1.0}, 80, 1.3, most=1.5)
+    assert layers.scaled(4.0).first == layers.scaled(2.0).scaled(2.0).first == {"bed": 1.5}
+    assert layers.scaled(0.5).scaled(2.0).first == {"bed": 1.0}
+
+
 def test_cells_of_order_three_are_refused():
     with pytest.raises(MeshError, match="geometry_order"):
         meshed_in_plane(step(), order=3)

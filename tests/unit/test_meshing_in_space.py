@@ -16,10 +16,10 @@ from incipient.errors import SceneError
 from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.surfaces import Ground
-from incipient.planning.expense import memory_in_space, memory_of_parts
+from incipient.planning.cells import BED_LARGEST
+from incipient.planning.expense import memory, memory_of_parts
 from incipient.planning.layout import Layout
 from incipient.planning.meshing import lay_out
-from incipient.planning.meshing_in_space import BED_LARGEST
 from incipient.scene import (
     Contact,
     Domain,
@@ -173,7 +173,7 @@ def test_the_libraries_take_what_the_plan_counts_for_them() -> None:
 def test_memory_is_what_was_measured(
     unknowns: dict[int, int], order: int, solver: str, bars: bool, peak: float
 ) -> None:
-    of_flow = memory_in_space(solver, unknowns.__getitem__, order, bars) - memory_of_libraries()
+    of_flow = memory(3, solver, unknowns.__getitem__, order, bars) - memory_of_libraries()
     # A tenth is what the allocator's pages and a mesh's shape change from run to run.
     assert of_flow == pytest.approx(peak - LIBRARIES, abs=0.1 * peak)
 
@@ -193,7 +193,7 @@ def test_memory_below_a_surface_is_what_was_measured(
     name: str, order: int, unknowns: int, peak: float
 ) -> None:
     scene = incipient.load(SCENES / f"{name}.toml")
-    foreseen = memory_in_space("block", lambda k: unknowns, order, False) + memory_of_parts(
+    foreseen = memory(3, "block", lambda k: unknowns, order, False) + memory_of_parts(
         Setup(scene), unknowns
     )
     assert foreseen - memory_of_libraries() == pytest.approx(peak - LIBRARIES, abs=0.05 * peak)

@@ -81,7 +81,7 @@ def test_all_errors_are_brought_below_the_accuracy() -> None:
     assert [line.split()[0] for line in found.changes] == [
         *("contact.gap", "domain.origin", "domain.length", "domain.height")
     ]
-    assert "(of discretisation, gap and domain), asked for 0.03: reached" in result.text()
+    assert "(of discretisation, gap and domain), requested 0.03: reached" in result.text()
     much_larger = {"origin": [-60.0, 0.0], "length": 120.0, "height": 60.0}
     large = changed(
         narrow(), domain=much_larger, contact={"gap": 2e-4}, numerics={"mesh_size": 1.0}
@@ -108,7 +108,7 @@ def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> 
     result = incipient.run(scene, comm=MPI.COMM_SELF)
     found = result.adaptation
     assert found is not None and found.met and found.includes == ("discretisation",)
-    assert "(of discretisation), asked for 0.02: reached" in found.lines()[0]
+    assert "(of discretisation), requested 0.02: reached" in found.lines()[0]
     gap, domain, last = found.beside
     assert gap.startswith("not included: the error of the gap, ")
     assert domain.startswith("not included: the error of the domain, ") and domain.endswith(

@@ -23,9 +23,8 @@ from incipient.flumes import thresholds
 from incipient.flumes.scene import flume_scene
 from incipient.flumes.water import density_of_water, viscosity_of_water
 from incipient.setup.mean_profile import MeanProfile
-from incipient.setup.numbers import numbers_of
-from incipient.setup.setup import Setup
-from incipient.survey.deposition import Spheres
+from incipient.setup.setup import Setup, numbers_of
+from incipient.survey.beds import Spheres
 
 pytestmark = pytest.mark.quick
 

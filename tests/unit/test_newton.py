@@ -238,7 +238,6 @@ class Pretended:
                 raise self.error
             return self.failed or NewtonReport(False, (1.0,) * max_iterations, np.inf)
         self.solved = self.reynolds
-        # A solution that is linear in the logarithm of Re, as the extrapolation supposes.
         self.state.x.array[:] = np.log(self.reynolds)
         return NewtonReport(True, (1.0,) * self.iterations, 0.0)
 
@@ -302,22 +301,6 @@ def test_first_linear_system_tells_of_the_mesh() -> None:
         solve_steady(Pretended(reach=np.inf, limit=0.0, failed=failed), 1e-9)
 
 
-def test_starts_are_extrapolated_from_two_solutions() -> None:
-    """The pretended solution is met exactly by the secant in log Re, where that is not limited."""
-    seen: list[float] = []
-    fluid = Pretended(reach=np.inf, iterations=8)
-    solve = fluid.solve
-
-    def watched(tolerance: float, max_iterations: int, watch: Any) -> NewtonReport:
-        seen.append(fluid.state.x.array[0] - np.log(fluid.reynolds))
-        return solve(tolerance, max_iterations, watch)
-
-    fluid.solve = watched  # type: ignore[method-assign]
-    solve_steady(fluid, 1e-9, first_share=0.2)
-    assert len(seen) > 3
-    assert seen[2:] == pytest.approx([0.0] * len(seen[2:]), abs=1e-12)
-
-
 @pytest.mark.parametrize("error", [None, ConvergenceError("the factorisation failed")])
 def test_last_converged_state_is_left(error: Exception | None) -> None:
     fluid = Pretended(reach=np.inf, limit=40.0, error=error)
@@ -348,7 +331,7 @@ def test_watch_hears_of_every_solve() -> None:
         Pretended(reach=np.inf),
         1e-9,
         first_share=0.1,
-        watch=lambda share, iteration, size: heard.append(share),
+        watch=lambda order, share, iteration, size: heard.append(share),
     )
     assert heard == shares(steps)
 

@@ -21,9 +21,10 @@ from environment import environment, finished, on_ranks
 from xdmf_writer import CELLS, RADIUS, SEMI_AXES, STEPS_A_MESH, placement, pressure, velocity
 
 from incipient import compat
+from incipient.errors import OutputError
 from incipient.mesh.sampling import Locator, cells_between, evaluate, extremum, sample
 from incipient.mesh.transfer import Transfer
-from incipient.output.series_file import SeriesFile, Unreadable, read_step, times
+from incipient.output.series_file import SeriesFile, read_step, times
 
 # Cells that hold points, values of fields there, extrema along lines, and fields taken to another mesh.
 
@@ -731,7 +732,7 @@ def test_a_damaged_step_is_refused_and_put_aside(
     content = path.read_bytes()
     at = content.index(fields_at(1)["pressure"].tobytes())
     path.write_bytes(content[: at + 6] + b"\x55" + content[at + 7 :])
-    with pytest.raises(Unreadable, match=r"000001\.h5: cannot be read: it is damaged or incomp"):
+    with pytest.raises(OutputError, match=r"000001\.h5: cannot be read: it is damaged or incomp"):
         read_step(stem, 1)
     path.write_bytes(content[:2000])
     SeriesFile(stem, "Triangle_6").begin(after=2.0)
@@ -742,5 +743,5 @@ def test_a_damaged_step_is_refused_and_put_aside(
 
 
 def test_a_series_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(Unreadable, match=r"fields: holds no fields; run the scene with output\.f"):
+    with pytest.raises(OutputError, match=r"fields: holds no fields; run the scene with output\.f"):
         times(tmp_path / "fields")

@@ -555,7 +555,9 @@ def test_a_height_map_is_read_once_and_stands_in_the_resolved_scene(tmp_path):
     assert loads(dumps(found)) == found
     for key in ("cell", "offset"):
         wrong = {**sphere_scene().model_dump(), "bed": {**data, key: 0.1}}
-        assert f"bed.{key}: is 0.1; give two lengths" in message(lambda wrong=wrong: Scene(**wrong))
+        assert f"bed.{key}: is 0.1; give a list in [brackets]" in message(
+            lambda wrong=wrong: Scene(**wrong)
+        )
 
 
 def test_a_capsule_has_the_moments_of_a_cylinder_with_hemispheres_and_lies_on_its_bed():

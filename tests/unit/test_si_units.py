@@ -24,7 +24,7 @@ from incipient.scene import (
     Units,
     dumps,
     loads,
-    settling,
+    grains,
 )
 from incipient.scene.units import nominal_diameter
 
@@ -84,7 +84,7 @@ def test_the_flow_and_loads_in_si() -> None:
     ] == pytest.approx([0.0, 5e-9, 0.0])
     said = "\n".join(si_lines(found))
     assert (
-        "nominal diameter 0.001 m, shear rate 400 1/s" in said
+        "nominal diameter [m] 0.001   shear rate [1/s] 400" in said
         and "force (5e-06, 0, 2.5e-06) N" in said
     )
     assert in_si(loads(QUARTZ.partition("[units]")[0], overrides=["fluid.reynolds=1"])) is None
@@ -148,7 +148,7 @@ def test_scenes_of_python_have_units_too() -> None:
     ],
 )
 def test_nominal_diameters(grain: Any, diameter: float) -> None:
-    assert nominal_diameter(grain.grain()) == pytest.approx(diameter)
+    assert nominal_diameter(grain.grain) == pytest.approx(diameter)
 
 
 @pytest.mark.parametrize(
@@ -209,8 +209,8 @@ def test_a_scanned_grain_in_units_settles_once(
 ) -> None:
     """Settling takes most of the time of a scan's plan; the scene without its units needs no place."""
     trimesh.creation.box((2.0, 1.0, 1.0)).export(tmp_path / "stone.stl")
-    calls, once = [], settling.settle
-    monkeypatch.setattr(settling, "settle", lambda *a: calls.append(a) or once(*a))
+    calls, once = [], grains.settle
+    monkeypatch.setattr(grains, "settle", lambda *a: calls.append(a) or once(*a))
     text = QUARTZ.replace('"sphere"\ndiameter = 2.0', '"mesh"\nfile = "stone.stl"')
     scene = loads(text, tmp_path, ["body.settle=true"])
     assert scene.placement is not None and len(calls) == 1

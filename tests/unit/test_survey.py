@@ -15,15 +15,13 @@ from incipient.geometry.contacts import Contacts
 from incipient.geometry.statics import balance
 from incipient.scene import Ellipsoid, Scene
 from incipient.scene.file import dumps, example, loads, parse
-from incipient.survey.beds import spheres_of
-from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
-from incipient.survey.emulator import Emulator
+from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.laws import kirchner, with_constant_drag
-from incipient.survey.orientations import Poses, _settings, random_orientation, survey_poses
+from incipient.survey.orientations import _settings, random_orientation, survey_poses
+from incipient.survey.outcome import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, critical_force, exposed, pockets
 from incipient.survey.procedure import survey
-from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
+from incipient.survey.request import FlowPast, Survey, Surveyed
 from incipient.sweep.cases import identity_of
 
 DEPOSITED = """
@@ -36,8 +34,8 @@ seed = 3
 """
 
 
-def asked(text: str = DEPOSITED, *settings: str) -> SurveyRequest:
-    return parse(SurveyRequest, text, ".", settings, "bed.toml")
+def asked(text: str = DEPOSITED, *settings: str) -> Survey:
+    return parse(Survey, text, ".", settings, "bed.toml")
 
 
 def layer(rows: int = 12) -> np.ndarray:
@@ -87,9 +85,7 @@ class TestDeposition:
         found = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
         for number in range(len(found)):
             before = Spheres(found.centres[:number], found.radii[:number], found.period)
-            normals, _, _ = _near(
-                before, found.centres[number], float(found.radii[number]), 1e-9, 0.0
-            )
+            normals, _ = _near(before, found.centres[number], float(found.radii[number]), 1e-9, 0.0)
             left, _ = balance(normals, DOWN)
             assert np.abs(left).max() < 1e-9
             away = np.linalg.norm(found.without(number).away(found.centres[number]), axis=1)
@@ -322,6 +318,8 @@ REFUSED = [
         "bed.spread: is needed by unequal sizes; give both spread and sizes",
     ),
     (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
+    (DEPOSITED + "diameters = [1.0]", "bed.diameters: is retired; use bed.sizes and bed.spread"),
+    (DEPOSITED + "[runs]\nseed = 1", "runs.seed: is retired; leave it out"),
     (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
     (DEPOSITED + "[flow]\nfriction = -0.1", "flow.friction: is -0.1; give a number of at least 0"),
     (DEPOSITED + "[runs]\norder = 7", "runs.order: is 7; give a number of at most 3"),
@@ -340,13 +338,15 @@ class TestBadInput:
         said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
         assert str(caught.value) == said
 
-    def test_without_scikit_learn(self, monkeypatch):
-        """Said before anything is computed."""
+    def test_without_scikit_learn(self, monkeypatch, tmp_path):
+        """Said before any flow is computed."""
         monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)
-        with pytest.raises(
-            MissingError, match=r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
-        ):
-            Emulator.require()
+        monkeypatch.setattr(
+            "incipient.survey.procedure.run_sweep", lambda *_, **__: pytest.fail("ran")
+        )
+        missing = r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
+        with pytest.raises(MissingError, match=missing):
+            survey(asked(DEPOSITED, "runs.number=8"), tmp_path, tmp_path / "out", MPI.COMM_SELF)
 
     @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
     def test_one_line(self, text, said):
@@ -405,10 +405,10 @@ def test_all_rotations_are_equally_likely() -> None:
 
 
 def test_the_first_pose_is_the_scenes_own() -> None:
-    found = _settings(Poses(3, 2), (10.0, 20.0, 30.0))
+    found = _settings(3, 2, (10.0, 20.0, 30.0))
     assert len(found) == 6 and len(set(found)) == 6
     assert found[0] == ("body.orientation=[10, 20, 30]", "bed.seed=0")
-    assert _settings(Poses(3, 1), (0.0, 0.0, 0.0))[0] == ("body.orientation=[0, 0, 0]",)
+    assert _settings(3, 1, (0.0, 0.0, 0.0))[0] == ("body.orientation=[0, 0, 0]",)
     assert found[:3] != found[3:] and [one[0] for one in found[:3]] == [one[0] for one in found[3:]]
 
 
@@ -421,7 +421,7 @@ def test_what_is_refused(tmp_path: Path) -> None:
         (ordered, "--seeds: "),
     ):
         with pytest.raises(SceneError) as caught:
-            survey_poses(path, (), Poses(2, 2), tmp_path / "out", MPI.COMM_WORLD)
+            survey_poses(path, (), 2, 2, tmp_path / "out", MPI.COMM_WORLD)
         assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -441,10 +441,12 @@ def test_poses_of_an_earlier_call_in_the_same_place_are_not_counted(
             row |= {"mode": "rolling", "shields_nominal": 0.01 * (number + 1)}
             computed.setdefault(str(row["id"]), row)
 
-    monkeypatch.setattr("incipient.survey.orientations.run_sweep", sweep)
-    monkeypatch.setattr("incipient.survey.orientations.rows", lambda file: list(computed.values()))
+    monkeypatch.setattr("incipient.survey.procedure.run_sweep", sweep)
+    monkeypatch.setattr("incipient.survey.procedure.rows_of", lambda file: [*computed.values()])
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "runs.sqlite").touch()
     four, two = (
-        survey_poses(boxes, (), Poses(count), tmp_path / "out", MPI.COMM_WORLD) for count in (4, 2)
+        survey_poses(boxes, (), count, 1, tmp_path / "out", MPI.COMM_WORLD) for count in (4, 2)
     )
     assert four.shields == pytest.approx((0.01, 0.02, 0.03, 0.04))
     assert (two.poses, two.shields) == (2, pytest.approx((0.01, 0.02)))

@@ -8,10 +8,10 @@ import pytest
 pytest.importorskip("sklearn")
 from incipient.contact import Contacts
 from incipient.survey.emulator import NINETY_FIVE, Emulator, designed, runs_to_halve
-from incipient.survey.full_runs import LoadCoefficients, relative_error
+from incipient.survey.full_runs import LoadCoefficients
 from incipient.survey.pockets import Pocket
 from incipient.survey.request import FlowPast
-from incipient.survey.thresholds import LoadErrors, features_of, thresholds
+from incipient.survey.thresholds import features_of, thresholds
 
 RANDOM = np.random.default_rng(7)
 
@@ -133,8 +133,7 @@ class TestThresholds:
         runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(12)]
         grains = [pocket(k, features[k]) for k in range(12)]
         emulator = Emulator.of(features, values)
-        errors = LoadErrors(np.eye(6), relative_error(runs), 0)
-        found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator, errors)
+        found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
         for one, value in zip(found, values, strict=True):
             assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
             assert one.is_computed and one.bar == pytest.approx(
@@ -149,10 +148,9 @@ class TestThresholds:
         grains = [pocket(k, features[k]) for k in range(80)]
         runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(50)]
         emulator = Emulator.of(features[:50], values[:50])
-        errors = LoadErrors(emulator.correlation, np.zeros(6), 0)
-        found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator, errors)
+        found = thresholds(grains, 1.0, FlowPast(friction=0.5), runs, emulator)
         own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(80)]
-        exact = thresholds(grains, 1.0, FlowPast(friction=0.5), own, emulator, errors)
+        exact = thresholds(grains, 1.0, FlowPast(friction=0.5), own, emulator)
         inside = [
             one.bar[0] <= true.shields <= one.bar[1]
             for one, true in zip(found[50:], exact[50:], strict=True)
@@ -171,9 +169,8 @@ class TestThresholds:
         values[:, 0] = 4.0 + 2.0 * np.log10(numbers)
         emulator = Emulator.of(features, values)
         grains = [pocket(0, np.zeros(5))]
-        errors = LoadErrors(np.eye(6), np.zeros(6), 0)
         (found,) = thresholds(
-            grains, 1.0 / ratio, FlowPast(friction=0.5, galileo=galileo), [], emulator, errors
+            grains, 1.0 / ratio, FlowPast(friction=0.5, galileo=galileo), [], emulator
         )
         drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2 * ratio**3)
         assert found.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)

@@ -25,14 +25,12 @@ from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
 from incipient.scene import Scene, example, load, loads
 from incipient.scene.section import unit_of
-from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
-from incipient.sweep.cases import Source, SweepCase, resolved
+from incipient.sweep.cases import Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from incipient.sweep.procedure import Means
 from incipient.sweep.refinement import SweepRefinement, direction
 from incipient.sweep.request import parsed_seconds, requested
-from incipient.sweep.size_classes import size_classes
 from incipient.sweep.store import DONE, FAILED, WAITING, Store
-from incipient.sweep.table import as_csv, in_words, pockets, rows
+from incipient.sweep.table import as_csv, in_words, pockets, rows, size_classes
 from incipient.sweep.worker import CaseOutcome, computed
 
 # The values that a sweep varies, the identity of its cases, and their table.
@@ -42,15 +40,17 @@ SOURCE = Source("mine", example())
 
 
 def test_ranges_hold_both_ends_and_equal_ratios_or_differences() -> None:
-    assert parsed("fluid.reynolds=log:0.1:1000:5").values == (
-        "0.1",
-        "1.0",
-        "10.0",
-        "100.0",
-        "1000.0",
-    )
-    assert parsed("contact.friction=lin:0.2:0.6:3").values == ("0.2", "0.4", "0.6")
-    assert parsed('a.b=1,[2, 3],"x, y",log:1:4:2').values == ("1", "[2, 3]", '"x, y"', "1.0", "4.0")
+    assert axes_of(
+        [
+            "fluid.reynolds=log:0.1:1000:5",
+            "contact.friction=lin:0.2:0.6:3",
+            'a.b=1,[2, 3],"x, y",log:1:4:2',
+        ]
+    ) == {
+        "fluid.reynolds": ("0.1", "1.0", "10.0", "100.0", "1000.0"),
+        "contact.friction": ("0.2", "0.4", "0.6"),
+        "a.b": ("1", "[2, 3]", '"x, y"', "1.0", "4.0"),
+    }
 
 
 def test_axes_of_python_and_toml_are_those_of_the_command_line() -> None:
@@ -58,17 +58,16 @@ def test_axes_of_python_and_toml_are_those_of_the_command_line() -> None:
         "fluid": {"reynolds": "log:1:100:3"},
         "bed.offset": [[0.0, 1.0]],
         "flow.kind": ["shear"],
+        "body.diameter": np.array([0.5, 1.0]),
+        "contact.friction": 0.5,
     }
-    assert of_mapping(nested) == [
-        parsed("fluid.reynolds=1.0,10.0,100.0"),
-        parsed("bed.offset=[0.0, 1.0]"),
-        parsed("flow.kind=shear"),
-    ]
-    assert of_mapping({"body.diameter": np.array([0.5, 1.0])}) == [parsed("body.diameter=0.5,1.0")]
+    listed = ["fluid.reynolds=1.0,10.0,100.0", "bed.offset=[0.0, 1.0]", "flow.kind=shear"]
+    assert axes_of(nested) == axes_of([*listed, "body.diameter=0.5,1.0", "contact.friction=0.5"])
+    assert "over body.x: has no values" in message(lambda: axes_of({"body.x": []}))
 
 
 def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path) -> None:
-    axes = [parsed("a.x=1,2"), parsed("a.y=3,4")]
+    axes = axes_of(["a.x=1,2", "a.y=3,4"])
     assert combined(axes, False) == [
         ("a.x=1", "a.y=3"),
         ("a.x=1", "a.y=4"),
@@ -80,7 +79,7 @@ def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path)
     path.write_text('b.x,b.y\n1,"[2, 3]"\n4,\n')
     listed = table_of_cases(path)
     assert listed == [("b.x=1", "b.y=[2, 3]"), ("b.x=4",)]
-    assert combined(axes[:1], False, listed)[-1] == ("b.x=4", "a.x=2")
+    assert combined(axes_of(["a.x=1,2"]), False, listed)[-1] == ("b.x=4", "a.x=2")
 
 
 @pytest.mark.parametrize(
@@ -97,15 +96,15 @@ def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path)
     ],
 )
 def test_wrong_axes_are_refused(axis: str, said: str) -> None:
-    assert said in message(lambda: parsed(axis))
+    assert said in message(lambda: axes_of([axis]))
 
 
 def test_wrong_requests_are_refused(tmp_path: Path) -> None:
-    pair = [parsed("a.x=1,2"), parsed("a.y=3")]
+    pair = axes_of(["a.x=1,2", "a.y=3"])
     assert "a.x 2, a.y 1" in message(lambda: combined(pair, True))
-    assert "given twice" in message(lambda: combined(pair[:1] * 2, False))
+    assert "given twice" in message(lambda: axes_of(["a.x=1,2"] * 2))
     assert "nothing is varied" in message(lambda: requested([SOURCE]))
-    many = [parsed(f"a.x{n}=lin:0:1:1000") for n in range(3)]
+    many = axes_of([f"a.x{n}=lin:0:1:1000" for n in range(3)])
     assert "at most 100000" in message(lambda: combined(many, False))
     ragged = tmp_path / "cases.csv"
     ragged.write_text("a.x,a.y\n1\n")
@@ -116,10 +115,10 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     assert table_of_cases(ragged) == [("a.x=1",)]
     ragged.write_text("a.x,a.y\n1,2\n")
     assert "--over a.x: the table of cases has it as well" in message(
-        lambda: combined(pair[:1], False, table_of_cases(ragged))
+        lambda: combined(pair, False, table_of_cases(ragged))
     )
     assert "cannot be read" in message(lambda: table_of_cases(tmp_path / "absent.csv"))
-    wrong = requested([SOURCE], [parsed("fluid.reynolds=1,-1")])
+    wrong = requested([SOURCE], ["fluid.reynolds=1,-1"])
     assert "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1" in message(wrong.cases)
     assert "is not a time" in message(lambda: parsed_seconds("soon", "wall"))
 
@@ -149,11 +148,9 @@ def test_the_section_of_a_scene_says_what_is_varied(tmp_path: Path) -> None:
         example() + '\n[sweep]\ndo = "threshold"\n[sweep.over]\nfluid.reynolds = "log:1:4:2"\n'
     )
     request = requested([Source.of(path)])
-    assert (request.task, request.over) == ("threshold", (parsed("fluid.reynolds=1.0,4.0"),))
+    assert (request.task, request.over) == ("threshold", {"fluid.reynolds": ("1.0", "4.0")})
     assert load(path).fluid.reynolds == 20.0  # others pass it by
-    assert (
-        requested([Source.of(path)], [parsed("body.diameter=1,2")]).over[0].key == "body.diameter"
-    )
+    assert [*requested([Source.of(path)], ["body.diameter=1,2"]).over] == ["body.diameter"]
     path.write_text(path.read_text().replace("do =", "to ="))
     assert "sweep.to: unknown key" in message(lambda: requested([Source.of(path)]))
 
@@ -188,9 +185,9 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
 ) -> None:
     """Of each key the unit that `incipient new` writes beside it."""
     axes = [
-        parsed("body.diameter=0.5,10"),
-        parsed("bed.kind=flat"),
-        parsed("contact.friction=0.25"),
+        "body.diameter=0.5,10",
+        "bed.kind=flat",
+        "contact.friction=0.25",
     ]
     request, file = requested([SOURCE], axes), tmp_path / "sweep.sqlite"
     cases = request.cases()
@@ -403,7 +400,7 @@ class Judged:
     def __init__(self, tolerance: float, *over: str, most: int | None = None):
         request = requested(
             [Source("block", BLOCK)],
-            [parsed(one) for one in over],
+            over,
             task="judge",
             refine=tolerance,
             most=most,
@@ -509,18 +506,18 @@ def test_a_sweep_goes_on_to_the_same_cases(tmp_path: Path, capfd: Any) -> None:
 
 
 def test_between_values_are_equal_ratios_or_differences() -> None:
-    def middle(text: str) -> str:
-        return direction([parsed(text)], False)[0].settings(0.5)[0]
+    def between(text: str, position: float) -> str:
+        return direction(axes_of([text]), False)[0].settings(position)[0]
 
-    assert middle("a.b=log:1:100:3") == "a.b=3.16227766017"
-    assert middle("a.b=lin:1:100:3") == "a.b=25.75"
-    assert middle("a.b=1,100") == "a.b=10.0"
-    assert middle("a.b=3,2,1") == "a.b=1.5"
-    assert middle("a.b=[0, 1],[1, 3]") == "a.b=[0.5, 2.0]"
-    together, others = direction([parsed("a.b=1,2"), parsed("a.c=9,5")], True)
+    assert between("a.b=log:1:100:3", 0.25) == "a.b=3.16227766017"
+    assert between("a.b=lin:1:100:3", 0.25) == "a.b=25.75"
+    assert between("a.b=1,100", 0.5) == "a.b=10.0"
+    assert between("a.b=3,2,1", 0.25) == "a.b=1.5"
+    assert between("a.b=[0, 1],[1, 3]", 0.5) == "a.b=[0.5, 2.0]"
+    together, others = direction(axes_of(["a.b=1,2", "a.c=9,5"]), True)
     assert together.settings(0.25) == ("a.b=1.25", "a.c=8.0") and not others
-    first, others = direction([parsed("a.b=1,1.0"), parsed("a.c=1,2"), parsed("a.d=1,2")], False)
-    assert first.settings(1.0) == ("a.c=2",) and [axis.key for axis in others] == ["a.b", "a.d"]
+    first, others = direction(axes_of(["a.b=1,1.0", "a.c=1,2", "a.d=1,2"]), False)
+    assert first.settings(1.0) == ("a.c=2",) and [*others] == ["a.b", "a.d"]
 
 
 @pytest.mark.parametrize(
@@ -537,8 +534,7 @@ def test_wrong_refinements_are_refused(
     over: Sequence[str], together: bool, refined: dict[str, Any], said: str
 ) -> None:
     def refused() -> None:
-        axes = [parsed(one) for one in over]
-        requested([Source("mine", BLOCK)], axes, together, task="judge", **refined).refinement([])
+        requested([Source("mine", BLOCK)], over, together, task="judge", **refined).refinement([])
 
     assert said in message(refused)
 
@@ -594,7 +590,7 @@ CASES_OF_TABLES = Path(__file__).parents[2] / "demos" / "cases"
 def file(tmp_path: Path) -> Path:
     """A sweep of three judged cases, of which one waits and one moves."""
     source = Source.of(CASES_OF_TABLES / "block_on_incline.toml")
-    axes = [parsed("contacts.friction=0.2,0.5,0.6")]
+    axes = ["contacts.friction=0.2,0.5,0.6"]
     cases = requested([source], axes, task="judge").cases()
     with Store(tmp_path / "sweep.sqlite", make=True) as store:
         store.add(cases)
@@ -696,7 +692,7 @@ def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     sizes = (1.0, 1.5, 1.8, 2.0)
     done = [{"status": "done", "body.diameter": size, "shields": 0.1 * size} for size in sizes]
     found = [*done, {"status": "failed", "body.diameter": 1.2}]
-    monkeypatch.setattr("incipient.sweep.size_classes.rows", lambda path: found)
+    monkeypatch.setattr("incipient.sweep.table.rows", lambda path: found)
     first, second = size_classes(tmp_path / "sweep.sqlite", [1.0, 2.0, 3.0])
     assert (first["grains"], first["size_median"]) == (3, 1.5)
     assert first["shields_50"] == pytest.approx(0.15)

@@ -42,8 +42,6 @@ from incipient.accuracy.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.terms import order_in_space
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
-from incipient.effects.effect import SlowestFlow
-from incipient.effects.turbulence import BY_SWEEP
 from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.closest import touching
@@ -70,7 +68,7 @@ from incipient.thresholds.critical import find_threshold
 from incipient.thresholds.meshes import CriticalGoal
 from incipient.thresholds.outcome import with_error
 from incipient.thresholds.path import LoadPath
-from incipient.thresholds.search import CriticalFlow, CriticalSearch, SolvedFlow
+from incipient.thresholds.search import EXPECTED, CriticalFlow, CriticalSearch, SolvedFlow
 
 # Finding the critical flow: the load between flows, the search on loads that are known, and what a threshold needs.
 
@@ -191,7 +189,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     monkeypatch: pytest.MonkeyPatch, start: float, first: list[float]
 ) -> None:
     """Where it is not held in the flow to start with the search begins with the slowest one."""
-    bound, said = SlowestFlow(1e-3, "looked at", "", start, "five flows"), list[str]()
+    bound, said = (1e-3, start), list[str]()
     monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
@@ -200,13 +198,15 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     )
     monkeypatch.setattr(pretended.voice, "say", said.append)
     found = pretended.from_rest()
-    assert said[0] == "five flows"
+    assert said[0] == EXPECTED
     assert [trial.factor for trial in found.trials[: len(first)]] == first
     assert found.factor == pytest.approx(pretended.first_loss(20.0), rel=1e-4)
     assert found.is_critical and len(found.trials) <= 4 + len(first)
 
 
-def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: SlowestFlow) -> None:
+def mean_flow(
+    monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: tuple[float, float]
+) -> None:
     """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
     monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended.setup = SimpleNamespace(
@@ -218,7 +218,7 @@ def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: Slow
 def test_a_mean_flow_that_is_not_found_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is sought as a whole: what is left of it is no start, and the way from one to another is not gone in steps."""
     pretended, asked = Pretended(lambda f: 1e-3 * DRAG * (0.3 + f), limit=5.0), list[float]()
-    mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", ""))
+    mean_flow(monkeypatch, pretended, (1e-3, 0.0))
 
     def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
         pretended.fluid.reynolds = (
@@ -239,7 +239,7 @@ def test_a_grain_that_moves_in_the_slowest_mean_flow_is_to_be_heavier(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pretended = Pretended(lambda f: 1e6 * DRAG)
-    mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", BY_SWEEP))
+    mean_flow(monkeypatch, pretended, (1e-3, 0.0))
     with pytest.raises(
         SceneError,
         match=r"moves in the slowest flow looked at.*heavier grain, or sweep fluid\.reynolds",
@@ -254,7 +254,7 @@ def test_any_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch, avera
     pretended.scene = scene("bed.kind=flat")
     pretended.contacts = find_contacts(pretended.scene)
     if averaged:
-        mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", BY_SWEEP))
+        mean_flow(monkeypatch, pretended, (1e-3, 0.0))
     found = pretended.from_rest()
     assert found.factor == 0.0 and found.reason == "any flow moves the grain"
     assert len(found.trials) == 1
@@ -893,7 +893,7 @@ def test_what_is_said() -> None:
     first, *rest = said.lines()
     assert first.split(None, 1) == [
         "accuracy",
-        "error of the force 4.0e-03 (of discretisation), asked for 0.01: reached",
+        "error of the force 4.0e-03 (of discretisation), requested 0.01: reached",
     ]
     assert [line.split()[0] for line in rest] == ["P2", "P3"]
     assert as_stored(said)["trials"][1]["unknowns"] == 3000

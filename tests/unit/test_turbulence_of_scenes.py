@@ -37,8 +37,7 @@ from incipient.scene import (
 from incipient.scene.file import loads
 from incipient.setup.driving_force import sustaining_force
 from incipient.setup.mean_profile import KAPPA, MeanProfile
-from incipient.setup.numbers import numbers_of
-from incipient.setup.setup import Setup
+from incipient.setup.setup import Setup, numbers_of
 from incipient.turbulence.wall_law import WallLaw, shift
 
 # What a scene may say of turbulence, and what its plan warns of or refuses.

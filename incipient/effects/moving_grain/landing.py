@@ -22,7 +22,7 @@ from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from .bed_contact import REST
+from .on_bed import REST
 
 # Largest distance of other contacts relative to that at which the grain has met the bed.
 FARTHER = 1.01
@@ -107,14 +107,16 @@ def _note(state: BodyState) -> str:
 
 def _missing(setup: Setup) -> str:
     scene = setup.scene
-    if scene.contact is None:
-        return "it needs a section [contact] with a friction"
-    if scene.effects.contact is False:
-        return "effects.contact is false"
-    if scene.mass is None:
-        return "it needs body.density or body.mass"
-    locked = scene.body is not None and scene.body.locked
-    return "body.locked holds motions of the grain, which contacts do not" if locked else ""
+    needs = (
+        (scene.contact is not None, "it needs a section [contact] with a friction"),
+        (scene.effects.contact is not False, "effects.contact is false"),
+        (scene.mass is not None, "it needs body.density or body.mass"),
+        (
+            scene.body is None or not scene.body.locked,
+            "body.locked holds motions of the grain, which contacts do not",
+        ),
+    )
+    return next((why for met, why in needs if not met), "")
 
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:

@@ -1,63 +1,117 @@
-"""Grain that rolls, slides and rests on its bed, and leaves its pocket."""
+"""Grain that rolls, slides and rests on its bed, and leaves its pocket.
+
+Contact begins at the gap `contact.gap`, which keeps the flow in between resolved.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...arrays import SMALLEST
-from ...coupled.coupling import Coupling
+from ...arrays import SMALLEST, spatial
+from ...body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
+from ...body.state import BodyState
+from ...contact.acceleration import MODES, states_and_modes
 from ...coupled.rigid_on_bed import RigidPartOnBed
+from ...errors import SceneError
 from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
+from ...geometry.contacts import ClosestPoints
 from ...geometry.placement import Placement
+from ...geometry.settle import SettlingOutcome, settle
 from ...results.loads import named
 from ...setup.setup import Setup
-from .bed_contact import BedContact
+from . import WORKS
 from .part import MovingGrain, columns_of_load
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ...restart import Checkpoint
 
 # Largest advance, in gaps, of a new mesh ahead of a grain on its bed, by dimension: beyond, cells fold on the way back,
 # in 3-D at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).
 AHEAD = {2: 3.0, 3: 0.3}
 IN_POCKET = "in-pocket"  # returning or at rest after a gust
+REST, FLIGHT = "rest", "flight"
+STILL = 1e-6  # velocity, relative to the flow's, that counts as zero
+RESTED = 3  # steps without motion after which a grain rests
+RISEN = 1e-3  # smallest rise, in grain sizes
+SUNK = 0.5  # fraction of its highest position below which a grain returns into its pocket
+ELSEWHERE = 0.05  # smallest distance of different rest positions, in grain sizes
+
+
+@dataclass(frozen=True)
+class Course:
+    """History of a grain.
+
+    first_motion, first_step: start and length of the first step with motion. rested: later steps
+    without motion. left: time of leaving the pocket. heights: against gravity from the start, now
+    and a step before; highest: so far. works: on the grain, as in `WORKS`.
+    """
+
+    mode: str = REST
+    first_motion: float | None = None
+    first_step: float | None = None
+    rested: int = 0
+    left: float | None = None
+    heights: tuple[float, float] = (0.0, 0.0)
+    highest: float = 0.0
+    works: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def sinks(self) -> bool:
+        """Whether the grain, still in its pocket, is at rest or has come down by half."""
+        return self.left is None and (self.mode == REST or self.heights[0] < SUNK * self.highest)
+
+    @property
+    def done(self) -> list[str]:
+        left, rested = self.left is not None, self.rested >= RESTED
+        return [*(["out-of-pocket"] if left else []), *(["at-rest"] if rested else [])]
 
 
 class GrainOnBed(MovingGrain):
-    """Moving grain in contact with its bed; `bed_contact` has its history."""
+    """Moving grain in contact with its bed; `course`: its history."""
 
     part: RigidPartOnBed
+    meets_bed = False
 
     def __init__(self, setup: Setup, *others: Any):
         super().__init__(setup, *others)
-        scene, geometry, around = self.scene, setup.geometry, self.surroundings
-        first = geometry.stance.placement
-        assert scene.contact is not None and first is not None
-        self.bed_contact = BedContact(
-            *(geometry.near_bed, scene.contact_gap, self.body, scene.contact),
-            *(scene.reference_velocity, first, self._weight()),
+        contact = self.scene.contact
+        assert contact is not None
+        self.course, self._near, self._gap = (
+            Course(),
+            setup.geometry.near_bed,
+            self.scene.contact_gap,
         )
-        sides = tuple(side for side in around.sides if side.name != around.name_of_bed)
-        self.obstacles = replace(around, sides=sides, near_bed=None)
+        self.law = ContactLaw(
+            contact.friction,
+            contact.kinetic_friction,
+            contact.restitution,
+            contact.rolling_resistance,
+            contact.cohesion,
+        )
 
     def _kind(self, *others: Any, **named: Any) -> RigidPartOnBed:
-        return RigidPartOnBed(*others, contact=self.bed_contact.motion, **named)
+        motion = ContactMotion(self.body, self._gaps, self.law, self.grain.size)
+        return RigidPartOnBed(*others, contact=motion, **named)
+
+    def _gaps(self, placement: Placement, within: float) -> ClosestPoints:
+        closest = self._near.gaps(placement, within + self._gap)
+        return replace(closest, gaps=closest.gaps - self._gap)
 
     def _meshed_at(self) -> Placement:
         """Placement for a mesh: near contact up to half the next step ahead, with less shear of cells in the gap."""
-        now, length, gap = self.state, self.last_step(), self.setup.scene.contact_gap
-        if length is None or not len(self.bed_contact.motion.near(now.placement, gap)):
+        now, length = self.state, self.last_step()
+        if length is None or not len(self._gaps(now.placement, self._gap)):
             return now.placement
         end = self.part.predicted(length, 2)
         way, turn = end.place - now.place, end.placement.turn_since(now.placement)
         longest = float(
             np.linalg.norm(way) + 0.5 * self.grain.size * np.linalg.norm(turn) * self.turns_mesh
         )
-        share = min(0.5, AHEAD[self.body.gdim] * gap / max(longest, SMALLEST))
+        share = min(0.5, AHEAD[self.body.gdim] * self._gap / max(longest, SMALLEST))
         return now.placement.moved(share * way, share * turn)
 
     # -- the run ----------------------------------------------------------------------------------
@@ -65,24 +119,82 @@ class GrainOnBed(MovingGrain):
     def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
         super().joined(fluid, before)
         if isinstance(before, GrainOnBed):
-            self.bed_contact = before.bed_contact
+            self.course = before.course
 
     def accept_step(self, step: TimeStep) -> None:
         super().accept_step(step)
-        mean, (after, before, *_) = self.part.mean_load.previous, self.part.past
+        (after, before, *_), course = self.part.past, self.course
+        mode, height, left = self._mode(after), self._height(after), course.left
+        if course.first_motion is None and mode != REST:
+            course = replace(course, first_motion=before.time, first_step=after.time - before.time)
+        rested = course.rested + 1 if mode == REST and course.first_motion is not None else 0
+        last, earlier = course.heights
+        over_the_top = last > RISEN * self.grain.size and height < last >= earlier
+        if left is None and over_the_top and self._falls_elsewhere(after.placement):
+            left = after.time
+        self.course = replace(
+            course,
+            mode=mode,
+            rested=rested,
+            left=left,
+            heights=(height, last),
+            highest=max(height, course.highest),
+            works=tuple(np.add(course.works, self._works(before, after)).tolist()),
+        )
+
+    def _mode(self, state: BodyState) -> str:
+        contacts, size = self.part.contacts, self.grain.size
+        still = STILL * self.scene.reference_velocity
+        turning = 0.5 * size * np.linalg.norm(state.spin)
+        if max(np.linalg.norm(state.velocity), turning) <= still:
+            return REST
+        if not len(contacts):
+            return FLIGHT
+        spin = state.spin if len(state.spin) == 3 else np.array([0.0, 0.0, state.spin[0]])
+        normals = np.array([spatial(one) for one in contacts.normals])
+        motion, spin = spatial(contacts.velocities)[None], float(turning > still) * spin[None]
+        slow = np.array([[still]])
+        modes = states_and_modes(motion, normals[None], spin, slow, slow / size)[1]
+        return MODES[modes[0]].label
+
+    def _height(self, state: BodyState) -> float:
+        weight, start = self._weight(), self.setup.geometry.stance.placement
+        heavy = float(np.linalg.norm(weight))
+        assert start is not None
+        return float((state.place - np.array(start.centre)) @ -weight) / heavy if heavy else 0.0
+
+    def _falls_elsewhere(self, placement: Placement) -> bool:
+        """Whether the grain, released without flow and friction, settles elsewhere than at the start."""
+        near, start = self._near, self.setup.geometry.stance.placement
+        assert start is not None
+        first = Placement(start.centre, placement.angle, placement.quaternion)
+        try:
+            rests = [
+                settle(near.grain, near.bed, one, self._weight(), 0.0) for one in (first, placement)
+            ]
+        except SceneError:
+            return False
+        if rests[1].outcome is SettlingOutcome.ROLLS_OFF:
+            return True
+        way = np.subtract(rests[1].placement.centre, rests[0].placement.centre)
+        return bool(np.linalg.norm(way) > ELSEWHERE * self.grain.size)
+
+    def _works(self, before: BodyState, after: BodyState) -> tuple[float, ...]:
+        mean = self.part.mean_load.previous
         assert mean is not None
-        weight = np.concatenate([self._weight(), np.zeros(self.body.size - self.body.gdim)])
-        self.bed_contact.accept((before, after), mean, weight, self.part.contacts)
+        way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
+        gravity = float(self._weight() @ way[: self.body.gdim])
+        return float(mean @ way) - gravity, gravity, *self.part.contacts.work
 
     @property
     def does(self) -> str:  # type: ignore[override]
         """Motion in the last step: a mode, "flight" or "rest"."""
-        return self.bed_contact.course.mode
+        return self.course.mode
 
     @property
     def ends(self) -> str:
         """Event that ends the run, as in `time.until`, "contact" or IN_POCKET; or ""."""
-        until, course = self.time.until, self.bed_contact.course
+        until, course = self.time.until, self.course
         if until == "out-of-pocket" and course.sinks and self._gust_is_over():
             return super().ends or IN_POCKET
         return super().ends or (until if until in course.done else "")
@@ -95,13 +207,16 @@ class GrainOnBed(MovingGrain):
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
         contacts, gravity = self.part.contacts, np.array(self.scene.gravity_vector)
+        slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
+        load = contacts.mean_load(self.state.place, length)
         return {
-            **columns_of_load(
-                contacts.mean_load(self.state.place, length), "contact", "contact_torque"
-            ),
+            **columns_of_load(load, "contact", "contact_torque"),
             **named("weight", self.body.inertia.mass * gravity, self.scene.gdim),
             **named("buoyancy", -self.grain.volume * gravity, self.scene.gdim),
-            **self.bed_contact.columns(contacts),
+            "contacts": len(contacts),
+            "slip": float(slip.max()),
+            "mode": self.course.mode,
+            **{f"work_{name}": work for name, work in zip(WORKS, self.course.works, strict=True)},
         }
 
     def contact_rows(self) -> list[dict[str, Any]]:
@@ -122,21 +237,39 @@ class GrainOnBed(MovingGrain):
         ]
 
     def reported(self) -> dict[str, Any]:
-        trajectory, length = super().reported()["trajectory"], self.last_step()
-        load = (
-            np.zeros(self.body.size)
-            if length is None
-            else self.part.contacts.mean_load(self.state.place, length)
-        )
+        trajectory, length, course = super().reported()["trajectory"], self.last_step(), self.course
+        load = np.zeros(self.body.size)
+        if length is not None:
+            load = self.part.contacts.mean_load(self.state.place, length)
         force, torque = load[: self.scene.gdim], load[self.scene.gdim :]
-        on_bed = {"force": force, "torque": torque if len(torque) == 3 else float(torque[0])}
-        return {"trajectory": {**trajectory, "on_bed": {**self.bed_contact.reported(), **on_bed}}}
+        on_bed = {
+            "mode": course.mode,
+            "first_motion": course.first_motion,
+            "first_step": course.first_step,
+            "left_pocket": course.left,
+            "works": dict(zip(WORKS, course.works, strict=True)),
+            "force": force,
+            "torque": torque if len(torque) == 3 else float(torque[0]),
+        }
+        return {"trajectory": {**trajectory, "on_bed": on_bed}}
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        body = super().stored(coupling, transient)["body"]
-        return {"body": replace(body, on_bed=self.bed_contact.stored(self.part.contacts))}
+    # -- checkpoints ------------------------------------------------------------------------------
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        super().restore(kept, coupling)
-        if kept.body is not None and kept.body.on_bed is not None:
-            self.part.contacts = self.bed_contact.restore(kept.body.on_bed)
+    def stored(self, transient: Transient) -> dict[str, Any]:
+        body, contacts = super().stored(transient)["body"], vars(self.part.contacts)
+        rows = {name: value.tolist() for name, value in contacts.items() if name != "work"}
+        on_bed = {"contacts": rows, "course": asdict(self.course), "done": self.course.done}
+        return {"body": replace(body, on_bed=on_bed)}
+
+    def restore(self, kept: Checkpoint) -> None:
+        super().restore(kept)
+        assert kept.body is not None
+        if (on_bed := kept.body.on_bed) is None:
+            return
+        pairs = {name: tuple(on_bed["course"][name]) for name in ("heights", "works")}
+        self.course, gdim = Course(**on_bed["course"] | pairs), self.scene.gdim
+        sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "rolling": 2}
+        points, normals, impulses, velocities, rolling = (
+            np.reshape(on_bed["contacts"][name], (-1, size)) for name, size in sizes.items()
+        )
+        self.part.contacts = ActiveContacts(points, normals, impulses, velocities, rolling)

@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import Floats
 from ...body.rigidbody import MeanLoad
 from ...body.state import BodyState
-from ...coupled.coupling import Coupling, InterfaceReport
+from ...coupled.coupling import InterfaceReport
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
@@ -28,10 +28,10 @@ from ...results.loads import apart, named, named_torque
 from ...setup.body import initial_state, rigid_body
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance
-from ..run_part import RunPart, Stage
+from ..effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ...restart import Checkpoint
 
 # Positions (in grain sizes) and angles are rounded before meshing, and the mesh moved by the remainder: the mesh does
 # not depend on round-off, the number of ranks, or resuming.
@@ -49,12 +49,12 @@ class MovingGrain(RunPart):
 
     Attributes:
         part: rigid body in the coupling, set by `moving`.
-        obstacles: boundaries that the grain may not touch.
+        meets_bed: whether contact with the bed ends the motion.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
         meshes_ahead: whether remeshing may anticipate the motion.
     """
 
-    meshes_ahead = True
+    meshes_ahead = meets_bed = True
 
     effect = EffectName.FREE_BODY
     part: RigidPart
@@ -73,7 +73,7 @@ class MovingGrain(RunPart):
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        self.surroundings = self.obstacles = setup.surroundings
+        self.surroundings = setup.surroundings
         self._halved = setup.symmetric
         self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
         self.body = rigid_body(scene.body, self._halved)
@@ -149,13 +149,12 @@ class MovingGrain(RunPart):
 
     # -- output -----------------------------------------------------------------------------------
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        assert coupling is not None
+    def columns(self, step: TimeStep) -> dict[str, Any]:
+        load = self.part.end.flow_load + self.displaced_load()
         return {
             **columns_of_state(self.state),
-            **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "torque"),
+            **columns_of_load(load, "force", "torque"),
             **self._columns_at_contact(step.length),
-            **coupling.columns(step.report),
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
@@ -163,15 +162,13 @@ class MovingGrain(RunPart):
 
     def energies(self) -> dict[str, float]:
         with self._stage("tractions"):
-            kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
-            power = self.energy.power()
-        return {
-            "meshes": 1 + len(self.remeshings),
-            "energy_fluid": kinetic,
-            "energy_body": self.body.kinetic_energy(self.state),
-            "dissipation": dissipation,
-            "power": power,
-        }
+            return {
+                "meshes": 1 + len(self.remeshings),
+                "energy_fluid": self.energy.kinetic(),
+                "energy_body": self.body.kinetic_energy(self.state),
+                "dissipation": self.energy.dissipation(),
+                "power": self.energy.power(),
+            }
 
     @property
     def unknowns(self) -> int:
@@ -210,7 +207,8 @@ class MovingGrain(RunPart):
 
     def _room(self, state: BodyState) -> float:
         gap = self.scene.contact_gap
-        return self.obstacles.clearance(state.placement, 2.0 * gap).distance - gap
+        near = self.surroundings.clearance(state.placement, 2.0 * gap, from_bed=self.meets_bed)
+        return near.distance - gap
 
     def _weight(self) -> Floats:
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
@@ -231,20 +229,15 @@ class MovingGrain(RunPart):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        from ...restart.checkpoint import StoredBody
-        from ...restart.redistribution import numbered_nodes
+    def stored(self, transient: Transient) -> dict[str, Any]:
+        from ...restart import StoredBody, numbered_nodes
 
-        assert coupling is not None
         part, mean = self.part, self.part.mean_load
-        nodes = numbered_nodes(coupling.fluid.domain.mesh)
         kept = StoredBody(
-            made=nodes.joined(coupling.motion.reference),
-            weights=nodes.joined(part.mesh.weights),
+            weights=numbered_nodes(self._fluid.domain.mesh).joined(part.mesh.weights),
             made_for=BodyState.at(part.mesh.placement).packed(),
             states=np.array([one.packed() for one in part.past]),
             times=np.array([one.time for one in part.past]),
-            places=nodes.joined(np.stack(coupling.places, axis=1)),
             mean_load=mean.previous,
             mean_load_order=mean.order,
             mean_load_step=mean.last_step,
@@ -252,19 +245,18 @@ class MovingGrain(RunPart):
             flow_load=part.end.flow_load,
             length=part.end.length,
             velocities=np.array([x.velocities for x in transient.past]).reshape(-1, part.body.size),
-            met=coupling.met,
+            met=part.met,
             remeshings=[asdict(one) for one in self.remeshings],
             interface_iterations=np.array(self.interface_iterations),
         )
         return {"body": kept}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        from ...restart.redistribution import spread_nodes
+    def restore(self, kept: Checkpoint) -> None:
+        from ...restart import spread_nodes
 
-        assert kept.body is not None and coupling is not None
-        part, body, mesh = self.part, kept.body, coupling.fluid.domain.mesh
-        part.mesh.weights[:] = spread_nodes(mesh, body.weights)
-        coupling.places = list(np.moveaxis(spread_nodes(mesh, body.places), 1, 0).copy())
+        assert kept.body is not None
+        part, body = self.part, kept.body
+        part.mesh.weights[:] = spread_nodes(self._fluid.domain.mesh, body.weights)
         part.past = [
             BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
         ]

@@ -10,8 +10,11 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError, UnsolvedError
 from ...installed import free_bytes
-from .equations import Equations, LinearSolver, LinearStatistics
+from .equations import NOT_FINITE, Equations, LinearSolver
+from .options import FLUID, defaults, krylov
 
+# Flexible: an exact factorisation is applied once.
+LU: dict[str, Any] = {"ksp_type": "fgmres", "ksp_gmres_restart": 50, "pc_type": "lu"}
 # Additional workspace in percent, since MUMPS underestimates it for saddle points with pivoting, and scaling ICNTL(8),
 # at first (automatic) and after a failure: scenes of microns in metres, with viscosities of 1e-12 next to gradients of
 # 1e-6, otherwise lack pivots.
@@ -21,10 +24,6 @@ ATTEMPTS = ((200, 77), (800, 8))
 LU_BYTES = 440.0
 WIDEST = 1e12  # ratio of matrix entries beyond which memory is not the cause of failure
 SINGULAR = (-6, -10)  # MUMPS's errors for structurally or numerically singular matrices
-NOT_FINITE = (
-    "the linear system of the flow is not finite, its numbers have overflowed: use a smaller fluid.reynolds or, with "
-    "[time], a smaller time.step"
-)
 
 
 def bytes_of_factors(matrix: Any, part: float = 1.0) -> float:
@@ -46,100 +45,56 @@ class Direct(LinearSolver):
     """
 
     regular: ClassVar[bool] = True
+    remedy: ClassVar[str] = (
+        "with a new factorisation it is nearly singular, use another numerics.mesh_size or, with [time], a smaller "
+        "time.step"
+    )
 
     def __init__(self, matrix: Any, equations: Equations | None = None, patience: int = 8):
-        super().__init__()
-        self.matrix, self.patience = matrix, patience
-        self.statistics = LinearStatistics()
-        self._aged, self._factored = True, -1
-        self._solver = self._make(*ATTEMPTS[0])
+        super().__init__(matrix)
+        self.patience = patience
+        self._make(*ATTEMPTS[0])
 
-    def _make(self, workspace: int, scaling: int) -> Any:
-        solver = self.holding(PETSc.KSP().create(self.matrix.comm))
-        solver.setOptionsPrefix("fluid_")
-        solver.setType("gmres")
-        solver.setGMRESRestart(50)
-        solver.setPCSide(PETSc.PC.Side.RIGHT)
-        solver.setOperators(self.matrix)
-        preconditioner = solver.getPC()
-        preconditioner.setType("lu")
+    def _make(self, workspace: int, scaling: int) -> None:
+        self._options: dict[str, Any] = dict(LU)
         if PETSc.Sys.hasExternalPackage("mumps"):
-            preconditioner.setFactorSolverType("mumps")
-            preconditioner.setFactorSetUpSolverType()
-            preconditioner.getFactorMatrix().setMumpsIcntl(14, workspace)
-            preconditioner.getFactorMatrix().setMumpsIcntl(8, scaling)
-        solver.setFromOptions()
-        return solver
-
-    def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
-        if self._aged and not self._exact:
-            self._factorise()
-        iterations = self._iterate(b, x, rtol, transposed)
-        if iterations is None:
-            self._factorise()
-            iterations = self._iterate(b, x, rtol, transposed)
-        if iterations is None:
-            raise UnsolvedError(self._why_not_solved(b))
-        self._aged = iterations > self.patience
-        self.statistics.solves += 1
-        self.statistics.krylov_iterations += iterations
-
-    @property
-    def _exact(self) -> bool:
-        return bool(self.matrix.stateGet() == self._factored)
+            self._options["pc_factor_mat_solver_type"] = "mumps"
+            self._options |= {"mat_mumps_icntl_14": workspace, "mat_mumps_icntl_8": scaling}
+        self._solver = self.holding(krylov(self.matrix, self._options))
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
-        if self._exact and self._applied(b, x, transposed) <= rtol * b.norm():
-            return 1
         self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=4 * self.patience)
         (self._solver.solveTranspose if transposed else self._solver.solve)(b, x)
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
 
-    def _applied(self, b: Any, x: Any, transposed: bool) -> float:
-        preconditioner, left = self._solver.getPC(), b.duplicate()
-        if transposed:
-            preconditioner.applyTranspose(b, x)
-            self.matrix.multTranspose(x, left)
-        else:
-            preconditioner.apply(b, x)
-            self.matrix.mult(x, left)
-        left.aypx(-1.0, b)
-        size = float(left.norm())
-        left.destroy()
-        return size
-
-    def prepare(self) -> None:
-        """Factorise the present matrix. Raises UnsolvedError or ConvergenceError."""
-        self._factorise()
-        self._aged = False
+    def _is_slow(self, iterations: int, rtol: float) -> bool:
+        return iterations > self.patience
 
     def approximate(self, b: Any, x: Any) -> None:
         self._solver.getPC().apply(b, x)
         self.statistics.solves += 1
 
-    def _factorise(self) -> None:
-        self._aged, self._factored = True, -1
+    def prepare(self) -> None:
+        self._aged, self._prepared = True, -1
         for following in (*ATTEMPTS[1:], ATTEMPTS[0]):
-            self._set_up()
             factors = self._solver.getPC()
+            factors.setReusePreconditioner(False)
+            self._solver.setOperators(self.matrix)
+            with defaults(FLUID, self._options):
+                self._solver.setUp()
+            # Otherwise PETSc would refactorise a changed matrix.
+            factors.setReusePreconditioner(True)
+            self.statistics.factorisations += 1
             # MUMPS's INFOG(1) is negative when the factorisation failed.
             mumps = factors.getFactorSolverType() == "mumps"
             error = factors.getFactorMatrix().getMumpsInfog(1) if mumps else 0
             if error >= 0:
-                self._factored = self.matrix.stateGet()
+                self._aged, self._prepared = False, self.matrix.stateGet()
                 return
             # PETSc cannot reuse a MUMPS object after a failure.
             self.destroy()
-            self._solver = self._make(*following)
+            self._make(*following)
         raise self._why_not_factorised(error)
-
-    def _set_up(self) -> None:
-        self._solver.getPC().setReusePreconditioner(False)
-        self._solver.setOperators(self.matrix)
-        self._solver.setUp()
-        # Otherwise PETSc would refactorise a changed matrix.
-        self._solver.getPC().setReusePreconditioner(True)
-        self.statistics.factorisations += 1
 
     def _why_not_factorised(self, error: int) -> ConvergenceError:
         if not np.isfinite(self.matrix.norm()):
@@ -169,13 +124,3 @@ class Direct(LinearSolver):
         )
         diagonal.destroy()
         return float(self.matrix.norm(PETSc.NormType.NORM_INFINITY) / least)
-
-    def _why_not_solved(self, b: Any) -> str:
-        if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
-            return NOT_FINITE
-        reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()
-        return (
-            f"the linear system of the flow was not solved in {count} iterations with a new factorisation "
-            f"(PETSc's reason {reason}), it is nearly singular: use another numerics.mesh_size or, with [time], a "
-            "smaller time.step"
-        )

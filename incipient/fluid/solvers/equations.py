@@ -11,12 +11,18 @@ import numpy as np
 import ufl
 
 from ... import compat
+from ...errors import UnsolvedError
 from ...forms import ReferenceMap
 from ...parallel import Owner
 from ..space import TaylorHood
 
 if TYPE_CHECKING:
     from ..surface import SurfaceLoad
+
+NOT_FINITE = (
+    "the linear system of the flow is not finite, its numbers have overflowed: use a smaller fluid.reynolds or, with "
+    "[time], a smaller time.step"
+)
 
 
 @dataclass(frozen=True)
@@ -84,29 +90,40 @@ class LinearStatistics:
 
 
 class LinearSolver(Owner, ABC):
-    """Solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
+    """Krylov solver of A x = b with the flow's Jacobian A, which may be reassembled. Methods are collective.
 
-    `matrix`: None where A is an action; `regular`: needs a pinned pressure in closed flow.
+    Its preconditioner serves until iterations show its age. `matrix`: None where A is an action; `regular`: needs a
+    pinned pressure in closed flow.
     """
 
-    matrix: Any
-    statistics: LinearStatistics
     regular: ClassVar[bool]
+    remedy: ClassVar[str]
 
-    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
-        """Solve A x = b to a residual of `rtol` times b; `fresh` prepares first.
+    def __init__(self, matrix: Any):
+        super().__init__()
+        self.matrix, self.statistics = matrix, LinearStatistics()
+        self._aged, self._prepared = True, -1  # state of the matrix when last prepared
+        self._solver: Any = None  # of the last solve
+
+    def solve(
+        self, b: Any, x: Any, rtol: float, fresh: bool = False, transposed: bool = False
+    ) -> None:
+        """Solve A x = b, or with the transpose of A, to a residual of `rtol` times b; `fresh` prepares first.
 
         Raises UnsolvedError for singular or non-finite A or without convergence, otherwise ConvergenceError.
         """
-        if fresh:
+        if fresh or (self._aged and not self._current):
             self.prepare()
-        self._solve(b, x, rtol, transposed=False)
-
-    def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
-        self._solve(b, x, rtol, transposed=True)
-
-    @abstractmethod
-    def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None: ...
+        iterations = self._iterate(b, x, rtol, transposed)
+        if iterations is None and not self._current:
+            self.prepare()
+            iterations = self._iterate(b, x, rtol, transposed)
+        if iterations is None:
+            self._aged = True
+            raise UnsolvedError(self._why_not_solved(b))
+        self._aged = self._is_slow(iterations, rtol)
+        self.statistics.solves += 1
+        self.statistics.krylov_iterations += iterations
 
     @abstractmethod
     def prepare(self) -> None:
@@ -114,7 +131,27 @@ class LinearSolver(Owner, ABC):
 
     @abstractmethod
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve with the matrix as last prepared, even if it has changed: a chord-method step."""
+        """Solve to the accuracy of a chord-method step, perhaps with the matrix as last prepared."""
+
+    @abstractmethod
+    def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
+        """Number of iterations, or None without convergence."""
+
+    @abstractmethod
+    def _is_slow(self, iterations: int, rtol: float) -> bool: ...
+
+    @property
+    def _current(self) -> bool:
+        return bool(self.matrix.stateGet() == self._prepared)
+
+    def _why_not_solved(self, b: Any) -> str:
+        if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
+            return NOT_FINITE
+        count, reason = self._solver.getIterationNumber(), self._solver.getConvergedReason()
+        return (
+            f"the linear system of the flow was not solved in {count} iterations (PETSc's reason {reason}): "
+            + self.remedy
+        )
 
 
 def component_rows(space: TaylorHood) -> tuple[Any, np.ndarray]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
+FLUID = "fluid_"  # prefix of the whole system
 # Chebyshev, Jacobi and incomplete LU without fill do not smooth convection.
 RELAXATION = {
     "mg_levels_ksp_type": "richardson",
@@ -45,18 +46,35 @@ def algebraic(prefix: str = "") -> dict[str, Any]:
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
-def preconditioner(matrix: Any, prefix: str, chosen: Mapping[str, Any], **more: Any) -> Any:
+def krylov(matrix: Any, chosen: Mapping[str, Any], context: Any = None) -> Any:
+    """Make PETSc's solver of the whole system with default options. Collective.
+
+    `context`: of the preconditioner where its type is "python".
+    """
+    solver = PETSc.KSP().create(matrix.comm)
+    solver.setOptionsPrefix(FLUID)
+    solver.setOperators(matrix)
+    with defaults(FLUID, chosen):
+        solver.setFromOptions()
+    if solver.getPC().getType() == "python":
+        solver.getPC().setPythonContext(context)
+    return solver
+
+
+def preconditioner(
+    matrix: Any, prefix: str, chosen: Mapping[str, Any], interpolation: Any = None
+) -> Any:
     """Set up PETSc's preconditioner of a matrix with default options. Collective.
 
-    `more`: `interpolation` from the coarse unknowns for two-level multigrid.
+    `interpolation`: from the coarse unknowns, for two-level multigrid.
     """
     pc = PETSc.PC().create(matrix.comm)
     pc.setOptionsPrefix(prefix)
     pc.setOperators(matrix)
-    if "interpolation" in more:
+    if interpolation is not None:
         pc.setType("mg")
         pc.setMGLevels(2)
-        pc.setMGInterpolation(1, more["interpolation"])
+        pc.setMGInterpolation(1, interpolation)
     with defaults(prefix, chosen):
         pc.setFromOptions()
         pc.setUp()

@@ -10,55 +10,64 @@ import ufl
 from petsc4py import PETSc
 
 from ... import compat
-from ...compat import petsc
 from ...forms import preconditioning
 from ...mesh.cells import CELLS
 from ...parallel import Owner
 from .equations import Equations
-from .options import algebraic, defaults, preconditioner
+from .options import algebraic, preconditioner
 
 if TYPE_CHECKING:
-    from .triangle import Blocks
+    from .triangle import Triangle
 
-PREFIX = "fluid_pressure_"
-POISSON = "fluid_pressure_poisson_"
+MASS, POISSON = "fluid_pressure_", "fluid_pressure_poisson_"
 CHEBYSHEV = {
-    "ksp_type": "chebyshev",
-    "ksp_norm_type": "none",
-    "ksp_max_it": 4,
-    "pc_type": "jacobi",
+    "pc_type": "ksp",
+    "ksp_ksp_type": "chebyshev",
+    "ksp_ksp_norm_type": "none",
+    "ksp_ksp_max_it": 4,
+    "ksp_pc_type": "jacobi",
 }
 
 
-class PressureMass(Owner):
-    """S^-1 = M^-1, mass matrix over viscosity, by four Chebyshev steps, for Stokes flow. Methods are collective."""
+class Inverse(Owner):
+    """Preconditioner of a matrix (`options`); constants are projected out if `closed`. Methods are collective."""
 
-    def __init__(self, equations: Equations, viscosity: Any = None):
+    def __init__(self, prefix: str, chosen: dict[str, Any], closed: bool = False):
         super().__init__()
-        space = equations.space
-        p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
-        nu = equations.viscosity if viscosity is None else viscosity
-        integrand = preconditioning.pressure_mass(p, q, nu, equations.reference_map)
-        self._form = compat.form(integrand * equations.measure())
-        self._mass = self.holding(petsc.create_matrix(self._form))
-        self._right, self._left = map(self.holding, self._mass.createVecs())
-        self._solver = self.holding(PETSc.KSP().create(self._mass.comm))
-        self._solver.setOptionsPrefix(PREFIX)
-        low, high = _bounds(space.pressure, space.order - 1)
-        with defaults(PREFIX, CHEBYSHEV | {"ksp_chebyshev_eigenvalues": f"{low},{high}"}):
-            self._solver.setFromOptions()
+        self._prefix, self._chosen, self._closed = prefix, chosen, closed
 
-    def assemble(self, blocks: Blocks | None = None) -> None:
-        compat.matrix_of(self._form, matrix=self._mass)
-        self._solver.setOperators(self._mass)
-
-    def diagonal(self) -> np.ndarray:
-        self._mass.getDiagonal(self._left)
-        return np.asarray(self._left.array_r)
+    def prepare(self, matrix: Any) -> None:
+        self.destroy()
+        self._matrix = self.holding(matrix)
+        self._right, self._left = map(self.holding, matrix.createVecs())
+        constant = PETSc.NullSpace().create(constant=self._closed, comm=matrix.comm)
+        self._constant = self.holding(constant)
+        self._cycle = self.holding(preconditioner(matrix, self._prefix, self._chosen))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         self._right.setArray(right)
-        self._solver.solve(self._right, self._left)
+        self._constant.remove(self._right)
+        self._cycle.apply(self._right, self._left)
+        self._constant.remove(self._left)
+        return np.asarray(self._left.array_r)
+
+
+class PressureMass(Inverse):
+    """S^-1 = M^-1, mass matrix over viscosity, by four Chebyshev steps, for Stokes flow. Methods are collective."""
+
+    def __init__(self, equations: Equations, viscosity: Any):
+        space = equations.space
+        low, high = _bounds(space.pressure, space.order - 1)
+        super().__init__(MASS, CHEBYSHEV | {"ksp_ksp_chebyshev_eigenvalues": f"{low},{high}"})
+        p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
+        integrand = preconditioning.pressure_mass(p, q, viscosity, equations.reference_map)
+        self._form = compat.form(integrand * equations.measure())
+
+    def assemble(self, blocks: Triangle | None = None) -> None:
+        self.prepare(compat.matrix_of(self._form))
+
+    def diagonal(self) -> np.ndarray:
+        self._matrix.getDiagonal(self._left)
         return np.asarray(self._left.array_r)
 
 
@@ -73,15 +82,15 @@ class CahouetChabard(Owner):
         space, self._rate, self._coefficient = equations.space.pressure, equations.rate, 0.0
         self._mass = None
         if equations.viscosity is not None:
-            self._mass = self.holding(PressureMass(equations))
+            self._mass = self.holding(PressureMass(equations, equations.viscosity))
         p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.pressure_laplacian(p, q, equations.reference_map)
         added = 0 if equations.surface is None else equations.surface.of_pressure(p, q)
         self._form = compat.form(integrand * equations.measure() + added)
         self._open = equations.open[equations.open < space.dofmap.index_map.size_local]
-        self._poisson = self.holding(_Poisson(equations.closed))
+        self._poisson = self.holding(Inverse(POISSON, algebraic(), equations.closed))
 
-    def assemble(self, blocks: Blocks) -> None:
+    def assemble(self, blocks: Triangle) -> None:
         self._coefficient = float(self._rate.value)
         if self._mass is not None:
             self._mass.assemble()
@@ -110,9 +119,9 @@ class LeastSquaresCommutator(Owner):
     def __init__(self, equations: Equations):
         super().__init__()
         self._order = np.argsort(equations.owned_pressures())
-        self._poisson = self.holding(_Poisson(equations.closed))
+        self._poisson = self.holding(Inverse(POISSON, algebraic(), equations.closed))
 
-    def assemble(self, blocks: Blocks) -> None:
+    def assemble(self, blocks: Triangle) -> None:
         self._blocks, self._scale = blocks, 1.0 / np.abs(blocks.diagonal())
         diagonal, scaled = blocks.gradient.createVecLeft(), blocks.gradient.copy()
         diagonal.setArray(self._scale)
@@ -138,7 +147,7 @@ def schur_complement(equations: Equations) -> Schur:
         return CahouetChabard(equations)
     if equations.carrier is not None:
         return LeastSquaresCommutator(equations)
-    return PressureMass(equations)
+    return PressureMass(equations, equations.viscosity)
 
 
 def _bounds(space: Any, order: int) -> tuple[float, float]:
@@ -149,25 +158,3 @@ def _bounds(space: Any, order: int) -> tuple[float, float]:
     scale = np.sqrt(mass.diagonal())
     eigenvalues = np.linalg.eigvalsh(mass / np.outer(scale, scale))
     return float(eigenvalues[0]), float(eigenvalues[-1])
-
-
-class _Poisson(Owner):
-    """One cycle of algebraic multigrid; constants are projected out if `closed`. Collective."""
-
-    def __init__(self, closed: bool):
-        super().__init__()
-        self._closed = closed
-
-    def prepare(self, matrix: Any) -> None:
-        self.destroy()
-        self._right, self._left = map(self.holding, self.holding(matrix).createVecs())
-        constant = PETSc.NullSpace().create(constant=self._closed, comm=matrix.comm)
-        self._constant = self.holding(constant)
-        self._cycle = self.holding(preconditioner(matrix, POISSON, algebraic()))
-
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        self._right.setArray(right)
-        self._constant.remove(self._right)
-        self._cycle.apply(self._right, self._left)
-        self._constant.remove(self._left)
-        return np.asarray(self._left.array_r)

@@ -23,16 +23,28 @@ class Triangle(Owner):
     """Upper block triangle of [[F, G], [B, 0]], or its transpose: a `PCPYTHON` context. Methods are collective.
 
     z_p = -S^-1 r_p, z_v = F^-1 (r_v - G z_p), with an approximate Schur complement S (`pressure`) and, for each
-    component's block of F, one multigrid V-cycle. Constrained rows are identities.
+    component's block of F, one multigrid V-cycle. Constrained rows are identities. Velocities (n,) and pressures of
+    the blocks ascend as in the mixed system.
     """
 
     def __init__(self, matrix: Any, equations: Equations, transposed: bool = False):
         super().__init__()
-        self.blocks = self.holding(Blocks(matrix, equations, transposed))
+        self._matrix, self._transposed = matrix, transposed
         self._schur = self.holding(schur_complement(equations))
+        start, end = matrix.getOwnershipRange()
+        rows = np.sort(component_rows(equations.space)[1])
+        parts = [part[part < end - start] for part in rows]
+        self._velocities = np.sort(np.concatenate(parts))
+        self._places = [np.searchsorted(self._velocities, part) for part in parts]
         self._pressures = equations.owned_pressures()
         self._order = np.argsort(self._pressures)
-        self._held = np.flatnonzero(equations.owned_held())
+        unknowns = (*parts, self._velocities, self._pressures[self._order])
+        self._sets = [
+            self.holding(
+                PETSc.IS().createGeneral((start + some).astype(PETSc.IntType), comm=matrix.comm)
+            )
+            for some in unknowns
+        ]
         self._interpolations: list[Any] = []
         if equations.viscosity is not None:
             self._interpolations = [self.holding(one) for one in _interpolations(equations)]
@@ -40,71 +52,40 @@ class Triangle(Owner):
 
     def assemble(self) -> None:
         self._present.destroy()
-        self.blocks.extract()
-        self._schur.assemble(self.blocks)
-        components = self.blocks.components
-        if self._interpolations:
-            chosen = OF_COMPONENT | algebraic("mg_coarse_")
-            cycles = [
-                preconditioner(one, VELOCITY, chosen, interpolation=interpolation)
-                for one, interpolation in zip(components, self._interpolations, strict=True)
-            ]
-        else:
-            cycles = [preconditioner(one, VELOCITY, OF_MASS) for one in components]
-        self._cycles = [self._present.holding(cycle) for cycle in cycles]
+        self._extract()
+        self._schur.assemble(self)
+        chosen = OF_COMPONENT | algebraic("mg_coarse_") if self._interpolations else OF_MASS
+        interpolations = self._interpolations or [None] * len(self._components)
+        self._cycles = [
+            self._present.holding(preconditioner(one, VELOCITY, chosen, interpolation))
+            for one, interpolation in zip(self._components, interpolations, strict=True)
+        ]
+
+    def _extract(self) -> None:
+        *each, velocities, pressures = self._sets
+        pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
+        blocks = [self._matrix.createSubMatrix(*pair) for pair in pairs]
+        if self._transposed:
+            blocks = [block.transpose() for block in blocks]
+            blocks[-2:] = blocks[:-3:-1]
+        *self._components, self.gradient, self.divergence = map(self._present.holding, blocks)
+        self._vectors = [
+            [self._present.holding(one) for one in block.createVecs()] for block in blocks
+        ]
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
-        r, z, blocks = right.array_r, np.zeros(right.getLocalSize()), self.blocks
+        r, z = right.array_r, np.empty(right.getLocalSize())
         z[self._pressures] = -self._schur.solve(r[self._pressures])
-        forces = blocks.push(z[self._pressures[self._order]])
-        z[blocks.velocities] = blocks.each(
-            r[blocks.velocities] - forces, [cycle.apply for cycle in self._cycles]
+        forces = self.push(z[self._pressures[self._order]])
+        z[self._velocities] = self._each(
+            r[self._velocities] - forces, [cycle.apply for cycle in self._cycles]
         )
-        z[self._held] = r[self._held]
         left.setArray(z)
 
     def destroy(self, _: Any = None) -> None:
         super().destroy()
 
-
-class Blocks(Owner):
-    """Blocks of the Jacobian: F's diagonal blocks, G `gradient` and B `divergence`. Methods are collective.
-
-    Free velocities and all pressures ascend as in the mixed system; velocities (n,): numbers of the owned ones.
-    """
-
-    def __init__(self, matrix: Any, equations: Equations, transposed: bool):
-        super().__init__()
-        self._matrix, self._transposed = matrix, transposed
-        rows, owned = component_rows(equations.space)[1], ~equations.owned_held()
-        parts = [np.sort(part[part < len(owned)]) for part in rows]
-        parts = [part[owned[part]] for part in parts]
-        self.velocities = np.sort(np.concatenate(parts))
-        self._places = [np.searchsorted(self.velocities, part) for part in parts]
-        start = matrix.getOwnershipRange()[0]
-        unknowns = (*parts, self.velocities, np.sort(equations.owned_pressures()))
-        self._sets = [
-            self.holding(
-                PETSc.IS().createGeneral((start + some).astype(PETSc.IntType), comm=matrix.comm)
-            )
-            for some in unknowns
-        ]
-        self._present, self.components = self.holding(Owner()), list[Any]()
-
-    def extract(self) -> None:
-        self._present.destroy()
-        *each, velocities, pressures = self._sets
-        pairs = [*((one, one) for one in each), (velocities, pressures), (pressures, velocities)]
-        submatrices = [self._matrix.createSubMatrix(*pair) for pair in pairs]
-        if self._transposed:
-            submatrices = [block.transpose() for block in submatrices]
-            submatrices[-2:] = submatrices[:-3:-1]
-        *self.components, self.gradient, self.divergence = map(self._present.holding, submatrices)
-        self._vectors = [
-            [self._present.holding(one) for one in block.createVecs()] for block in submatrices
-        ]
-
-    def each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
+    def _each(self, values: np.ndarray, solved: list[Any]) -> np.ndarray:
         results = np.empty_like(values)
         for at, (right, left), solve in zip(self._places, self._vectors, solved, strict=False):
             right.setArray(values[at])
@@ -114,11 +95,13 @@ class Blocks(Owner):
 
     def carry(self, values: np.ndarray) -> np.ndarray:
         """Diagonal blocks of F times velocities (n,)."""
-        return self.each(values, [block.mult for block in self.components])
+        return self._each(values, [block.mult for block in self._components])
 
     def diagonal(self) -> np.ndarray:
-        entries = np.empty(len(self.velocities))
-        for at, block, (_, left) in zip(self._places, self.components, self._vectors, strict=False):
+        entries = np.empty(len(self._velocities))
+        for at, block, (_, left) in zip(
+            self._places, self._components, self._vectors, strict=False
+        ):
             block.getDiagonal(left)
             entries[at] = left.array_r
         return entries
@@ -140,39 +123,32 @@ def _times(matrix: Any, vectors: list[Any], values: np.ndarray) -> np.ndarray:
 
 
 def _interpolations(equations: Equations) -> list[Any]:
+    """Interpolation (ascending rows of a component, vertices), identity at constrained ones. Collective."""
     fine, rows = component_rows(equations.space)
     coarse = compat.space(fine.mesh, ("Lagrange", 1))
     whole = compat.interpolation_matrix(coarse, fine)
-    corners, nodes = compat.cell_dofs(coarse), compat.cell_dofs(fine)
-    owned, owned_below = whole.getLocalSize()
+    (owned, owned_below), comm = whole.getLocalSize(), whole.comm
+    start, start_below = whole.getOwnershipRange()[0], whole.getOwnershipRangeColumn()[0]
+    columns = PETSc.IS().createStride(owned_below, start_below, 1, comm=comm)
+    vertices, nodes = compat.cell_dofs(coarse), compat.cell_dofs(fine)
+    at_vertices = np.empty(vertices.max(initial=-1) + 1, dtype=np.int64)
+    at_vertices[vertices] = nodes[:, : vertices.shape[1]]
     interpolations = []
     for mine, held in zip(rows, equations.held()[rows], strict=True):
-        free = np.flatnonzero(~held[:owned])
-        free = free[np.argsort(mine[free])]
-        free_below = np.zeros(corners.max(initial=-1) + 1, dtype=bool)
-        free_below[corners] = ~held[nodes[:, : corners.shape[1]]]
-        interpolations.append(_among(whole, free, np.flatnonzero(free_below[:owned_below])))
-    whole.destroy()
+        order = np.argsort(mine[:owned])
+        ascending = PETSc.IS().createGeneral((start + order).astype(PETSc.IntType), comm=comm)
+        one = whole.createSubMatrix(ascending, columns)
+        free, free_below = one.createVecLeft(), one.createVecRight()
+        free.setArray(~held[order])
+        free_below.setArray(~held[at_vertices[:owned_below]])
+        one.diagonalScale(free, free_below)
+        places = start + np.argsort(order)
+        for vertex in np.flatnonzero(held[at_vertices[:owned_below]]):
+            one.setValue(places[at_vertices[vertex]], start_below + vertex, 1.0)
+        one.assemble()
+        interpolations.append(one)
+        for lent in (ascending, free, free_below):
+            lent.destroy()
+    for lent in (whole, columns):
+        lent.destroy()
     return interpolations
-
-
-def _among(matrix: Any, rows: np.ndarray, columns: np.ndarray) -> Any:
-    starts = matrix.getOwnershipRange()[0], matrix.getOwnershipRangeColumn()[0]
-    above, below = (
-        PETSc.Mat().createAIJ(
-            ((len(chosen), None), (sizes[0], None)),
-            csr=(
-                np.arange(len(chosen) + 1, dtype=PETSc.IntType),
-                (start + chosen).astype(PETSc.IntType),
-                np.ones(len(chosen)),
-            ),
-            comm=matrix.comm,
-        )
-        for chosen, sizes, start in zip((rows, columns), matrix.getSizes(), starts, strict=True)
-    )
-    below.transpose()
-    taken = above.matMult(matrix)
-    submatrix = taken.matMult(below)
-    for held in (above, below, taken):
-        held.destroy()
-    return submatrix

@@ -13,11 +13,9 @@ from petsc4py import PETSc
 
 from ... import compat
 from ...compat import petsc
-from ...errors import UnsolvedError
 from ...forms import preconditioning
 from ...parallel import Owner
-from ..space import TaylorHood
-from .equations import Equations, LinearSolver, LinearStatistics, component_rows
+from .equations import Equations, LinearSolver, component_rows
 from .options import preconditioner
 from .pressure import PressureMass
 
@@ -44,7 +42,7 @@ class TwoLevel(LinearSolver):
 
     Args:
         times: product of A, or its transpose, with a vector (owned unknowns,).
-        pressure_force: product with the pressure's part in momentum, transposed continuity's.
+        gradient: form of the pressure's part in momentum, without upwinding; it saves an action a smoothing step.
         coarse: solver of order k at about the same state, and its equations.
     """
 
@@ -53,65 +51,65 @@ class TwoLevel(LinearSolver):
     def __init__(
         self,
         times: Callable[[np.ndarray, bool], np.ndarray],
-        pressure_force: PressureForce,
+        gradient: Any,
         equations: Equations,
         coarse: tuple[Any, Equations],
     ):
-        super().__init__()
-        self.matrix, self.statistics = None, LinearStatistics()
-        self._times, self._pressure_force, self._held = (
-            times,
-            pressure_force,
-            equations.owned_held(),
-        )
+        super().__init__(None)
+        self._times, self._held, self._space = times, equations.owned_held(), equations.space
+        self._gradient = self.holding(compat.matrix_of(gradient))
+        self._pushes = [self.holding(one) for one in self._gradient.createVecs()]
         self._comm = equations.space.mixed.mesh.comm
         self._velocity = self.holding(Relaxation(equations))
-        self._mass = self.holding(PressureMass(equations))
-        self._pressure = self.holding(_smoothing_mass(equations))
-        self._pressures, self._convected = (
-            equations.owned_pressures(),
-            equations.carrier is not None,
-        )
+        self._pressures, carrier = equations.owned_pressures(), equations.carrier
+        self._convected, viscosity = carrier is not None, equations.viscosity
+        if self._convected:
+            size = equations.upwind_size
+            viscosity = preconditioning.upwinded_viscosity(viscosity, carrier, size, UPWINDED)
+        self._pressure = self.holding(PressureMass(equations, viscosity))
         self._solver, self._transfer = coarse[0], self.holding(OrderTransfer(coarse[1], equations))
         self._constant = equations.constant_pressures() if equations.closed else None
-        matrix = self._solver.matrix
-        self._right = self.holding(matrix.createVecLeft())
-        self._left = self.holding(matrix.createVecRight())
-        self._scale: np.ndarray | None = None  # of residuals, set when first prepared
+        self._left, self._right = map(self.holding, self._solver.matrix.createVecs())
+        self._scale = np.empty(0)  # of residuals, set when prepared
 
     def prepare(self) -> None:
         self._velocity.assemble()
         self._pressure.assemble()
-        self._mass.assemble()
-        self._pressure_force.renew()
         self.statistics.factorisations += 1
         weights = np.ones(len(self._held))
-        weights[self._pressures] = self._mass.diagonal()
+        weights[self._pressures] = self._pressure.diagonal()
         self._velocity.weigh(weights)
-        self._scale = 1.0 / weights
+        self._scale, self._aged = 1.0 / weights, False
+
+    @property
+    def _current(self) -> bool:
+        return not self._aged
 
     def approximate(self, b: Any, x: Any) -> None:
         """Solve A x = b to the accuracy of an error estimate. Raises ConvergenceError."""
-        self._solve(b, x, CONVECTED_ROUGH if self._convected else ROUGH, transposed=False)
+        self.solve(b, x, CONVECTED_ROUGH if self._convected else ROUGH)
 
-    def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
-        if self._scale is None:
-            self.prepare()
+    def _is_slow(self, iterations: int, rtol: float) -> bool:
+        return False
+
+    def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         right = b.array_r.copy()
-        solution = self._free(self._reduced(self._free(right), rtol, transposed))
+        solution, iterations = self._reduced(self._free(right), rtol, transposed)
         # Constrained rows are identities.
-        x.setArray(np.where(self._held, right, solution))
-        self.statistics.solves += 1
+        x.setArray(np.where(self._held, right, self._free(solution)))
+        return iterations
 
-    def _reduced(self, residual: np.ndarray, rtol: float, transposed: bool) -> np.ndarray:
-        """Solution to a relative residual of `rtol`; overwrites the residual."""
+    def _reduced(
+        self, residual: np.ndarray, rtol: float, transposed: bool
+    ) -> tuple[np.ndarray, int | None]:
+        """Solution to a relative residual of `rtol`, and iterations; overwrites the residual."""
         solution, size = np.zeros_like(residual), self._size(residual)
         if size == 0.0:
-            return solution
+            return solution, 0
         directions: list[tuple[np.ndarray, np.ndarray]] = []
         smoothing = CONVECTED_SMOOTHING if self._convected else SMOOTHING
-        for step in range(MOST_CYCLES * (smoothing + 1)):
-            is_last = step % (smoothing + 1) == smoothing
+        for step in range(1, MOST_CYCLES * (smoothing + 1) + 1):
+            is_last = step % (smoothing + 1) == 0
             z = (self._coarsely_solved if is_last else self._smoothed)(residual, transposed)
             z = np.where(self._held, 0.0, z)
             q = self._free(self._times(z, transposed))
@@ -127,11 +125,14 @@ class TwoLevel(LinearSolver):
             length = self._inner(residual, q)
             solution += length * z
             residual -= length * q
-            self.statistics.krylov_iterations += 1
-            if is_last and step > smoothing and self._size(residual) <= rtol * size:
-                return solution
-        raise UnsolvedError(
-            f"the correction in elements of a higher order did not converge in {step + 1} iterations: "
+            if is_last and step > smoothing + 1 and self._size(residual) <= rtol * size:
+                return solution, step
+        self._steps = step
+        return solution, None
+
+    def _why_not_solved(self, b: Any) -> str:
+        return (
+            f"the correction in elements of a higher order did not converge in {self._steps} iterations: "
             "use a smaller numerics.mesh_size, or numerics.error_bars = false"
         )
 
@@ -139,21 +140,24 @@ class TwoLevel(LinearSolver):
         z, pressure = np.zeros_like(residual), np.zeros_like(residual)
         pressure[self._pressures] = -self._pressure.solve(residual[self._pressures])
         if self._convected:
-            residual = residual - np.where(
-                self._held, 0.0, self._pressure_force.times(pressure, transposed)
-            )
+            residual = np.where(self._held, 0.0, residual - self._pushed(pressure))
         self._velocity.solve(residual, z, transposed)
         z[self._pressures] = pressure[self._pressures]
         return z
+
+    def _pushed(self, pressures: np.ndarray) -> np.ndarray:
+        right, left = self._pushes
+        right.setArray(pressures[self._space.pressure_map[: right.getLocalSize()]])
+        self._gradient.mult(right, left)
+        forces = np.zeros_like(pressures)
+        forces[self._space.velocity_map[: left.getLocalSize()]] = left.array_r
+        return forces
 
     def _coarsely_solved(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
         self._right.setArray(self._transfer.restricted(residual))
         if self._right.norm() == 0.0:
             return np.zeros_like(residual)
-        if transposed:
-            self._solver.solve_transposed(self._right, self._left, COARSE)
-        else:
-            self._solver.solve(self._right, self._left, COARSE)
+        self._solver.solve(self._right, self._left, COARSE, transposed=transposed)
         return self._transfer.prolonged(self._left.array_r)
 
     def _inner(self, one: np.ndarray, other: np.ndarray) -> float:
@@ -231,121 +235,38 @@ def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
 
 
 class OrderTransfer(Owner):
-    """Transfer of (owned unknowns,), zero where constrained, between two orders on one mesh. Collective."""
+    """Transfer of (owned unknowns,) between two orders on one mesh, zero where constrained below. Collective."""
 
     def __init__(self, coarse: Equations, fine: Equations):
         super().__init__()
-        self._held = [equations.owned_held() for equations in (coarse, fine)]
-        (one, mine), (other, theirs) = (
-            component_rows(equations.space) for equations in (coarse, fine)
+        self._sizes, self._held = (
+            [len(one.owned_held()) for one in (coarse, fine)],
+            coarse.owned_held(),
         )
-        spaces = (one, other), (coarse.space.pressure, fine.space.pressure)
-        velocity, pressure = (self.holding(compat.interpolation_matrix(*pair)) for pair in spaces)
-        pressures = [equations.owned_pressures() for equations in (coarse, fine)]
-        owned = [space.dofmap.index_map.size_local for space in (one, other)]
-        velocities = list(zip(mine[:, : owned[0]], theirs[:, : owned[1]], strict=True))
-        self._parts = [*((velocity, *rows) for rows in velocities), (pressure, *pressures)]
-        self._vectors = {
-            id(m): [self.holding(one) for one in m.createVecs()] for m in (velocity, pressure)
-        }
+        (one, mine), (other, theirs) = (component_rows(each.space) for each in (coarse, fine))
+        velocity = self._between(one, other)
+        pressure = self._between(coarse.space.pressure, fine.space.pressure)
+        self._parts = [
+            *((velocity, *rows) for rows in zip(mine, theirs, strict=True)),
+            (pressure, coarse.space.pressure_map, fine.space.pressure_map),
+        ]
+
+    def _between(self, coarse: Any, fine: Any) -> tuple[Any, Any, Any]:
+        matrix = self.holding(compat.interpolation_matrix(coarse, fine))
+        return matrix, *map(self.holding, matrix.createVecs())
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
-        fine_values = np.zeros(len(self._held[1]))
-        for matrix, coarse, fine in self._parts:
-            one, other = self._vectors[id(matrix)]
-            one.setArray(values[coarse])
+        fine_values = np.zeros(self._sizes[1])
+        for (matrix, one, other), coarse, fine in self._parts:
+            one.setArray(values[coarse[: one.getLocalSize()]])
             matrix.mult(one, other)
-            fine_values[fine] = other.array_r
-        return np.where(self._held[1], 0.0, fine_values)
+            fine_values[fine[: other.getLocalSize()]] = other.array_r
+        return fine_values
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
-        values, coarse_values = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
-        for matrix, coarse, fine in self._parts:
-            one, other = self._vectors[id(matrix)]
-            other.setArray(values[fine])
+        coarse_values = np.zeros(self._sizes[0])
+        for (matrix, one, other), coarse, fine in self._parts:
+            other.setArray(values[fine[: other.getLocalSize()]])
             matrix.multTranspose(other, one)
-            coarse_values[coarse] = one.array_r
-        return np.where(self._held[0], 0.0, coarse_values)
-
-
-def _smoothing_mass(equations: Equations) -> PressureMass:
-    carrier = equations.carrier
-    if carrier is None:
-        return PressureMass(equations)
-    viscosity = preconditioning.upwinded_viscosity(
-        equations.viscosity, carrier, equations.upwind_size, UPWINDED
-    )
-    return PressureMass(equations, viscosity)
-
-
-class Action(Owner):
-    """Jacobian of the present state, or its transpose, as an action; identity where `held`. Collective.
-
-    From third order on tetrahedra, one application costs about three of a matrix, which takes twenty
-    to assemble and 1.5 kB per unknown.
-    """
-
-    def __init__(self, state: Any, residual: Callable[[Any, Any], Any], held: np.ndarray):
-        super().__init__()
-        self._state, self._residual, self._held = state, residual, held
-        self._direction = dolfinx.fem.Function(state.function_space)
-        self._forms: dict[bool, Any] = {}
-        self._vector: Any = None
-
-    def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
-        form = self._form(transposed)
-        owned = len(values)
-        self._direction.x.array[:owned] = np.where(self._held, 0.0, values)
-        self._direction.x.scatter_forward()
-        if self._vector is None:
-            self._vector = self.holding(compat.create_vector(form, self._state.function_space))
-        compat.vector_of(form, self._vector)
-        return np.where(self._held, values, self._vector.array_r)
-
-    def _form(self, transposed: bool) -> Any:
-        if transposed not in self._forms:
-            tests = ufl.TestFunction(self._state.function_space)
-            tested, change = (self._direction, tests) if transposed else (tests, self._direction)
-            residual = self._residual(*ufl.split(tested))
-            self._forms[transposed] = compat.form(ufl.derivative(residual, self._state, change))
-        return self._forms[transposed]
-
-
-class PressureForce(Owner):
-    """Matrix of momentum's pressure part, or of continuity without upwinding (transposed). Collective.
-
-    It saves 198 of 430 actions for two updates and two dual solutions of a sphere in shear (30,000 unknowns,
-    second order).
-    """
-
-    def __init__(self, space: TaylorHood, form: Callable[[bool], Any]):
-        super().__init__()
-        self._form = form
-        velocities = space.velocity.dofmap.index_map.size_local * space.gdim
-        pressures = space.pressure.dofmap.index_map.size_local
-        self._velocities, self._pressures = (
-            space.velocity_map[:velocities],
-            space.pressure_map[:pressures],
-        )
-        self._made: dict[
-            bool, tuple[Any, Any, Any, Any]
-        ] = {}  # form, matrix and vectors, by whether transposed
-        self._fresh: set[bool] = set()
-
-    def renew(self) -> None:
-        self._fresh = set()
-
-    def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
-        if transposed not in self._made:
-            form = compat.form(self._form(not transposed))
-            matrix = self.holding(petsc.create_matrix(form))
-            self._made[transposed] = form, matrix, *map(self.holding, matrix.createVecs())
-        form, matrix, right, left = self._made[transposed]
-        if transposed not in self._fresh:
-            compat.matrix_of(form, matrix=matrix)
-            self._fresh.add(transposed)
-        right.setArray(values[self._pressures])
-        matrix.mult(right, left)
-        forces = np.zeros_like(values)
-        forces[self._velocities] = left.array_r
-        return forces
+            coarse_values[coarse[: one.getLocalSize()]] = one.array_r
+        return np.where(self._held, 0.0, coarse_values)

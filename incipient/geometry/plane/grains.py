@@ -10,7 +10,7 @@ from math import pi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, Point, planar_cross, quarter_turned, rows, unit
+from incipient.arrays import Floats, Point, planar_cross, quarter_turned, rows, spatial, unit
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import (
     Arc,
@@ -27,8 +27,8 @@ from incipient.geometry.shape import (
     Shape,
     checked_balls,
     largest_distance,
-    require_exposed,
 )
+from incipient.geometry.triangles import neighbours
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 PANELS = 96  # of Gauss's rule on a curve that is no line
@@ -45,6 +45,7 @@ RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral a
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
 SHORT, WINDOW, CORNER = 0.01, 0.02, np.radians(30.0)
+LINED_UP = 1e-9  # of its length: how far points of a straight side may lie off it
 SHARP = 1e-5  # radians between tangents of neighbouring curves from which on they meet in a corner
 TABLE = 4_000_000  # numbers in a table of points or pairs that is dealt with at a time
 
@@ -364,7 +365,10 @@ class Star(Smooth):
 
 @dataclass(frozen=True)
 class Polygon(Grain):
-    """A simple polygon, shifted to its centroid; vertices in either sense."""
+    """A simple polygon, shifted to its centroid; vertices in either sense.
+
+    Sides shorter than SHORT of its size are taken for points of a smooth curve between its corners.
+    """
 
     vertices: tuple[Point, ...]
 
@@ -378,46 +382,40 @@ class Polygon(Grain):
                 "list the vertices in order around the grain"
             )
         corners = corners - corners.mean(axis=0)
-        whole = Moments.within(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
-        if abs(whole.volume) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
+        area = 0.5 * float(planar_cross(corners, np.roll(corners, -1, axis=0)).sum())
+        if abs(area) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
             raise SceneError("the polygon has no area; give vertices that are not all on one line")
-        corners = (corners - whole.centroid)[:: 1 if whole.volume > 0.0 else -1]
-        object.__setattr__(self, "vertices", tuple(map(plain, corners)))
+        corners = corners[:: 1 if area > 0.0 else -1]
+        centroid = moments_within(Chain(_outline(corners))).centroid
+        object.__setattr__(self, "vertices", tuple(map(plain, corners - centroid)))
 
     @cached_property
     def size(self) -> float:
-        return largest_distance(self.chain.starts)
+        return largest_distance(np.array(self.vertices))
 
     def outline(self) -> tuple[Curve, ...]:
-        corners = self.vertices
-        return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
-
-    def drawn(self) -> tuple[Curve, ...]:
-        """The outline, with rows of short sides as one smooth curve."""
-        corners, short = self.chain.starts, self.chain.lengths < SHORT * self.size
-        turns = _turns(corners, self.chain.lengths, self.size)
-        knots = np.union1d(np.flatnonzero(~(short & np.roll(short, 1))), turns).astype(int)
-        if len(knots) == len(short):
-            return self.chain.curves
-        # A closed curve is drawn in parts that each go less than half the way round.
-        knots = np.union1d(knots, np.arange(4) * len(short) // 4 if len(knots) < 2 else knots)
-        closed, ends = np.vstack([corners, corners]), np.append(knots[1:], knots[0] + len(short))
-        return tuple(_through(closed[a : b + 1]) for a, b in zip(knots, ends, strict=True))
-
-    @property
-    def smoothed(self) -> "Polygon | None":
-        """The grain with the meshed outline; None where that is its own."""
-        return None if self.drawn() == self.chain.curves else _Smoothed(self.vertices)
+        return _outline(np.array(self.vertices))
 
 
-class _Smoothed(Polygon):
-    def outline(self) -> tuple[Curve, ...]:
-        return Polygon(self.vertices).drawn()
+def _outline(corners: Floats) -> tuple[Curve, ...]:
+    """The sides of a polygon (n, 2), rows of short ones as one smooth curve."""
+    lengths, size = (
+        np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1),
+        largest_distance(corners),
+    )
+    short = lengths < SHORT * size
+    turns = _turns(corners, lengths, size)
+    knots = np.union1d(np.flatnonzero(~(short & np.roll(short, 1))), turns).astype(int)
+    # A closed curve is drawn in parts that each go less than half the way round.
+    knots = np.union1d(knots, np.arange(4) * len(short) // 4 if len(knots) < 2 else knots)
+    closed, ends = np.vstack([corners, corners]), np.append(knots[1:], knots[0] + len(short))
+    return tuple(_through(closed[a : b + 1]) for a, b in zip(knots, ends, strict=True))
 
 
 def _through(points: Floats) -> Curve:
-    if len(points) == 2:
-        return Line(plain(points[0]), plain(points[1]))
+    chord = points[-1] - points[0]
+    if np.abs(planar_cross(points - points[0], chord)).max() <= LINED_UP * (chord @ chord):
+        return Line(plain(points[0]), plain(points[-1]))
     while len(points) < 4:
         middles = 0.5 * (points[1:] + points[:-1])
         points = np.insert(points, np.arange(1, len(points)), middles, axis=0)
@@ -442,27 +440,14 @@ def _turns(corners: Floats, lengths: Floats, size: float) -> list[int]:
 
 def meeting_sides(corners: Floats) -> tuple[int, int] | None:
     """First two sides of a polygon (n, 2) that meet without being neighbours."""
-    start, end = corners, np.roll(corners, -1, axis=0)
-    low, high, n = np.minimum(start, end), np.maximum(start, end), len(corners)
-    # Sides overlap along the axis along which fewer of them do; one side and the next, the next but one, ...
-    orders = [np.argsort(low[:, axis], kind="stable") for axis in (0, 1)]
-    ahead = [
-        np.searchsorted(low[order, axis], high[order, axis], side="right") - np.arange(n) - 1
-        for axis, order in enumerate(orders)
-    ]
-    axis = int(np.argmin([count.sum() for count in ahead]))
-    order, count, pairs = orders[axis], ahead[axis], list[tuple[int, int]]()
-    rows = np.argsort(-count, kind="stable")
-    for step in range(1, int(count.max(initial=0)) + 1):
-        rows = rows[: np.searchsorted(-count[rows], -step, side="right")]
-        i, j = np.sort([order[rows], order[rows + step]], axis=0)
-        close = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
-        close &= (j - i > 1) & (j - i < n - 1)
-        i, j = i[close], j[close]
-        meet = _straddles(start[i], end[i], start[j], end[j])
-        meet &= _straddles(start[j], end[j], start[i], end[i])
-        pairs += zip(i[meet].tolist(), j[meet].tolist(), strict=True)
-    return min(pairs, default=None)
+    start, end, n = corners, np.roll(corners, -1, axis=0), len(corners)
+    sides = spatial(np.stack([start, end], axis=1))
+    i, j = neighbours(sides, sides[:, [0, 1, 1]])
+    apart = (j - i > 1) & (j - i < n - 1)
+    i, j = i[apart], j[apart]
+    meet = _straddles(start[i], end[i], start[j], end[j])
+    meet &= _straddles(start[j], end[j], start[i], end[i])
+    return min(zip(i[meet].tolist(), j[meet].tolist(), strict=True), default=None)
 
 
 def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
@@ -496,10 +481,10 @@ def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
     return owner.astype(int), start, end
 
 
-def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
+def moments_of_discs(centres: Floats, radii: Floats) -> Moments:
     """Moments of a union of discs, by Gauss's rule on sixteenths of its exposed arcs."""
     s, weights = ((np.arange(16)[:, None] + 0.5 + 0.5 * NODES) / 16.0).ravel(), np.tile(WEIGHTS, 16)
-    owner, start, end = arcs
+    owner, start, end = exposed_arcs(centres, radii)
     sweep, r = (end - start)[:, None, None], radii[owner, None, None]
     angle = start[:, None] + sweep[..., 0] * s
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -522,9 +507,7 @@ class Discs(Balls, Grain):
         self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
     ) -> None:
         points, sizes = checked_balls(centres, radii, 2)
-        arcs = exposed_arcs(points, sizes)
-        require_exposed(arcs[0], len(sizes), "disc")
-        points = points - moments_of_arcs(arcs, points, sizes).centroid
+        points = points - moments_of_discs(points, sizes).centroid
         object.__setattr__(self, "centres", tuple((float(x), float(y)) for x, y in points))
         object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
         _ = self.chain  # refuses holes, and is kept

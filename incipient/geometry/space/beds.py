@@ -333,6 +333,12 @@ class SmoothTerrain(Terrain):
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Height (n,), gradient (n, 2) and second derivatives (n, 2, 2) at points (n, 2)."""
 
+    def height(self, x: ArrayLike) -> Floats:
+        return self.shape(x)[0]
+
+    def gradient(self, x: ArrayLike) -> Floats:
+        return self.shape(x)[1]
+
     def pieces(self, middle: ArrayLike, reach: float) -> SmoothTerrain:
         return self
 
@@ -341,9 +347,8 @@ class SmoothTerrain(Terrain):
         return np.array([False])
 
     def distance_estimate(self, points: Floats) -> Floats:
-        above = points[:, 2] - self.height(points[:, :2])
-        slope = self.gradient(points[:, :2])
-        return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
+        height, slope, _ = self.shape(points[:, :2])
+        return np.asarray((points[:, 2] - height) / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
         x = self._feet(points, near)
@@ -418,16 +423,9 @@ class Ridges(SmoothTerrain):
     def mean(self, x: Sides, y: Sides) -> float:
         return self.origin_z
 
-    def height(self, x: ArrayLike) -> Floats:
-        return np.asarray(self.origin_z + self.amplitude * np.sin(self._phases(x)))
-
-    def gradient(self, x: ArrayLike) -> Floats:
-        return np.outer(np.cos(self._phases(x)), self.amplitude * self._wave)
-
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        height, wave = self.height(x), self._wave
-        bent = np.multiply.outer(self.origin_z - height, np.outer(wave, wave))
-        return height, self.gradient(x), bent
-
-    def _phases(self, x: ArrayLike) -> Floats:
-        return np.asarray(rows(x) @ self._wave + self.phase)
+        wave = self._wave
+        phases = rows(x) @ wave + self.phase
+        rise = self.amplitude * np.sin(phases)
+        bent = np.multiply.outer(-rise, np.outer(wave, wave))
+        return self.origin_z + rise, np.outer(self.amplitude * np.cos(phases), wave), bent

@@ -20,12 +20,11 @@ from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain
 from incipient.geometry.space.grains import Solid
 from incipient.geometry.space.surfaces import (
     Surface,
-    Triangles,
     connected,
     grouped,
-    nearest_on_triangles,
     vector_areas,
 )
+from incipient.geometry.triangles import Triangles, nearest_on_triangles
 
 # Of the grain's size. Newton's method squares errors, so that a last step this short leaves 1e-16.
 LAST_STEP = 1e-8

@@ -13,24 +13,23 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import SMALLEST, Floats, cross, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.plane.grains import exposed_arcs, farthest, moments_of_arcs, power_norm
+from incipient.geometry.plane.grains import farthest, moments_of_discs, power_norm
 from incipient.geometry.shape import (
     Balls,
     Moments,
     Shape,
     checked_balls,
     largest_distance,
-    require_exposed,
 )
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.files import triangles_in
 from incipient.geometry.space.surfaces import (
     MOST_POINTS,
     Surface,
-    Triangles,
     repaired,
     require_plain,
 )
+from incipient.geometry.triangles import Triangles
 
 UNION_ERROR = 1e-8  # of the integrals over a union of spheres
 ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis of a cylinder
@@ -431,7 +430,6 @@ class Spheres(Balls, Solid):
         self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
     ) -> None:
         points, sizes = checked_balls(centres, radii, 3)
-        require_exposed(_showing(points, sizes), len(sizes), "sphere")
         whole = _union(points, sizes)
         about = Moments(whole.volume, np.zeros(3), whole.about_centroid())
         object.__setattr__(self, "_moments", about)
@@ -464,14 +462,6 @@ class Spheres(Balls, Solid):
         return surfaces.joined(pieces)
 
 
-def _showing(centres: Floats, radii: Floats) -> np.ndarray:
-    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
-    first, second = np.meshgrid(np.arange(len(radii)), np.arange(len(radii)), indexing="ij")
-    larger = (radii > radii[:, None]) | ((radii == radii[:, None]) & (second > first))
-    within = (apart <= radii - radii[:, None] + 1e-12 * radii) & larger
-    return np.flatnonzero(~within.any(axis=1))
-
-
 def _union(centres: Floats, radii: Floats) -> Moments:
     """Moments of a union of spheres from its sections, unions of discs, along the third axis."""
     from scipy.integrate import quad_vec  # which takes time to import
@@ -480,7 +470,7 @@ def _union(centres: Floats, radii: Floats) -> Moments:
         squared = radii**2 - (height - centres[:, 2]) ** 2
         cut = squared > 0.0
         middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
-        area = moments_of_arcs(exposed_arcs(middles, sizes), middles, sizes)
+        area = moments_of_discs(middles, sizes)
         mean = np.array([*area.first, height * area.volume])
         second = np.vstack([np.column_stack([area.second, height * area.first]), height * mean])
         return np.concatenate([[area.volume], mean, second.ravel()])

@@ -153,40 +153,27 @@ class HeightMap(SmoothTerrain):
         (x, y, _), (dx, dy) = self.origin, self.cell
         return (x, x + dx * (columns - 1)), (y, y + dy * (rows_ - 1))
 
-    def height(self, x: ArrayLike) -> Floats:
-        return np.asarray(self.origin[2] + self._derivatives(x, 0)[:, 0, 0])
-
-    def gradient(self, x: ArrayLike) -> Floats:
-        table = self._derivatives(x, 1)
-        return np.column_stack([table[:, 0, 1], table[:, 1, 0]])
-
     def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        table = self._derivatives(x, 2)
-        mixed = table[:, 1, 1]
-        second = np.stack([table[:, 0, 2], mixed, mixed, table[:, 2, 0]], axis=1)
-        first = np.column_stack([table[:, 0, 1], table[:, 1, 0]])
-        return self.origin[2] + table[:, 0, 0], first, second.reshape(-1, 2, 2)
-
-    def _derivatives(self, x: ArrayLike, most: int) -> Floats:
         at = (rows(x) - np.asarray(self.origin[:2])) / np.asarray(self.cell)
         count = np.array(self.heights.shape[::-1])
         # Beyond the edge everything is as at the edge.
         outside = (at < 0.0) | (at > count - 1)
         at = np.clip(at, 0.0, count - 1.0)
-        first = np.minimum(at.astype(int), count - 2)
-        powers = (at - first)[..., None] ** np.arange(4)
+        low = np.minimum(at.astype(int), count - 2)
+        powers = (at - low)[..., None] ** np.arange(4)
         weights = [
-            powers[:, k]
-            @ (CUBICS[: most + 1] / self.cell[k] ** ORDERS[: most + 1]).reshape(-1, 4).T
+            (powers[:, k] @ (CUBICS / self.cell[k] ** ORDERS).reshape(-1, 4).T).reshape(-1, 3, 4)
             for k in (0, 1)
         ]
-        i, j = (np.clip(first[:, k, None] + AROUND, 0, count[k] - 1) for k in (0, 1))
+        i, j = (np.clip(low[:, k, None] + AROUND, 0, count[k] - 1) for k in (0, 1))
         values = self.heights[j[:, :, None], i[:, None, :]]
-        along, across = (table.reshape(len(at), most + 1, 4) for table in weights)
-        result = across @ values @ along.transpose(0, 2, 1)
-        result[outside[:, 0], :, 1:] = 0.0
-        result[outside[:, 1], 1:] = 0.0
-        return np.asarray(result)
+        table = weights[1] @ values @ weights[0].transpose(0, 2, 1)
+        table[outside[:, 0], :, 1:] = 0.0
+        table[outside[:, 1], 1:] = 0.0
+        mixed = table[:, 1, 1]
+        second = np.stack([table[:, 0, 2], mixed, mixed, table[:, 2, 0]], axis=1)
+        first = np.column_stack([table[:, 0, 1], table[:, 1, 0]])
+        return self.origin[2] + table[:, 0, 0], first, second.reshape(-1, 2, 2)
 
 
 def _gap(heights: Floats) -> tuple[int, int] | None:

@@ -1,23 +1,17 @@
 """Triangulated surfaces: making, checking, cutting and searching."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from incipient.arrays import Floats, cross, unit
 from incipient.errors import SceneError
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
+from incipient.geometry.triangles import nearest_on_triangles, neighbours, tree
 
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
-BLOCK = 1_000_000  # pairs of points and triangles per block
 LEVELS = 20_000  # points per evaluation of a level
-ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
 CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
 DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
 # Part of an edge's length, and of barycentric coordinates in a triangle: what only touches does not cross.
@@ -217,19 +211,10 @@ def crossed(surface: Surface) -> np.ndarray:
     """Triangles (k,) that edges run through with which they share no point."""
     edges, corners = surface.edges, surface.corners
     ends = surface.points[edges]
-    half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    # Triangles of like size are sought together: a large one would make the search for small ones wide.
-    kind = np.round(np.log2(np.maximum(longest, 1e-300))).astype(int)
-    result = [np.empty(0, dtype=int)]
-    for item in np.unique(kind):
-        mine = np.flatnonzero(kind == item)
-        row, triangle = Triangles(corners[mine]).near(ends.mean(axis=1), half)
-        triangle = mine[triangle]
-        apart = (edges[row][:, :, None] != surface.triangles[triangle][:, None]).all(axis=(1, 2))
-        row, triangle = row[apart], triangle[apart]
-        result.append(triangle[_runs_through(ends[row], corners[triangle])])
-    return np.unique(np.concatenate(result))
+    row, triangle = neighbours(ends, corners)
+    apart = (edges[row][:, :, None] != surface.triangles[triangle][:, None]).all(axis=(1, 2))
+    row, triangle = row[apart], triangle[apart]
+    return np.unique(triangle[_runs_through(ends[row], corners[triangle])])
 
 
 def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
@@ -243,94 +228,6 @@ def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
     t, u, v = np.linalg.solve(matrix, (ends[:, 0] - corners[:, 0])[..., None])[..., 0].T
     least = np.min([t, u, v, 1.0 - t, 1.0 - u - v], axis=0)
     return np.asarray(proper & (least > BESIDE))
-
-
-@dataclass(frozen=True, eq=False)
-class Triangles:
-    """Spatial index of triangles (m, 3, 3), which may be segments or points."""
-
-    corners: Floats
-
-    @cached_property
-    def _reach(self) -> Floats:
-        middle = self.corners.mean(axis=1, keepdims=True)
-        return np.asarray(np.linalg.norm(self.corners - middle, axis=2).max(axis=1))
-
-    @cached_property
-    def _centroids(self) -> "cKDTree":
-        return tree(self.corners.mean(axis=1))
-
-    @cached_property
-    def _corners(self) -> "cKDTree":
-        return tree(self.corners.reshape(-1, 3))
-
-    def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of points (n, 3) and triangles (k,) that may be as near as `within` (a length, or (n,))."""
-        # A point at a corner is as far from a centroid as the triangle reaches: round-off must not lose it.
-        around = np.broadcast_to(within, len(points)) + ROUND_OFF * self._reach.max()
-        row, triangle = _matches(self._centroids, points, around + self._reach.max())
-        apart = np.linalg.norm(points[row] - self._centroids.data[triangle], axis=1)
-        close = apart <= self._reach[triangle] + around[row]
-        return row[close], triangle[close]
-
-    def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
-        """Nearest points (n, 3); rows and triangles (k,) that are as near but for a slack."""
-        result, before = [(np.empty((0, 3)), np.empty(0, int), np.empty(0, int))], 0
-        for block in self._blocks(points):
-            row, triangle = self.near(block, self._corners.query(block)[0] + slack)
-            feet = nearest_on_triangles(block[row], self.corners[triangle])
-            apart = np.linalg.norm(feet - block[row], axis=1)
-            order = np.lexsort([apart, row])
-            best = order[np.unique(row[order], return_index=True)[1]]
-            sharing = apart <= apart[best][row] + slack
-            result.append((feet[best], before + row[sharing], triangle[sharing]))
-            before += len(block)
-        feet, row, triangle = (np.concatenate(column) for column in zip(*result, strict=True))
-        return feet, row, triangle
-
-    def _blocks(self, points: Floats) -> Iterator[Floats]:
-        reach = self._corners.query(points)[0] + self._reach.max()
-        pairs = int(self._centroids.query_ball_point(points, reach, return_length=True).sum())
-        return (block for block in np.array_split(points, 1 + pairs // BLOCK) if len(block))
-
-
-def tree(points: Floats) -> "cKDTree":
-    """The spatial index of points (n, d)."""
-    from scipy.spatial import cKDTree  # which takes time to import
-
-    return cKDTree(points)
-
-
-def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
-    result = index.query_ball_point(points, within)
-    counts = np.fromiter(map(len, result), int, len(result))
-    indices = np.fromiter(chain.from_iterable(result), int, counts.sum())
-    return np.repeat(np.arange(len(points)), counts), indices
-
-
-def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
-    """The nearest points (..., 3) of triangles (..., 3, 3) to points (..., 3)."""
-    a = corners[..., 0, :]
-    ab, ac, away = corners[..., 1, :] - a, corners[..., 2, :] - a, x - a
-    aa, bb, cross = (ab * ab).sum(-1), (ac * ac).sum(-1), (ab * ac).sum(-1)
-    p, q = (away * ab).sum(-1), (away * ac).sum(-1)
-    determinant = np.maximum(aa * bb - cross**2, 1e-300)
-    u, v = (p * bb - q * cross) / determinant, (q * aa - p * cross) / determinant
-    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-    best = a + u[..., None] * ab + v[..., None] * ac
-    squared = np.where(inside, ((best - x) ** 2).sum(-1), np.inf)
-    for i in range(3):
-        start = corners[..., i, :]
-        side = corners[..., (i + 1) % 3, :] - start
-        along = ((x - start) * side).sum(-1) / np.maximum((side * side).sum(-1), 1e-300)
-        foot = start + np.clip(along, 0.0, 1.0)[..., None] * side
-        away_squared = ((foot - x) ** 2).sum(-1)
-        closer = away_squared < squared
-        best, squared = (
-            np.where(closer[..., None], foot, best),
-            np.where(closer, away_squared, squared),
-        )
-    return np.asarray(best)
 
 
 def grouped(owner: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:

@@ -13,13 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from ...cost.frontier import WORTH, CostLaw, front, percent
-from ..style import INK, Looks
+from ..style import INK, explain
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}
-_LAW, _GRID, _DOUBT = "#858585", "#e2e2e2", "#f1efe9"
 _PANELS = (("cpu", "CPU time [s]"), ("peak_mib", "peak memory [MiB]"))
-_BELOW = "below the doubt about the reference"
 Runs = Sequence[dict[str, Any]]
 
 
@@ -35,38 +33,50 @@ def figure(stored: dict[str, Any], directory: Path) -> Figure:
     for axes, (key, label) in zip(panels, _PANELS, strict=True):
         _show(axes, stored["judged"], key)
         if doubt := stored["reference"]["doubt"]:
-            axes.axhspan(1e-300, doubt, color=_DOUBT, zorder=0, label=_BELOW)
+            axes.axhspan(
+                1e-300, doubt, color="#f1efe9", zorder=0, label="within the error of the reference"
+            )
         axes.set_xlabel(label)
     _name_frontier(panels[0], stored["judged"])
     if stored["law"]:
         _draw_law(panels[0], CostLaw(**stored["law"]), stored["judged"])
     panels[0].set_ylabel("relative error")
-    handles, labels = panels[0].get_legend_handles_labels()
-    sheet.legend(handles, labels, loc="lower center", ncols=5, fontsize=8)
+    explain(sheet, loc="lower center", ncols=5)
     panels[0].text(
-        0.98, 0.96, "beside marks: mesh_size", fontsize=7, ha="right", transform=panels[0].transAxes
+        0.98,
+        0.96,
+        "labels: numerics.mesh_size",
+        fontsize=7,
+        ha="right",
+        transform=panels[0].transAxes,
     )
     return sheet
 
 
 def _show(axes: Axes, runs: Runs, key: str) -> None:
-    for order in sorted({run["order"] for run in runs}):
-        for resolved in (True, False):
-            mine = [run for run in runs if (run["order"], run["resolved"]) == (order, resolved)]
-            _mark(axes, mine, key, order, resolved)
+    for run in runs:
+        colour, name = _COLOURS[run["order"]], f"P{run['order']}-P{run['order'] - 1}"
+        axes.plot(
+            run[key], run["error"], _MARKERS[run["order"]], color=colour, ms=5.5, zorder=3,
+            mfc=colour if run["resolved"] else "white",
+            label=name if run["resolved"] else f"{name}, at most",
+        )  # fmt: skip
     best = front([run[key] for run in runs], [run["error"] for run in runs], WORTH)
     shown = np.array([(runs[i][key], runs[i]["error"]) for i in best])
     axes.plot(*shown.T, color=INK, lw=1.0, alpha=0.7, label="frontier", zorder=2)
-    for own in (run for run in runs if run["own"]):
-        looks: Looks = {"mfc": "none", "mec": INK, "ms": 12.0, "mew": 1.2, "zorder": 4}
-        axes.plot(own[key], own["error"], "o", label="the scene's own", **looks)
-        axes.axhline(0.1 * own["error"], color=INK, lw=0.8, ls=":", label="ten times less error")
-    axes.set(xscale="log", yscale="log")
+    own = [run for run in runs if run["own"]]
+    for run in own:
+        axes.plot(
+            run[key], run["error"], "o", mfc="none", mec=INK, ms=12.0, mew=1.2, zorder=4,
+            label="the scene's own",
+        )  # fmt: skip
+        tenth = 0.1 * run["error"]
+        axes.axhline(tenth, color=INK, lw=0.8, ls=":", label="one tenth of its error")
     errors = [run["error"] for run in runs]
-    lowest = min(errors + [0.1 * run["error"] for run in runs if run["own"]])
-    axes.set_ylim(0.5 * lowest, 2.0 * max(errors))
+    lowest = min(errors + [0.1 * run["error"] for run in own])
+    axes.set(xscale="log", yscale="log", ylim=(0.5 * lowest, 2.0 * max(errors)))
     axes.margins(x=0.2)
-    axes.grid(color=_GRID, lw=0.5)
+    axes.grid(color="#e2e2e2", lw=0.5)
     many = max(errors) > 100.0 * lowest
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if many else (1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda error, _: percent(error)))
@@ -75,27 +85,20 @@ def _show(axes: Axes, runs: Runs, key: str) -> None:
     axes.xaxis.set_major_formatter("{x:g}")
 
 
-def _mark(axes: Axes, runs: Runs, key: str, order: int, resolved: bool) -> None:
-    if not runs:
-        return
-    colour, name = _COLOURS[order], f"P{order}-P{order - 1}"
-    face = colour if resolved else "white"
-    name += "" if resolved else ", at most"
-    at = [run[key] for run in runs], [run["error"] for run in runs]
-    axes.plot(*at, _MARKERS[order], color=colour, mfc=face, ms=5.5, zorder=3, label=name)
-
-
 def _name_frontier(axes: Axes, runs: Runs) -> None:
     for run in (run for run in runs if run["on_frontier"]):
         step = "" if run["step"] is None else f", step {run['step']:.3g}"
-        text, at = f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"])
-        place: Looks = {"xytext": (-5, -2), "textcoords": "offset points", "ha": "right"}
-        axes.annotate(text, at, fontsize=7, va="top", color=_COLOURS[run["order"]], **place)
+        axes.annotate(
+            f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"]), (-5, -2), fontsize=7,
+            textcoords="offset points", ha="right", va="top", color=_COLOURS[run["order"]],
+        )  # fmt: skip
 
 
 def _draw_law(axes: Axes, law: CostLaw, runs: Runs) -> None:
     (low, high), limits = axes.get_xlim(), axes.get_ylim()
     errors = np.geomspace(*limits, 60)
     times = [law.time(error) for error in errors]
-    axes.plot(times, errors, "--", color=_LAW, lw=1.2, label="law along the frontier", zorder=1)
+    axes.plot(
+        times, errors, "--", color="#858585", lw=1.2, label="law along the frontier", zorder=1
+    )
     axes.set(xlim=(low, high), ylim=limits)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ...files import require_ending
 from ...flumes.answer import FlumeAnswer
@@ -26,7 +25,7 @@ def beside_soulsby_whitehouse(axes: Axes) -> None:
     label = "Soulsby & Whitehouse (1997)"
     axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
     axes.set(
-        xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel=LARGEST_DIAMETER
+        xscale="log", yscale="log", xlabel="shear Reynolds number u* d/ν", ylabel=LARGEST_DIAMETER
     )
 
 
@@ -34,24 +33,22 @@ def draw_flume(answer: FlumeAnswer, path: Path) -> None:
     """Draw the flume's Shields number among critical ones to a PNG; raises OutputError."""
     require_ending(path, ".png")
     with style.applied():
-        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
-        axes = figure.add_subplot()
+        figure, axes = style.chart("Shields number of the flume")
         beside_soulsby_whitehouse(axes)
         shields = np.array([zanke(size) for size in _TABLE], dtype=float)
-        axes.plot(
-            np.sqrt(shields * _TABLE**3), shields, ":", color=style.WEIGHT, label="Zanke (2003)"
-        )
+        reynolds = np.sqrt(shields * _TABLE**3)
+        axes.plot(reynolds, shields, ":", color=style.WEIGHT, label="Zanke (2003)")
         beds = [natural_bed(float(at)) for at in _REYNOLDS]
-        for probability, looks in ((SELDOM, "-"), (OFTEN, "-.")):
+        for probability, line, shade in ((SELDOM, "-", 0.15), (OFTEN, "-.", 0.0)):
             medians = [bed.median(probability) for bed in beds if bed]
             errors = np.array([bed.error(probability) for bed in beds if bed])
-            label = f"computed natural bed, {100 * probability:g}% of the time"
-            axes.plot(_REYNOLDS, medians, looks, color=style.FLOW, label=label)
-            if probability == SELDOM:
-                band = (medians / (1.0 + errors), medians * (1.0 + errors))
-                axes.fill_between(_REYNOLDS, *band, color=style.FLOW, alpha=0.15, lw=0)
-        point = answer.shear_reynolds, answer.shields
-        axes.plot(*point, "o", color=style.PUSH, ms=8, label="this flume")
+            label = f"natural bed, motion for {100 * probability:g}% of the time"
+            axes.plot(_REYNOLDS, medians, line, color=style.FLOW, label=label)
+            band = (medians / (1.0 + errors), medians * (1.0 + errors))
+            axes.fill_between(_REYNOLDS, *band, color=style.FLOW, alpha=shade, lw=0)
+        axes.plot(
+            answer.shear_reynolds, answer.shields, "o", color=style.PUSH, ms=8, label="this flume"
+        )
         axes.set_ylabel("Shields number of the bed")
         axes.legend()
         style.save(figure, path)

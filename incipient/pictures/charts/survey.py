@@ -20,15 +20,13 @@ from ...files import replaced
 from .. import style
 from ..record import table
 
-_SIZE = (10.0, 7.6)  # inches
-_ROUND = 16  # points around a sphere for ParaView
 _DARKEST = 0.55  # shade of the lowest spheres
 
 
 def figure(stored: dict[str, Any], directory: Path) -> Figure:
     """The bed from above and its distributions. Raises OutputError for damaged tables."""
     grains, spheres = _tables(directory)
-    sheet = Figure(figsize=_SIZE, layout="constrained")
+    sheet = Figure(figsize=(10.0, 7.6), layout="constrained")
     sides = sheet.subplots(2, 2)
     _map(sheet, sides[0, 0], stored, grains, spheres)
     _pivots(sides[0, 1], stored, grains)
@@ -91,7 +89,7 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
         finite = values[np.isfinite(values) & (values > 0.0)]
         return (
             values,
-            "critical Shields number by the median grain [-]",
+            "critical Shields number based on the median diameter [-]",
             LogNorm(finite.min(), finite.max()),
         )
     values = np.where(grains["carries"] == 0.0, grains["pivot"], np.nan)
@@ -108,43 +106,41 @@ def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> No
         color=style.FLOW,
         label="free grains",
     )
-    law = [row["kirchner"] for row in stored["pivots"]]
-    shares = [0.01 * row["percentile"] for row in stored["pivots"]]
     axes.plot(
-        law, shares, "--", color=style.INK, label="Kirchner et al. 1990, water-worked mixtures"
+        [row["kirchner"] for row in stored["pivots"]],
+        [0.01 * row["percentile"] for row in stored["pivots"]],
+        "--",
+        color=style.INK,
+        label="Kirchner et al. (1990), water-worked mixtures",
     )
     axes.set(
-        xlabel="pivot angle, (D/K50)^0.3 times [degrees]",
-        ylabel="share of grains below [-]",
+        xlabel="pivot angle times (D/K50)^0.3 [degrees]",
+        ylabel="cumulative fraction of free grains [-]",
         xlim=(0.0, 90.0),
+        ylim=(0.0, 1.25),
     )
-    axes.set_ylim(0.0, 1.25)
     axes.legend(loc="upper left")
 
 
 def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
-    curve, others = stored["mobile"], stored["constant_drag"]
-    if curve:
-        level = stored["emulator"].get("level", 0.95)  # earlier records have none
-        shields, mobile, low, high = (
-            np.array([row[name] for row in curve]) for name in ("shields", "mobile", "low", "high")
-        )
-        axes.fill_between(
-            shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label=f"{level:.0%}"
-        )
+    if stored["mobile"]:
+        names = ("shields", "mobile", "low", "high")
+        shields, mobile, *ends = np.array([[row[n] for n in names] for row in stored["mobile"]]).T
+        label = f"{stored['emulator']['level']:.0%}"
+        axes.fill_between(shields, *ends, color=style.FLOW, alpha=0.25, linewidth=0.0, label=label)
         axes.plot(shields, mobile, color=style.FLOW, label="this survey")
-    known = [row for row in others if row["shields"] is not None]
-    places, shares = [row["shields"] for row in known], [0.01 * row["percentile"] for row in known]
+    known = [row for row in stored["constant_drag"] if row["shields"] is not None]
     axes.plot(
-        places,
-        shares,
+        [row["shields"] for row in known],
+        [0.01 * row["percentile"] for row in known],
         "o--",
         color=style.PUSH,
         markersize=3,
         label="drag coefficient 0.76 and a log law",
     )
     axes.set(
-        xlabel="Shields number by the median grain [-]", ylabel="share of free grains mobile [-]"
+        xlabel="Shields number based on the median diameter [-]",
+        ylabel="mobile fraction of free grains [-]",
     )
     axes.set(xscale="log", ylim=(0.0, 1.0))
     axes.legend(loc="upper left")
@@ -152,7 +148,7 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
 
 def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
     free = grains["carries"] == 0.0
-    axes.set_xlabel("protrusion over the mean surface [diameters]")
+    axes.set_xlabel("protrusion above the mean surface [diameters]")
     if "shields" not in grains or not np.isfinite(grains["shields"]).any():
         axes.plot(
             grains["protrusion"][free], grains["pivot"][free], "o", color=style.FLOW, markersize=3
@@ -161,12 +157,10 @@ def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
         return
     shown = free & np.isfinite(grains["shields"]) & (grains["shields"] > 0.0)
     x, y = grains["protrusion"][shown], grains["shields"][shown]
-    high = np.where(
-        np.isfinite(grains["shields_high"][shown]), grains["shields_high"][shown], 10.0 * y
-    )
-    below, above = np.maximum(y - grains["shields_low"][shown], 0.0), np.maximum(high - y, 0.0)
-    looks: style.Looks = {"fmt": "o", "color": style.FLOW, "markersize": 3, "elinewidth": 0.7}
-    axes.errorbar(x, y, yerr=[np.minimum(below, 0.99 * y), above], **looks)
+    low, high = (grains[f"shields_{end}"][shown] for end in ("low", "high"))
+    high = np.where(np.isfinite(high), high, 10.0 * y)
+    bars = np.clip([y - low, high - y], 0.0, [0.99 * y, np.full_like(y, np.inf)])
+    axes.errorbar(x, y, yerr=bars, fmt="o", color=style.FLOW, markersize=3, elinewidth=0.7)
     axes.set(yscale="log", ylabel="critical Shields number [-]")
 
 
@@ -181,7 +175,7 @@ def for_paraview(directory: Path) -> Path:
         if name in grains:
             values[grains["number"].astype(int)] = grains[name]
         centres[name] = values
-    ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
+    ball = pyvista.Sphere(radius=0.5, theta_resolution=16, phi_resolution=16)
     balls = centres.glyph(scale="diameter", orient=False, geom=ball)
     path = directory / "survey.vtp"
     with replaced(path, path.with_suffix(".part.vtp")) as part:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,14 @@ from ...results.quantity import HIGH, LOW
 from ...sweep.store import Store
 from ...sweep.table import columns, rows
 from .. import style
-from ..style import Looks
 from .shields import LARGEST_DIAMETER, beside_soulsby_whitehouse
 
 Rows = list[dict[str, Any]]
 
 _MANY = 20  # curves, above which only as many are drawn as there are colours
 _ONE_GRAIN_AND_BEDS = (
-    "Points: one grain in a steady flow without gusts; incipient entrainment gives its number by probability. "
-    "Dashed: a fit to what was seen of beds of many grains in turbulent flow, at no stated probability."
+    "Points: one grain in steady flow without gusts; incipient entrainment gives Shields numbers by probability. "
+    "Dashed: a fit to observed beds of many grains in turbulent flow, without a stated probability."
 )
 _NAMES = {
     "shields": LARGEST_DIAMETER,
@@ -85,22 +84,12 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     for name in filter(None, (quantity, against, by)):
         if not any(name in row for row in cases):
             raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(cases))}")
-    figure, axes = _figure_of(
-        (row["source"] for row in cases), f"{_name_of(quantity)} against {_name_of(against)}"
-    )
+    figure, axes = _figure_of(cases, f"{_name_of(quantity)} against {_name_of(against)}")
     shown = [row for row in cases if quantity in row and against in row]
     if not _numbers(shown, quantity):
         raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
-    worded = not _numbers(shown, against)
-    places = {
-        value: float(n) for n, value in enumerate(dict.fromkeys(row[against] for row in shown))
-    }
-    for label, mine, looks in _families(shown, by):
-        x = np.array([places[row[against]] if worded else float(row[against]) for row in mine])
-        _plot(axes, x, mine, quantity, label, looks | ({"lw": 0.0} if worded else {}))
-    if worded:
-        axes.set_xticks(list(places.values()), [str(value) for value in places])
-    else:
+    _plot(axes, _families(shown, by), against, quantity)
+    if _numbers(shown, against):
         _choose_scale(axes.set_xscale, [row[against] for row in shown])
     _choose_scale(axes.set_yscale, [row[quantity] for row in shown])
     if quantity == "safety_factor":
@@ -110,50 +99,47 @@ def _curves(cases: Rows, quantity: str, against: str, by: str | None, file: Path
     return figure
 
 
-def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: Looks) -> None:
-    order = np.argsort(x, kind="stable")
-    rows_in_order = [mine[number] for number in order]
-    y = np.array([float(row[quantity]) for row in rows_in_order])
-    low = np.array([float(row.get(quantity + LOW, row[quantity])) for row in rows_in_order])
-    high = np.array([float(row.get(quantity + HIGH, row[quantity])) for row in rows_in_order])
-    with np.errstate(invalid="ignore"):
-        bars = np.nan_to_num(np.array([y - low, high - y]), nan=0.0, posinf=0.0, neginf=0.0)
-    finite = np.isfinite(y)
-    looks = {"lw": 1.1, **looks, "label": label or None}
-    errors = np.maximum(bars[:, finite], 0.0)
-    axes.errorbar(
-        x[order][finite], y[finite], yerr=errors, ms=4.5, elinewidth=0.9, capsize=2.0, **looks
-    )
+def _plot(axes: Axes, families: dict[str, Rows], across: str, quantity: str) -> None:
+    """Curves with error bars; words are categories of their axis, without lines."""
+    looks = zip(families.items(), cycle(_MARKERS), cycle(_COLOURS), strict=False)
+    for (label, cases), marker, colour in looks:
+        finite, worded = [row for row in cases if math.isfinite(row[quantity])], True
+        if _numbers(cases, across):
+            finite, worded = sorted(finite, key=lambda row: row[across]), False
+        y = np.array([float(row[quantity]) for row in finite])
+        ends = [[row.get(quantity + end, row[quantity]) for row in finite] for end in (LOW, HIGH)]
+        bars = np.nan_to_num(np.abs(np.array(ends, dtype=float) - y), posinf=0.0)
+        axes.errorbar(
+            [str(row[across]) if worded else float(row[across]) for row in finite], y, yerr=bars,
+            lw=0.0 if worded else 1.1, marker=marker, color=colour, label=label or None, ms=4.5,
+            elinewidth=0.9, capsize=2.0,
+        )  # fmt: skip
 
 
-def _families(cases: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
-    counted = Counter(None if by is None else row.get(by) for row in cases)
+def _families(cases: Rows, by: str | None) -> dict[str, Rows]:
+    """Cases by the value of a column; of many values, as of a refined sweep, the most frequent."""
+    counted = Counter(row.get(by or "") for row in cases)
     values = list(counted)
-    if len(values) > _MANY:  # a refined sweep has cases at values of their own
+    if len(values) > _MANY:
         values = [value for value, _ in counted.most_common(len(_COLOURS))]
     if by is not None and _numbers(cases, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
-    families = []
-    for value, marker, colour in zip(values, cycle(_MARKERS), cycle(_COLOURS), strict=False):
-        shown = f"{value:.4g}" if isinstance(value, float) else str(value)
-        mine = [row for row in cases if by is None or row.get(by) == value]
-        families.append(("" if by is None else shown, mine, {"marker": marker, "color": colour}))
-    return families
+    return {
+        "" if by is None else f"{value:.4g}" if isinstance(value, float) else str(value): [
+            row for row in cases if row.get(by or "") == value
+        ]
+        for value in values
+    }
 
 
 def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
     critical = [row for row in cases if 0.0 < row.get("shields", 0.0) < math.inf]
     if not critical:
         raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
-    figure, axes = _figure_of(
-        (row["source"] for row in cases), "Critical Shields number", note=_ONE_GRAIN_AND_BEDS
-    )
-    families = (
-        _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
-    )
-    for label, mine, looks in families:
-        x = np.array([float(row["shear_reynolds"]) for row in mine])
-        _plot(axes, x, mine, "shields", label or "one grain, laminar flow", looks)
+    figure, axes = _figure_of(cases, "Critical Shields number", note=_ONE_GRAIN_AND_BEDS)
+    families = _families(critical, None if by == "fluid.reynolds" else by)
+    named = {label or "one grain, laminar flow": cases for label, cases in families.items()}
+    _plot(axes, named, "shear_reynolds", "shields")
     beside_soulsby_whitehouse(axes)
     _legend(axes, by if len(families) > 1 else None)
     return figure
@@ -162,7 +148,7 @@ def _shields(cases: Rows, by: str | None, file: Path) -> Figure:
 def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     shown = [row for row in cases if across in row and up in row]
     value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
-    figure, axes = _figure_of((row["source"] for row in cases), f"Mode and {_name_of(value)}")
+    figure, axes = _figure_of(cases, f"Mode and {_name_of(value)}")
     x, y = (np.array([float(row[name]) for row in shown]) for name in (across, up))
     _choose_scale(axes.set_xscale, x.tolist())
     _choose_scale(axes.set_yscale, y.tolist())
@@ -171,14 +157,10 @@ def _map(cases: Rows, across: str, up: str, file: Path) -> Figure:
     modes = sorted({str(row.get("mode", "")) for row in shown})
     for mode, marker, colour in zip(modes, cycle(_MARKERS), cycle(_COLOURS), strict=False):
         mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
-        looks: Looks = {
-            "color": colour,
-            "mec": "white",
-            "mew": 0.6,
-            "ms": 7.0,
-            "label": mode or "no verdict",
-        }
-        axes.plot(x[mine], y[mine], marker, clip_on=False, **looks)
+        axes.plot(
+            x[mine], y[mine], marker, clip_on=False, color=colour, mec="white", mew=0.6, ms=7.0,
+            label=mode or "no verdict",
+        )  # fmt: skip
     _legend(axes, None)
     return figure
 
@@ -188,15 +170,12 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
     good = np.isfinite(values) & (values > 0.0)
     if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
         return
-    scales = (x, axes.get_xscale()), (y, axes.get_yscale())
-    scaled = [np.log(part[good]) if scale == "log" else part[good] for part, scale in scales]
-    scaled = [(part - part.min()) / np.ptp(part) for part in scaled]
-    triangles = Triangulation(*scaled).triangles
-    shape = Triangulation(x[good], y[good], triangles)
+    # Triangles of the picture, whatever the scales of its axes.
+    scaled = axes.transData.transform(np.column_stack([x[good], y[good]])).T
+    shape = Triangulation(x[good], y[good], Triangulation(*scaled).triangles)
     logs = np.log10(values[good])
     filled = axes.tricontourf(shape, logs, levels=12, cmap="Greys", alpha=0.5)
-    bar = figure.colorbar(filled, ax=axes, pad=0.02)
-    bar.set_label(f"log10 of the {_name_of(value)}")
+    figure.colorbar(filled, ax=axes, pad=0.02).set_label(f"log10 of the {_name_of(value)}")
     if value == "safety_factor" and logs.min() < 0.0 < logs.max():
         line = axes.tricontour(shape, logs, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
         axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
@@ -209,12 +188,9 @@ def _numbers(cases: Rows, name: str) -> bool:
     )
 
 
-def _figure_of(sources: Iterable[str], title: str, note: str = "") -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(7.2, 5.0), layout="constrained")
-    axes = figure.subplots()
-    axes.set_title(f"{title}  ({', '.join(dict.fromkeys(sources))})")
-    axes.grid(color="#e2e2e2", lw=0.5)
-    axes.set_axisbelow(True)
+def _figure_of(cases: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:
+    sources = ", ".join(dict.fromkeys(row["source"] for row in cases))
+    figure, axes = style.chart(f"{title}  ({sources})", (7.2, 5.0))
     figure.supxlabel(textwrap.fill(note, 105), fontsize=8, x=0.02, ha="left")
     return figure, axes
 

@@ -8,28 +8,27 @@ import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from ... import compat
-from ...arrays import Floats, spatial
-from ...coupled.coupling import Coupling
-from ...coupled.energy import EnergyBudget
-from ...coupled.surface import SurfacePart
-from ...errors import ConvergenceError, MeshError
-from ...fluid import Fluid
-from ...fluid.transient import TimeStep, Transient
-from ...geometry.placement import Placement
-from ...mesh.domain import Domain
-from ...mesh.elevation import RisingDisplacement
-from ...mesh.motion import MeshMotion
-from ...mesh.sampling import Locator, sample
-from ...planning.effects import EffectName
-from ...results.loads import ElevationReading, Elevations
-from ...scene import Scene
-from ...scene.surface import stations_of
-from ...setup.setup import Setup
-from ..run_part import RunPart, Stage
+from .. import compat
+from ..arrays import Floats, spatial
+from ..coupled.energy import EnergyBudget
+from ..coupled.surface import SurfacePart
+from ..errors import ConvergenceError, MeshError
+from ..fluid import Fluid
+from ..fluid.transient import TimeStep, Transient
+from ..geometry.placement import Placement
+from ..mesh.domain import Domain
+from ..mesh.elevation import RisingDisplacement
+from ..mesh.motion import MeshMotion
+from ..mesh.sampling import Locator, sample
+from ..planning.effects import EffectName
+from ..results.loads import ElevationReading, Elevations
+from ..scene import Scene
+from ..scene.surface import stations_of
+from ..setup.setup import Setup
+from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ...restart.checkpoint import Checkpoint
+    from ..restart import Checkpoint
 
 # Distances of a moving grain, in its size: from the surface, counting as contact; from the still level, below which a
 # new mesh has its top at the mean surface above the grain.
@@ -112,13 +111,9 @@ class MovingSurface(RunPart):
         """
         grain, domain = self._scene.grain, self._scene.domain
         assert grain is not None
-        half = 0.5 * grain.size
-        if self._up == 1:
-            half = (
-                float(placement.to_scene(grain.chain.points(OUTLINE))[:, 1].max())
-                - placement.centre[1]
-            )
-        top, unit = placement.centre[self._up] + half, TOUCHING * grain.size
+        upwards = np.eye(domain.gdim)[self._up]
+        top = float(self._setup.surroundings.extreme(placement, upwards)[self._up])
+        unit = TOUCHING * grain.size
         raised = 0.0
         if top > domain.ceiling - NEAR * grain.size:
             raised = unit * round(self._mean_above(placement, grain.size) / unit)
@@ -168,8 +163,7 @@ class MovingSurface(RunPart):
     def elevations(self) -> Elevations | None:
         return Elevations.of(self.readings) if self.readings else None
 
-    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, float]:
-        assert coupling is not None
+    def columns(self, step: TimeStep) -> dict[str, float]:
         with self._stage("free surface"):
             elevations = self._stations.values(self.part.elevation)
             by_station = {
@@ -179,7 +173,6 @@ class MovingSurface(RunPart):
                 **self._discharge(),
                 "volume_above_level": self.part.volume(),
                 "through_surface": self.part.crossed(),
-                **coupling.columns(step.report),
                 "energy_fluid": self._energy.kinetic(),
                 "energy_potential": self.part.energy(),
                 "dissipation": self._energy.dissipation(),
@@ -203,30 +196,22 @@ class MovingSurface(RunPart):
 
     # -- checkpoints ------------------------------------------------------------------------------
 
-    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        from ...restart.checkpoint import StoredSurface
-        from ...restart.redistribution import numbered_nodes
+    def stored(self, transient: Transient) -> dict[str, Any]:
+        from ..restart import StoredSurface, numbered_nodes
 
-        assert coupling is not None
-        part, nodes = self.part, numbered_nodes(coupling.fluid.domain.mesh)
-        kept = StoredSurface(
-            made=nodes.joined(coupling.motion.reference),
-            elevations=nodes.joined(np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)),
-            times=np.array(part.times),
-            places=nodes.joined(np.stack(coupling.places, axis=1)),
-        )
-        return {"surface": kept}
+        part, nodes = self.part, numbered_nodes(self.fluid.domain.mesh)
+        elevations = np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)
+        return {"surface": StoredSurface(nodes.joined(elevations), np.array(part.times))}
 
-    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        from ...restart.redistribution import spread_nodes
+    def restore(self, kept: Checkpoint) -> None:
+        from ..restart import spread_nodes
 
-        assert kept.surface is not None and coupling is not None
-        part, mesh = self.part, coupling.fluid.domain.mesh
+        assert kept.surface is not None
+        part, mesh = self.part, self.fluid.domain.mesh
         elevations = spread_nodes(mesh, kept.surface.elevations).T.copy()
         part.past = [part.mesh.from_nodes(one) for one in elevations]
         part.times = kept.surface.times.tolist()
         part.restore()
-        coupling.places = list(np.moveaxis(spread_nodes(mesh, kept.surface.places), 1, 0).copy())
 
 
 class _Stations:

@@ -1,0 +1,133 @@
+"""Estimated changes of a result by effects that its run leaves out. Every function is collective."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import spatial
+from ..planning.effects import REMEDY, Decision, shedding, transition
+from ..results.left_out import Omission
+from ..setup.setup import Setup
+from .effect import Solved
+
+if TYPE_CHECKING:
+    from ..simulation.state import Run
+
+
+def without_inertia(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """Dual-weighted convection, or Oseen's term without error bars."""
+    if decision.expected == 0.0:
+        return
+    remedy = "set fluid.inertia = true and effects.inertia = true"
+    if not solved.run.scene.numerics.error_bars:
+        how = "at most, from Oseen's term"
+        yield Omission(decision.name, decision.expected, how, False, remedy)
+        return
+    from ..forms.terms import convection
+    from .missing_term import weighted
+
+    where = solved.run.fluid.reference_map
+    yield weighted(solved, decision.name, lambda v, w: convection(v, v, w, where), remedy)
+
+
+def without_unsteadiness(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """Risk of vortex shedding, or the dual-weighted time derivative of quasi-steady flow."""
+    run, name = solved.run, decision.name
+    if run.scene.time is None:
+        if risk := shedding(Setup(run.scene)):
+            yield Omission(name, None, risk, True, "add a section [time]")
+        return
+    remedy, transient = 'set effects.unsteadiness = "auto"', run.time_stepper
+    if not run.scene.numerics.error_bars or transient is None or not transient.past:
+        how = "history force, pressure gradient and added mass, leading terms"
+        yield Omission(name, decision.expected, how, False, remedy)
+        return
+    from ..forms.terms import inertia
+    from .missing_term import weighted
+
+    before, rate, fluid = transient.past[0], run.fluid.velocity, run.fluid
+    values, length = fluid.state.x.array - before.state, fluid.time - before.time
+    rate.x.array[:] = values[fluid.space.velocity_map] / length
+    yield weighted(solved, name, lambda v, w: inertia(rate, w, fluid.reference_map), remedy)
+
+
+def without_gravity(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """The submerged weight over the load, where the scene leaves gravity out."""
+    scene, force = solved.run.scene, solved.force
+    if not decision.forced or scene.gravity is None or scene.grain is None or force is None:
+        return
+    excess = (scene.mass or 0.0) - scene.grain.volume
+    change = excess * scene.gravity.acceleration * spatial(scene.gravity_direction)
+    relative = float(np.linalg.norm(change)) / max(float(np.linalg.norm(force.flow)), 1e-300)
+    how, remedy = "weight and buoyancy, exact", 'set effects.gravity = "auto"'
+    yield Omission(decision.name, relative, how, False, remedy, change, np.zeros(3))
+
+
+def without_contact(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """The missing verdict, where the scene leaves contact out."""
+    if decision.forced:
+        yield Omission(decision.name, None, "without it there is no verdict", False)
+
+
+def without_motion(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """What is said of a held grain that would move."""
+    verdict = solved.verdict or {}
+    since, rocking = verdict.get("first_motion"), verdict.get("rocking")
+    if since is None:
+        return
+    does = "moves" if rocking is None or rocking["leaves"] else "rocks"
+    pose = "" if rocking is None else "; this time and the history are judged in the first pose"
+    how = f"the grain {does} from t = {since:.4g} on, but was held{pose}"
+    yield Omission(decision.name, None, how, False)
+
+
+def without_free_surface(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """Rise of a surface by the pressure under a rigid lid, relative to the depth."""
+    if decision.expected is None:
+        return
+    scene = solved.run.scene
+    rise = rise_under_lid(solved.run) / Setup(scene).base_flow.depth
+    may_be = scene.domain.kind == "box" or scene.flow.below_surface
+    remedy = (
+        'domain.top = "free-surface"' if may_be and not scene.is_averaged else "a deeper channel"
+    )
+    if rise > 1.0:
+        how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
+        yield Omission(decision.name, None, how, True, remedy)
+        return
+    how = "of the depth, from the pressure under the lid over gravity"
+    yield Omission(decision.name, rise, how, False, remedy)
+
+
+def rise_under_lid(run: Run) -> float:
+    """Largest pressure head under the lid, relative to the outflow or, in a closed domain, the mean. Collective."""
+    from mpi4py import MPI
+
+    from ..fluid.space import boundary_blocks
+
+    scene, fluid, comm = run.scene, run.fluid, run.comm
+    space, gravity = fluid.space.pressure, scene.gravity_vector
+    nodes = boundary_blocks(space, fluid.domain.facets_of(Setup(scene).sides.top))
+    own = nodes[nodes < space.dofmap.index_map.size_local]
+    away = space.tabulate_dof_coordinates()[own, 0] - scene.domain.right
+    # The omitted hydrostatic pressure varies along an inclined lid.
+    heads = (fluid.pressure.x.array[own] + gravity[0] * away) / abs(gravity[scene.up])
+    if fluid.constraints.closed:
+        total, count = comm.allreduce(np.array([heads.sum(), len(heads)]))
+        heads -= total / max(count, 1)
+    return float(comm.allreduce(float(np.abs(heads).max(initial=0.0)), op=MPI.MAX))
+
+
+def without_turbulence(solved: Solved, decision: Decision) -> Iterator[Omission]:
+    """Absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
+    scene = solved.run.scene
+    if scene.flow.kind == "log-law":
+        how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
+        remedy = "loads are those of the mean flow, gusts exceed them"
+        yield Omission(decision.name, None, how, True, remedy)
+    elif how := transition(Setup(scene)):
+        remedy = f"the flow computed is the laminar one; {REMEDY}"
+        yield Omission(decision.name, None, how, True, remedy)

@@ -1,1 +1,0 @@
-"""Checkpoints: written, read and restored on any number of ranks."""
