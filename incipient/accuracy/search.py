@@ -286,7 +286,7 @@ class Search(ABC):
 
     def _elsewhere(self, attempt: Attempt, scene: Scene, note: str) -> Attempt | None:
         self.known.terms.clear()
-        self.most += 1
+        self.most += bool(self.accuracy)  # then errors fall, or the search ends
         unknowns = 1.2 * self.trials[-1].unknowns
         return self.affordable(replace(attempt, scene=scene, unknowns=unknowns, note=note))
 

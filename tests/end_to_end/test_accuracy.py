@@ -205,7 +205,7 @@ def test_verdict_acts_on_what_decides() -> None:
     """Where sides that are too near decide, they are moved away; a budget ends that."""
     result = run(in_small_pocket(1.78, accuracy="verdict", error_bars=True))
     assert result.adaptation is not None and result.adaptation.met
-    assert any(trial.note.startswith("domain") for trial in result.adaptation.trials)
+    assert any(trial.note.endswith("of the domain") for trial in result.adaptation.trials)
     assert result.scene["domain"]["length"] > 12.0
     assert result.error_bars is not None and result.error_bars.safety is not None
     assert result.error_bars.safety.certain
