@@ -55,7 +55,10 @@ OF_TURBULENCE = (
 OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = (
     *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
-    *(f"accuracy.{name}" for name in ("search", "strategies", "modelling", "next_mesh", "sizing")),
+    *(
+        f"accuracy.{name}"
+        for name in ("search", "searches", "first_mesh", "modelling", "next_mesh", "sizing")
+    ),
 )
 OF_CHECKPOINTS = ("restart", "simulation.checkpointing")
 MODULES = (
