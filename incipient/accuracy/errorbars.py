@@ -180,9 +180,11 @@ def nearby(run: Run, scene: Scene, speed: float) -> Solve:
 
     @cache
     def moved() -> dict[str, MovedMesh]:
+        if not moves_mesh(run.scene):
+            return {}
         from ..simulation.moved_mesh import moved_meshes
 
-        return moved_meshes(run, coarse_scenes(scene)) if moves_mesh(run.scene) else {}
+        return moved_meshes(run, coarse_scenes(scene))
 
     def solve(other: Scene) -> Loads:
         mesh = moved().get(other.model_dump_json())

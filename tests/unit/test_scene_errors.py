@@ -107,6 +107,10 @@ ONE_KEY = [
     ),
     (
         lambda: Gust(shape="points"),
+        "Gust: file: neither file nor points is given; give one of them",
+    ),
+    (
+        lambda: Gust(shape="points", points=[(1, 1), (0, 2)]),
         "Gust: points: are fewer than two, or their times do not increase; give two or more",
     ),
     (
