@@ -202,6 +202,8 @@ def _require_touching(
     grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
 ) -> None:
     gap = clearance(grain, placement, bed)[0] / grain.size
+    if abs(gap) <= tolerance:
+        return
     is_below = float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]
     remedy = "give a larger contact.tolerance, in grain sizes, or another gravity.direction"
     refuse_broken(
@@ -210,7 +212,10 @@ def _require_touching(
             "--bed: the grain is below the bed; reverse gravity.direction, or give bed.up",
         ),
         (gap < -tolerance, f"--bed: the grain is in the bed, by {-gap:.3g} of its size; {remedy}"),
-        (gap > tolerance, f"--bed: the grain is {gap:.3g} of its size above the bed; {remedy}"),
+        (
+            not gap < -tolerance,
+            f"--bed: the grain is {gap:.3g} of its size above the bed; {remedy}",
+        ),
     )
 
 

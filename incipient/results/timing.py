@@ -153,9 +153,11 @@ class Corrections:
         self._steps += 1
         if self._unsteadiness and self._steps > 1:
             self._ledger.flow = EffectName.UNSTEADINESS
-        yield
-        self._ledger.charge(self._ledger.flow)
-        self._ledger.flow = EffectName.FLOW
+        try:
+            yield
+        finally:
+            self._ledger.charge(self._ledger.flow)
+            self._ledger.flow = EffectName.FLOW
 
     def record(self, iteration: int, size: float = 0.0) -> None:
         further = self._inertia and iteration >= LINEAR_CORRECTIONS

@@ -200,7 +200,8 @@ class Scene(Section):
         if self.units is not None:
             for (section, name), value in derived(self).items():
                 part = getattr(self, section) or Gravity()
-                self.__dict__[section] = part.model_copy(update={name: value})
+                if getattr(part, name) is None:
+                    self.__dict__[section] = part.model_copy(update={name: value})
         _require(contradictions(self))
         _require(first_broken(PLACES, self))
         return self

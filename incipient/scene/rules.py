@@ -123,10 +123,10 @@ def _unread(
 
 def _of_dimension(gdim: int) -> Callable[[Any], Any]:
     """Grain and bed, their key and value, in a scene of this dimension that they are not for."""
-    parts = (("body", "shape"), ("bed", "kind"))
+    parts = (("body", "shape", "sphere"), ("bed", "kind", "spheres"))
     return lambda s: [
-        (name, key, getattr(part, key))
-        for name, key in parts
+        (name, key, getattr(part, key), example)
+        for name, key, example in parts
         if (part := getattr(s, name)) is not None and s.gdim == gdim and gdim not in part.gdims
     ]
 
@@ -147,7 +147,7 @@ RULES: tuple[Rule, ...] = (
          "add domain.width, or use a {v[0]} of the plane"),
     Rule("{v[0]}.{v[1]}", _of_dimension(3),
          '"{v[2]}" is two-dimensional, but domain.width makes the scene three-dimensional',
-         'use a 3-D {v[0]} such as "spheres", or leave width out'),
+         'use a 3-D {v[0]} such as "{v[3]}", or leave width out'),
     *when(lambda s: s.flow.by_formulas and len(s.flow.components) != s.gdim,
         Rule("flow.components", lambda s: s.gdim == 2, "has 3 items", "give two, as in [x, y]"),
         Rule("flow.components", lambda s: s.gdim == 3, "has 2 items", "give three, as in [x, y, z]"),
@@ -289,6 +289,12 @@ RULES: tuple[Rule, ...] = (
          '"out-of-pocket" but the bed is flat', 'use "at-rest" or "end"'),
     *(_unread(key, _touches, f"is read only with {TOUCHES}") for key in
       ("time.until", "contact.kinetic_friction", "contact.restitution", "contact.rolling_resistance")),
+    # What is not simulated at all comes before what a scene lacks.
+    *when(lambda s: s.is_averaged,
+        Rule("flow.gust", _gust, _NOT_MODELLED, "leave it out"),
+        Rule("domain.top", lambda s: s.domain.top == FREE,
+             f'"{FREE}" {_NOT_MODELLED}', 'use "auto", a lid without friction'),
+    ),
     # Free surface.
     Rule("surface", lambda s: not s.has_surface and s.surface is not None,
          'describes a free surface, but the top is "{s.top}"',
@@ -361,9 +367,6 @@ RULES: tuple[Rule, ...] = (
              'use "slip", sides without friction'),
         Rule("domain.sides", lambda s: s.gdim == 3 and s.domain.sides == "stream",
              f'"stream" {_NOT_MODELLED}', 'use "slip", sides without friction'),
-        Rule("flow.gust", _gust, _NOT_MODELLED, "leave it out"),
-        Rule("domain.top", lambda s: s.domain.top == FREE,
-             f'"{FREE}" {_NOT_MODELLED}', 'use "auto", a lid without friction'),
         Rule("{v}", lambda s: [
                 key for key, inertia in (("fluid.inertia", s.fluid.inertia), ("effects.inertia", s.effects.inertia))
                 if inertia is False][:1],

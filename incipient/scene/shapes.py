@@ -19,9 +19,11 @@ from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, k
 MOST_DISCS, MOST_HARMONICS = 500, 100
 
 Numbers = Annotated[tuple[float, ...], Field(strict=False, max_length=MOST_HARMONICS)]
-Course = Annotated[tuple[OfTime, OfTime, OfTime], Field(strict=False)]
-
-
+Course = Annotated[
+    tuple[OfTime, OfTime, OfTime],
+    Field(strict=False),
+    of_length((3,), "give three: velocities along x and y, and the spin"),
+]
 Circle = Annotated[
     tuple[float, float, Positive],
     Field(strict=False),

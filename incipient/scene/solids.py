@@ -30,7 +30,11 @@ SemiAxes = Annotated[
 ]
 Exponent = Annotated[float, Field(ge=2, le=MAX_EXPONENT)]
 Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
-Course = Annotated[tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime], Field(strict=False)]
+Course = Annotated[
+    tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime],
+    Field(strict=False),
+    of_length((6,), "give six: velocities along x, y and z, then spins"),
+]
 
 
 def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
@@ -66,12 +70,17 @@ class SolidSection(BodySection):
     mass: NotNegative | None = key(
         "Mass instead of density [density of the fluid x volume]", None, examples=[2.0]
     )
-    inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = (
-        key(
-            "Moments of inertia about the grain's axes through its centroid; default: of a uniform grain",
-            None,
-            examples=[(0.1, 0.1, 0.1)],
-        )
+    inertia: (
+        Annotated[
+            tuple[NotNegative, NotNegative, NotNegative],
+            Field(strict=False),
+            of_length((3,), "give three, about the grain's axes"),
+        ]
+        | None
+    ) = key(
+        "Moments of inertia about the grain's axes through its centroid; default: of a uniform grain",
+        None,
+        examples=[(0.1, 0.1, 0.1)],
     )
     velocity: Triple = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0, 0.0))
     spin: Triple = key("Angular velocity of a free grain at time 0 [radians/time]", (0.0, 0.0, 0.0))

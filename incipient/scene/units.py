@@ -30,7 +30,9 @@ Length = Annotated[
     Literal["um", "mm", "cm", "m"] | Positive | None,
     allowed(
         lambda value: (
-            value is None or value in METRES or (is_number(value) and SMALLEST <= value < math.inf)
+            value is None
+            or (isinstance(value, str) and value in METRES)
+            or (is_number(value) and SMALLEST <= value < math.inf)
         ),
         f"give metres above zero, or {either([*METRES])}",
     ),
@@ -112,7 +114,8 @@ def nominal_diameter(grain: Any) -> float:
 
 
 WITHOUT_UNITS = (
-    Rule("fluid.reynolds", lambda s: s.fluid.reynolds is None, "is missing", "add it, or a section [units]"),
+    Rule("fluid.reynolds", lambda s: s.fluid.reynolds is None, "is missing",
+         "add it: V L / nu, V is the flow's velocity; or a section [units]"),
     Rule("gravity.acceleration", lambda s: s.gravity is not None and s.gravity.acceleration is None,
          "is missing", "add it, or a section [units]"),
 )  # fmt: skip

@@ -58,7 +58,8 @@ def _of_mapping(
         elif isinstance(values, str):
             yield _parsed(f"{key}={values}")
         else:
-            listed = [plain(values)] if np.ndim(values) == 0 else plain(values)
+            listed = plain(list(values) if isinstance(values, set) else values)
+            listed = listed if isinstance(listed, list) else [listed]
             if not listed:
                 remedy = "give a list, or text as in log:0.1:200:17"
                 raise SceneError(f"over {key}: has no values; {remedy}")

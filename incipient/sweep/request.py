@@ -136,9 +136,10 @@ def parsed_seconds(text: str | float, option: str) -> float:
     """Seconds of an option, from a number or text such as 8h, 1h30m, 90s or 1.5d. Raises SceneError."""
     from dask.utils import parse_timedelta
 
-    parts = re.findall(r"[\d.]+[a-z]*|.+", str(text).replace(" ", ""))
+    whole = str(text).replace(" ", "").lower()
+    parts = re.findall(r"[\d.]+[a-z]*", whole)
     try:
-        total = sum(float(parse_timedelta(part)) for part in parts)
+        total = sum(float(parse_timedelta(part)) for part in parts) * ("".join(parts) == whole)
     except (ValueError, KeyError):
         total = 0.0
     if total <= 0.0:

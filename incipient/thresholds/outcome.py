@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .bars import CriticalBars
     from .search import SolvedFlow
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 DOUBTED = "in the last flow of the search "  # prefix of a note on walls outside the model's range
 SAME_SIZE = 1e-9  # relative
 AS_THEY_ARE = (

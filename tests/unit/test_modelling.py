@@ -243,7 +243,8 @@ def test_an_error_of_the_domain_that_falls_is_brought_below_the_accuracy(power: 
     scene = narrow(accuracy=0.003, accuracy_includes="all")
     search, ended = sought(scene, by_a_power(power))
     assert (search.reason, search.met) == ("reached", True)
-    assert search.reached is not None and search.reached < 0.003
+    true = 0.2 * (ended.domain.length / 8.0) ** -power
+    assert true < 0.003 and search.reached == pytest.approx(true, rel=0.2)
     assert ended.domain.length > 24.0
 
 

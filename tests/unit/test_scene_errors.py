@@ -341,7 +341,10 @@ def test_what_is_wrong_within_a_section(build, expected):
 
 MOVE = "move the grain, make it smaller or enlarge the domain"
 BETWEEN = [
-    ({"fluid": Fluid(scale="flow")}, "fluid.reynolds: is missing; add it, or a section [units]"),
+    (
+        {"fluid": Fluid(scale="flow")},
+        "fluid.reynolds: is missing; add it: V L / nu, V is the flow's velocity; or a section [units]",
+    ),
     ({"gravity": Gravity()}, "gravity.acceleration: is missing; add it, or a section [units]"),
     (
         {"body": Disc(diameter=1, centre=(4, 2), motion="free")},

@@ -75,6 +75,11 @@ def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path)
         ("a.x=2", "a.y=4"),
     ]
     assert combined(axes, True) == [("a.x=1", "a.y=3"), ("a.x=2", "a.y=4")]
+    # Lists of different lengths, as polygons are, and one value by itself.
+    assert axes_of({"a": {"x": [[[0, 1]], [[1, 2], [3, 4]]], "y": 2.5}}) == {
+        "a.x": ("[[0, 1]]", "[[1, 2], [3, 4]]"),
+        "a.y": ("2.5",),
+    }
     path = tmp_path / "cases.csv"
     path.write_text('b.x,b.y\n1,"[2, 3]"\n4,\n')
     listed = table_of_cases(path)
@@ -120,7 +125,8 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     assert "cannot be read" in message(lambda: table_of_cases(tmp_path / "absent.csv"))
     wrong = requested([SOURCE], ["fluid.reynolds=1,-1"])
     assert "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1" in message(wrong.cases)
-    assert "is not a time" in message(lambda: parsed_seconds("soon", "wall"))
+    for text in ("soon", "h", "1h and 5", "-1h"):
+        assert "is not a time" in message(lambda text=text: parsed_seconds(text, "wall"))
 
 
 def test_means_that_are_no_positive_numbers_are_refused() -> None:
@@ -136,7 +142,14 @@ def test_means_that_are_no_positive_numbers_are_refused() -> None:
 
 @pytest.mark.parametrize(
     ("text", "time"),
-    [("8h", 28800.0), ("1h30m", 5400.0), ("90", 90.0), ("1.5d", 129600.0), ("2m5s", 125.0)],
+    [
+        ("8h", 28800.0),
+        ("8H", 28800.0),
+        ("1h30m", 5400.0),
+        ("90", 90.0),
+        ("1.5d", 129600.0),
+        ("2m5s", 125.0),
+    ],
 )
 def test_times_are_read(text: str, time: float) -> None:
     assert parsed_seconds(text, "wall") == time

@@ -55,7 +55,14 @@ def entrainment(stored: dict[str, Any], directory: Path) -> Figure:
     axes.fill_between(shields, low, high, color=FLOW, alpha=0.25, lw=0, label=f"band: {errors}")
     axes.plot(shields, probability, color=FLOW, label="probability")
     places, heights = _columns(quantiles, "shields", "probability")
-    known = np.array([sum(filter(None, point["terms"].values())) for point in quantiles])
+    # Terms without bound are drawn as ten times the number; none reaches below zero.
+    terms = [[*point["terms"].values()] for point in quantiles]
+    known = np.array(
+        [
+            sum(10.0 * place if term is None else term for term in row)
+            for place, row in zip(places, terms, strict=True)
+        ]
+    )
     axes.errorbar(
         places, heights, xerr=[np.minimum(known, 0.99 * places), known], fmt="o", color=INK,
         markersize=4, capsize=3, label=f"bars: {errors}",
