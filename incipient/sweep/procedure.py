@@ -284,10 +284,10 @@ class _Sweep:
 
     def _take(self) -> None:
         with suppress(Empty):
-            future = self._ended.get(timeout=LOOK)
-            while True:
-                self._end(future)
-                future = self._ended.get_nowait()
+            self._end(self._ended.get(timeout=LOOK))
+            # Futures that come back during this pass wait for the next: time limits are looked at in between.
+            for _ in range(self._ended.qsize()):
+                self._end(self._ended.get_nowait())
         self._write()
 
     def _end(self, future: Any) -> None:
