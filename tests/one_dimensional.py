@@ -6,6 +6,7 @@ nothing of the program is used.
 
 import numpy as np
 from scipy.linalg import solve_banded
+from scipy.optimize import brentq
 
 C_MU, C_1, C_2, SIGMA_K, SIGMA_E = 0.09, 1.44, 1.92, 1.0, 1.3
 KAPPA, OFFSET = 0.41, 5.2
@@ -18,6 +19,18 @@ def law_of_the_wall(y_plus, sand=0.0):
         lost = OFFSET - 8.5 + np.log(sand) / KAPPA
         lost *= np.sin(0.4258 * (np.log(sand) - 0.811)) if sand < 90.0 else 1.0
     return np.where(y_plus < 11.06, y_plus, np.log(y_plus) / KAPPA + OFFSET) - lost
+
+
+def first_velocity(y_plus, sand):
+    """u+ at the first place: the cubes of both stresses, of the law of the wall and viscous, add up to one.
+
+    The law's own shear velocity u is that of the speed there; k, without the viscous stress, gives no larger one.
+    """
+
+    def speed(u):
+        return u * law_of_the_wall(u * y_plus, u * sand)
+
+    return speed(brentq(lambda u: u**6 + (speed(u) / y_plus) ** 3 - 1.0, 0.5, 1.0))
 
 
 def developed_channel(re_tau, y_plus, cells=120, step=0.02, sand=0.0):
@@ -60,9 +73,7 @@ def developed_channel(re_tau, y_plus, cells=120, step=0.02, sand=0.0):
             break
     assert change < 1e-9
     rise = 0.5 * (gradient[1:] + gradient[:-1]) * size
-    # Both frictions act at the first place, blended with the third power as `WallLaw.drag` has them.
-    first = (law_of_the_wall(y_plus, sand) ** -3.0 + y_plus**-3.0) ** (-1.0 / 3.0)
-    velocity = first + np.cumsum(rise) - 0.5 * rise
+    velocity = first_velocity(y_plus, sand) + np.cumsum(rise) - 0.5 * rise
     below = law_of_the_wall((np.arange(20000) + 0.5) / 20000 * y_plus, sand)
     return float((velocity * size).sum() + below.clip(min=0.0).mean() * low)
 
