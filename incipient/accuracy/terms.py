@@ -15,7 +15,7 @@ from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
 from ..planning.discretisation import LEVEL, coarsest_grid, far_cell, order_of
 from ..planning.meshing import is_resolved
-from ..planning.wall_cells import coarsest
+from ..planning.wall_cells import coarsest, ratio_of_rows
 from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
 from ..scene.model import WIDEST_GAP
@@ -131,11 +131,19 @@ def _by_two_meshes(
 ) -> Term:
     """The term from two coarser meshes; `order`: of the errors; `fastest`: largest order of the difference of both."""
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
-    share, coarser = 1.0 / (COARSER_MESH**order - 1.0), on_coarser_mesh(scene)
+    coarser = on_coarser_mesh(scene)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    first, second = _ratio(scene), _ratio(coarser)
+    share = 1.0 / (first**order - 1.0)
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
-    where, share = in_coarser.where_separates(computed), share / COARSER_MESH**fastest
+    where, share = in_coarser.where_separates(computed), 1.0 / (second**order - 1.0)
+    share /= first**fastest
     return near.at_least(Term.of_difference("discretisation", where, in_coarsest, share, how))
+
+
+def _ratio(scene: Scene) -> float:
+    """Cells of the next coarser mesh over those of a scene, between planes by their rows."""
+    return ratio_of_rows(Setup(scene), COARSER_MESH) if scene.is_averaged else COARSER_MESH
 
 
 def _require_coarser(scene: Scene) -> None:

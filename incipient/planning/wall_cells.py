@@ -96,9 +96,13 @@ def _rows(walls: Walls, coarse: float) -> tuple[float, float, float, float]:
     return first, largest, to_bend, to_bend + (part - bend) / largest
 
 
+def _number_of_rows(walls: Walls, coarse: float) -> int:
+    return max(math.ceil(_rows(walls, coarse)[-1] / coarse), FEWEST_ROWS // walls.number)
+
+
 def _row_ends(walls: Walls, height: float, coarse: float) -> Floats:
     first, largest, to_bend, whole = _rows(walls, coarse)
-    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
+    number = _number_of_rows(walls, coarse)
     counted = whole * np.arange(1, number + 1) / number
     near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
     ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / (height / walls.number)
@@ -118,6 +122,16 @@ def coarsest(setup: Setup) -> float:
     if walls.asked.inflow != "developed":  # else the flow does not change along them
         columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
     return min(rows, columns) / coarsening(walls, velocity_order(setup)[0])
+
+
+def ratio_of_rows(setup: Setup, coarser: float) -> float:
+    """Rows between planes over those of a mesh with cells `coarser` times as large, at most that factor."""
+    walls, size = setup.walls, setup.scene.numerics.mesh_size
+    if not walls.plane:
+        return coarser
+    size *= coarsening(walls, velocity_order(setup)[0])
+    fine, coarse = (_number_of_rows(walls, size * factor) for factor in (1.0, coarser))
+    return min(fine / coarse, coarser)
 
 
 def with_walls(sizes: Sizes, setup: Setup, order: int, placement: Placement | None) -> Sizes:

@@ -382,12 +382,12 @@ def test_an_accuracy_that_is_not_reached_is_said_so():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mesh_size", [1.6, 2.0**0.5])
+@pytest.mark.parametrize("mesh_size", [1.8, 2.0**0.5])
 def test_error_bars_of_shear_velocities_cover_what_finer_cells_change(mesh_size):
     """Over a level bed and a wavy one, whose mean u* is compared.
 
     Over forms the bar may be twice as wide: what the coarser two meshes differ by is not taken to fall there. Between
-    planes there is no bar above mesh_size 1.89; at 1.8, on 540 cells, it is 0.57% for a change of 0.83%.
+    planes there is no bar above mesh_size 1.89; at 1.8 coarser meshes have 7 and 6 rows for 9, not 1 for the root of 2.
     """
     bed = Sinusoidal(amplitude=0.025, wavelength=1.0)
     for scene, widest in ((channel(22000.0, 20.0), 0.03), (channel(22000.0, 8.0, bed=bed), 0.06)):

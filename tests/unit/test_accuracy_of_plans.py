@@ -33,7 +33,7 @@ from incipient.meshes import expected
 from incipient.planning import meshing
 from incipient.planning.discretisation import order_of, velocity_order
 from incipient.planning.plan import make_plan
-from incipient.planning.wall_cells import coarsest
+from incipient.planning.wall_cells import coarsest, ratio_of_rows
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.results.quantity import screen_lines
@@ -435,10 +435,15 @@ def test_what_a_channel_is_compared_by(level):
 
 
 def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
-    """An error of 0.01 h is found as such; where two meshes agree, half of what the coarser two differ by stands."""
+    """An error of 0.01 h, h by the rows; where two meshes agree, what the coarser two differ by falls at order two."""
+    fine, coarse = (
+        ratio_of_rows(Setup(channel(numerics=Numerics(mesh_size=size))), 2**0.5)
+        for size in (1.0, 2**0.5)
+    )
 
     def at(mesh_size, by_chance):
-        error = 0.01 * (2**0.5 if by_chance and mesh_size < 2 else mesh_size)
+        height = fine * coarse if mesh_size > 1.9 else fine if by_chance or mesh_size > 1.1 else 1.0
+        error = 0.01 * height
         return Loads(
             np.array([1.0 + error, 0.0, 0.0]), np.zeros(3), shear=np.array([0.05, 0.05 + error])
         )
@@ -451,7 +456,7 @@ def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
 
     assert term(False).force == pytest.approx([0.01, 0.0, 0.0])
     assert term(False).shear == pytest.approx([0.0, 0.01])
-    assert term(True).shear == pytest.approx([0.0, 0.01 * 2**0.5 / 2])
+    assert term(True).shear == pytest.approx([0.0, 0.01 / fine])
 
 
 def test_over_a_wavy_bed_differences_of_meshes_are_not_taken_to_fall():
@@ -465,6 +470,14 @@ def test_over_a_wavy_bed_differences_of_meshes_are_not_taken_to_fall():
 
     term = by_coarser_mesh(scene, at(1.0), lambda one: at(one.numerics.mesh_size))
     assert term.shear[1] > errors[1.0]
+
+
+@pytest.mark.parametrize(("mesh_size", "rows"), [(1.0, 2.0**0.5), (1.8, 9 / 7), (2.55, 7 / 6)])
+def test_cells_between_planes_are_compared_by_their_rows(mesh_size: float, rows: float) -> None:
+    """By hand: 12.06 rows of full size, each 0.75 mesh_size of one, rounded up; 17/12 is more than the factor."""
+    fluid = Fluid(reynolds=22000, scale="flow")
+    scene = channel(fluid=fluid, numerics=Numerics(order=2, mesh_size=mesh_size))
+    assert ratio_of_rows(Setup(scene), 2.0**0.5) == pytest.approx(rows)
 
 
 @pytest.mark.parametrize(
