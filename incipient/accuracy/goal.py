@@ -76,6 +76,7 @@ class Goal:
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
     def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
+        """Error of the quantity, relative, from errors of force and torque (3,) each."""
         if self.name in ("force", "torque"):
             error = of_force if self.name == "force" else of_torque
             return _ratio(float(np.linalg.norm(error)), self._scale(loads))
@@ -86,6 +87,7 @@ class Goal:
         return bar.relative
 
     def goals(self, loads: Loads) -> list[Floats]:
+        """Linear functionals of force and torque, (3 or 6,) each, whose errors are estimated."""
         gdim = self.scene.gdim
         places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
         if self.contacts is not None:

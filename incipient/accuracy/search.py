@@ -180,6 +180,7 @@ class Search(ABC):
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
     def set_up(self, scene: Scene, order: int | None = None) -> Scene:
+        """The scene with an order and a solver tolerance far below the accuracy."""
         wanted = SOLVER_SHARE * (self.accuracy or CRITICAL)
         order = order or order_of(scene)
         tolerance = float(np.clip(wanted, *TOLERANCES))
@@ -329,6 +330,7 @@ class Search(ABC):
         self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
+        """Record of the search, with the error of a result where the accuracy is a number."""
         accuracy, best = self.numerics.accuracy, self.best
         assert accuracy is not None
         reached, reason = best and best[1].error, self.reason or UNFINISHED
@@ -351,6 +353,7 @@ class Search(ABC):
         return float(self.comm.bcast(self.ledger.total(), root=0))
 
     def spent(self) -> str:
+        """Reason to stop if the budget of time is spent, otherwise empty. Collective."""
         limit = self.numerics.budget_seconds
         if limit is None or self.elapsed() <= limit:
             return ""
@@ -372,6 +375,7 @@ class Search(ABC):
         return ""
 
     def report(self, trial: Trial) -> None:
+        """Record a mesh, and print it."""
         self.trials.append(trial)
         step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"

@@ -97,6 +97,7 @@ class BodyState:
     def at(
         cls, placement: Placement, velocities: ArrayLike | None = None, time: float = 0.0
     ) -> BodyState:
+        """State of a placement, with velocities (3,) or (6,), zero by default."""
         d = placement.gdim
         u = np.zeros(3 * (d - 1)) if velocities is None else np.array(velocities, dtype=float)
         turned = [placement.angle] if placement.quaternion is None else placement.quaternion
@@ -104,6 +105,7 @@ class BodyState:
 
     @classmethod
     def unpacked(cls, vector: ArrayLike, time: float = 0.0) -> BodyState:
+        """State of a vector made by `packed`, its quaternion normalised."""
         y = np.array(vector, dtype=float)
         d, turns = (2, 1) if len(y) == 6 else (3, 4)
         turned = y[d : d + turns]

@@ -134,6 +134,7 @@ class ContactProblem:
         return len(self.arms)
 
     def part(self, rows: Rows) -> ContactProblem:
+        """The cases of some rows."""
         names = ("arms", "inward", "reach", "wrenches", "sizes")
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         plane = None if self.plane is None else self.plane[rows]

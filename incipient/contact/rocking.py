@@ -170,6 +170,7 @@ class _Pocket:
         return Load(flow, torque, self.load.weight, spatial(placement.centre))
 
     def rest(self, factor: float, start: Placement) -> Rest | None:
+        """Rest near a placement under a multiple of the load, or None if it lies outside the pocket."""
         acting = self.load_at(factor, start)
         force, torque = acting.force, acting.flow_couple
         if self.grain.gdim == 2:

@@ -143,6 +143,7 @@ class Coupling:
         self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
 
     def restore(self) -> None:
+        """Undo the present step: parts and mesh return to its start."""
         for part in self.parts:
             part.restore()
         self.fluid.domain.mesh.geometry.x[:] = self.places[0]
@@ -157,6 +158,7 @@ class Coupling:
         return np.concatenate([part.velocities() for part in self.parts])
 
     def columns(self, report: NewtonReport) -> dict[str, float]:
+        """History columns of a step."""
         assert isinstance(report, InterfaceReport)
         return {
             "interface": report.corrected,

@@ -42,6 +42,7 @@ class Drift(Owner):
         self._present = self.holding(Owner())
 
     def prepare(self, rate: float) -> None:
+        """Assemble the matrices of the surface for a rate 1/dt. Collective."""
         for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
             compat.matrix_of(form, matrix=matrix)
         self._present.destroy()

@@ -140,6 +140,7 @@ class Carrier:
         self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))
 
     def state(self, values: Floats) -> Floats:
+        """Nodal values of a state on the old mesh, interpolated to the new one. Collective."""
         carried = np.zeros_like(self.new.state.x.array)
         spaces = (self.old.space, self.new.space)
         for name in ("velocity", "pressure"):

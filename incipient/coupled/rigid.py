@@ -113,6 +113,7 @@ class RigidPart(Part):
         self.lend(self._tried)
 
     def lend(self, state: BodyState) -> None:
+        """Set the grain's boundary velocity to that of a state."""
         if self._rubs:
             self.fluid.walls.carry(self.boundary, state.velocity, state.spin, state.place)
         else:

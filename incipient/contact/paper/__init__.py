@@ -106,6 +106,7 @@ class Classification:
 
     @cached_property
     def distributions(self) -> Distributions:
+        """Forces at contacts by force alone, by torque alone, and by both."""
         load, arms = self.load, self.contacts.points - self.load.centre
         from_force = np.broadcast_to(load.force, arms.shape)
         from_torque = _tangential_force(load.flow_couple, arms)
