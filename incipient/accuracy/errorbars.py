@@ -212,7 +212,7 @@ def _by_surplus(run: Run, speed: float) -> Term:
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
-    """The interaction of separate corrections: thrice their relative products; None below two."""
+    """Interaction of corrections, from the products of their relative values; None for fewer than two."""
     changes = [term.correction for term in terms if term.correction is not None]
     if len(changes) < 2:
         return None
