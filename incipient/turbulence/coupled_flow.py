@@ -52,6 +52,7 @@ class CoupledFlow(Holder):
             for form, own in zip(forms, states, strict=True)
         ]
         self._vectors = [self.holding(petsc.assemble_vector(one)) for one in self._residuals]
+        self._rows = self.holding(self._vectors[1].duplicate())
         self._blocks = [
             [self.holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
         ]
@@ -82,7 +83,12 @@ class CoupledFlow(Holder):
         jacobian = ufl.derivative(form, state, change)
         coarser = {"quadrature_degree": self._degree_of_derivative}
         jacobian = ufl.Form(
-            [one.reconstruct(metadata=one.metadata() | coarser) for one in jacobian.integrals()]
+            [
+                one.reconstruct(metadata=one.metadata() | coarser)
+                if one.integral_type() == "cell"
+                else one  # with fewer points velocities on curved walls alternated for ever
+                for one in jacobian.integrals()
+            ]
         )
         if state is not own:
             return jacobian
@@ -134,6 +140,8 @@ class CoupledFlow(Holder):
             petsc.assemble_vector(vector, form)
             vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             compat.set_zero(vector, conditions)
+        self._rows.setArray(self._turbulence.row_factors())
+        self._vectors[1].pointwiseMult(self._vectors[1], self._rows)
         self._renew()
         self._vectors[1].scale(self._scale)
         self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
@@ -147,11 +155,13 @@ class CoupledFlow(Holder):
     ) -> Floats:
         """Largest change (local cells,) at a node of each cell, of a logarithm or a velocity over the largest speed.
 
-        Both in `units`; arguments are changes (owned unknowns,).
+        Both in `units`; arguments are changes (owned unknowns,). Logarithms count as the eddies do: in a viscous
+        sublayer ln k falls by ten without any effect, and would hold up the flow there.
         """
         fluid, changes = self._fluid, list[Floats]()
         states = fluid.state, self._turbulence.state
-        for state, values in zip(states, (of_flow, of_logarithms), strict=True):
+        seen = np.repeat(self._turbulence.weights(), 2) * of_logarithms
+        for state, values in zip(states, (of_flow, seen), strict=True):
             change = dolfinx.fem.Function(state.function_space)
             change.x.array[: len(values)] = values
             change.x.scatter_forward()
@@ -177,6 +187,8 @@ class CoupledFlow(Holder):
 
     def _renew(self) -> None:
         self._assemble_blocks()
+        for block in self._blocks[1]:
+            block.diagonalScale(self._rows)
         if self._solver.matrix is self._matrix:
             self._nest.convert("aij", self._matrix)
         else:
