@@ -23,6 +23,7 @@ PARTS = {
     ),
     "contact": (
         "unit/test_settle.py",
+        "unit/test_touching.py",
         "stability/test_contact_references.py",
         "stability/test_random_contacts.py",
         "stability/test_siconos.py",
