@@ -397,29 +397,6 @@ def test_a_hexagon_keeps_of_its_spin_what_its_moment_about_the_next_corner_says(
     assert case.state.spin[0] / before == pytest.approx(11.0 / 17.0, rel=2e-2)
 
 
-def test_a_rod_that_slides_on_its_tip_finds_its_way_where_rigid_bodies_have_no_acceleration() -> (
-    None
-):
-    """Painleve's rod: above a friction of 4/3 a sliding rod may have no accelerations; its steps have impulses.
-
-    (Painleve 1895, C. R. Acad. Sci. 121, 112; Stewart 2000, SIAM Review 42, 3.) It jams, and loses energy only.
-    """
-    length, angle = 1.0, np.radians(50.0)
-    rod = Rectangle(length, 0.01)
-    centre = 0.5 * length * np.array([-np.cos(angle), np.sin(angle)]) + np.array([0.0, 0.0051])
-    case = Case(
-        rod, Flat(), Placement(tuple(centre), -angle), ContactLaw(3.0), np.array([2.0, -0.2, 0.0])
-    )
-    last, jammed = case.energy(down(2)), False
-    for _ in range(150):
-        speed = float(case.state.velocity[0])
-        case.step(2e-3, down(2))
-        now = case.energy(down(2))
-        assert now <= last + 1e-3 * case.body.inertia.mass * G * length
-        jammed, last = jammed or float(case.state.velocity[0]) < 0.7 * speed, now
-    assert jammed
-
-
 def stuck(grain: object, bed: object, placement: Placement, law: ContactLaw) -> Case:
     """A grain at rest whose contacts cohesion holds."""
     case = Case(grain, bed, placement, law)
@@ -442,10 +419,10 @@ def test_cohesion_holds_a_round_grain_up_to_its_pull(gdim: int) -> None:
 
 
 def test_cohesion_adds_to_the_pressure_of_friction_on_a_sliding_block() -> None:
-    """It slides at mu (W + 2 c), and with any further force by Newton's law; both contacts last."""
+    """It slides at mu (W + c), and with any further force by Newton's law; both of its corners last."""
     block, friction = Rectangle(1.0, 0.5), 0.3
     weight = G * block.volume
-    held = friction * (weight + 2.0 * 1.5 * weight)
+    held = friction * (weight + 1.5 * weight)
     for force, velocity in ((0.98 * held, 0.0), (1.2 * held, 0.1 * 0.2 * held / block.volume)):
         law = ContactLaw(friction, cohesion=1.5 * weight)
         case = stuck(block, Flat(), Placement((0.0, 0.25)), law)
@@ -457,10 +434,10 @@ def test_cohesion_adds_to_the_pressure_of_friction_on_a_sliding_block() -> None:
 
 @pytest.mark.parametrize("excess", [-0.02, 0.02])
 def test_a_block_topples_against_the_cohesion_of_its_rear_edge(excess: float) -> None:
-    """Pushed at its centre, a height h/2: H h/2 = W b/2 + c b."""
+    """Pushed at its centre, a height h/2: H h/2 = W b/2 + c b/2, as its two corners share the cohesion."""
     block = Rectangle(1.0, 0.5)
     weight = G * block.volume
-    push = (1.0 + excess) * (0.5 * weight + 1.5 * weight) / 0.25
+    push = (1.0 + excess) * (0.5 * weight + 0.75 * weight) / 0.25
     case = stuck(block, Flat(), Placement((0.0, 0.25)), ContactLaw(50.0, cohesion=1.5 * weight))
     case.step(0.001, down(2), np.array([push, 0.0]))
     assert (float(case.state.spin[0]) < -1e-6) == (excess > 0.0)
