@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import message, on_bed
-from scipy.optimize import linprog
 
 from incipient.accuracy.errorbars import with_safety
 from incipient.accuracy.goal import bar_of_safety
@@ -127,13 +126,6 @@ class TestBlockOnAnIncline:
         expected = math.sqrt((0.5 * math.cos(0.2)) ** 2 - math.sin(0.2) ** 2) / 2.0
         assert safety_factor(acting, contacts, 0.5).value == pytest.approx(expected, rel=1e-9)
 
-    @pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
-    def test_holds_up_to_the_friction_angle(self, friction):
-        for factor, value in ((0.999999, math.inf), (1.000001, 0.0)):
-            result = safety_factor(*block(math.atan(factor * friction), force=(0.0, 0.0)), friction)
-            assert (result.value, result.held) == (value, value > 0.0)
-            assert result.status is (SafetyStatus.NO_FLOW if value else SafetyStatus.UNHELD)
-
     def test_held_by_the_flow_only(self):
         # Steeper than friction, held by a flow uphill between sin - friction cos and sin + friction cos.
         slope = math.radians(40.0)
@@ -158,12 +150,6 @@ class TestDiscInAPocket:
         assert result.contact_states[0] is ConeState.UNLOADED
         assert is_balanced(result, acting, pocket(angle), friction)
         assert not result.jams
-
-    def test_with_a_torque(self):
-        # About the downstream contact: s (F R cos + tau) = W R sin, the flow turning it over (clockwise).
-        result = safety_factor(load((0.5, 0.0), -0.2), pocket(0.6), 1.0)
-        expected = 0.5 * math.sin(0.6) / (0.5 * 0.5 * math.cos(0.6) + 0.2)
-        assert result.value == pytest.approx(expected, rel=1e-12)
 
     def test_a_torque_alone_needs_friction(self):
         assert safety_factor(load(torque=-0.1), pocket(0.6), 0.0).status is SafetyStatus.NO_RESERVE
@@ -229,13 +215,6 @@ class TestLadder:
         acting = Load([0.0, -person, 0.0], torque, DOWN, 0.5 * top)
         return acting, Contacts([foot, top], [DOWN, [1.0, 0.0, 0.0]])
 
-    @pytest.mark.parametrize("friction", [0.2, 0.5])
-    @pytest.mark.parametrize("factor", [0.999999, 1.000001])
-    def test_stands(self, friction, factor):
-        limit = (1.0 - friction**2) / (2.0 * friction)
-        held = safety_factor(*self.ladder(math.atan(factor * limit)), friction).held
-        assert held is (factor > 1.0)
-
     @pytest.mark.parametrize("place", [0.7, 1.0])
     def test_climbing(self, place):
         # Both ends at their limit: P = W (k - 1/2) / (place - k), k = m (tan(angle) + m) / (1 + m^2).
@@ -276,22 +255,6 @@ class TestSphereOnAPlane:
         assert value == pytest.approx(0.5 / (0.3 + 0.5 * 0.2), rel=1e-10)
 
 
-class TestWedge:
-    @pytest.mark.parametrize("way", [(0.0, 1.0), (0.0, -1.0), (0.3, 0.9)])
-    def test_jams_below_the_friction_angle(self, way):
-        contacts = wedge(math.atan(0.5) - 1e-6)
-        result = safety_factor(load(way), contacts, 0.5)
-        assert (result.value, result.jams, result.factor) == (math.inf, True, 1.0)
-        assert is_balanced(result, load(way), contacts, 0.5)
-
-    def test_is_pulled_out_above_it(self):
-        # No cone has a downward force: pulled up by s F = W it leaves. Pressed down it holds anything.
-        contacts = wedge(math.atan(0.5) + 1e-6)
-        result = safety_factor(load((0.0, 2.0)), contacts, 0.5)
-        assert (result.value, result.jams) == (pytest.approx(0.5, abs=1e-6), False)
-        assert safety_factor(load((0.0, -2.0)), contacts, 0.5).value == math.inf
-
-
 class TestSpecialLoads:
     def test_lifting(self):
         # s L = W: no contact carries anything there.
@@ -329,11 +292,6 @@ class TestSpecialLoads:
         assert result.status is SafetyStatus.HELD_BY_FLOW and result.held
         assert result.interval == pytest.approx((1.0, math.inf), abs=1e-13)
 
-    def test_torque_only(self):
-        # A block of half base 1 under its weight tips at torque = W half base.
-        acting = load((0.0, 0.0), -2.0, centre=(0.0, 0.5))
-        assert safety_factor(acting, block(0.0)[1], 0.5).value == pytest.approx(0.5)
-
     @pytest.mark.parametrize(("drag", "value"), [(0.29, math.inf), (0.31, 0.3 / (0.31 - 0.3))])
     def test_pressed_by_the_flow(self, drag, value):
         # Drag D, downward force P: s D = friction (W + s P) never binds if D <= friction P.
@@ -356,12 +314,6 @@ class TestSpecialLoads:
         strong = block(0.0, force=(1e9, 0.0))
         assert safety_factor(*strong, 0.5).value == pytest.approx(0.5e-9, rel=1e-6)
 
-    def test_contact_at_the_centre(self):
-        # Allowed: without an arm it holds forces only.
-        contacts = Contacts([[0.0, 0.0, 0.0]], [DOWN])
-        assert safety_factor(load((0.5, 0.0)), contacts, 1.0).value == pytest.approx(2.0)
-        assert safety_factor(load(torque=0.1), contacts, 1.0).value == 0.0
-
 
 class TestInput:
     @pytest.mark.parametrize(
@@ -376,10 +328,6 @@ class TestInput:
         with pytest.raises(SceneError, match=match):
             safety_factor(load(), contacts, friction)
 
-    def test_a_law_counts_as_its_coefficient(self):
-        case = block(0.1)
-        assert safety_factor(*case, FrictionCone.of(0.3)).value == safety_factor(*case, 0.3).value
-
     def test_plain_data(self):
         stored = plain(safety_factor(load((0.0, -1.0)), pocket(0.5), 0.5))
         assert (stored["value"], stored["status"], stored["interval"]) == (
@@ -388,46 +336,6 @@ class TestInput:
             [0.0, None],
         )
         assert json.loads(json.dumps(stored, allow_nan=False)) == stored
-
-
-def pyramid_factor(acting, contacts, friction, sides, wider):
-    """The safety factor with pyramids instead of cones, by a linear program written independently."""
-    columns = []
-    for point, normal in zip(contacts.points, contacts.normals, strict=True):
-        one = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-        one /= np.linalg.norm(one)
-        angle = 2.0 * np.pi * np.arange(sides)[:, None] / sides
-        along = np.cos(angle) * one + np.sin(angle) * np.cross(normal, one)
-        forces = -normal + wider * friction * along
-        columns.append(np.vstack([forces.T, np.cross(point - acting.centre, forces).T]))
-    system = np.column_stack([*columns, [*acting.flow_force, *acting.flow_couple]])
-    cost = np.zeros(system.shape[1])
-    cost[-1] = -1.0
-    answer = linprog(cost, A_eq=system, b_eq=-np.array([*acting.weight, 0, 0, 0]), method="highs")
-    if answer.status == 0:
-        return -answer.fun
-    return math.inf if answer.status == 3 else None
-
-
-def test_between_pyramids():
-    """64-sided pyramids inside and around the cones give bounds of the factor, 0.12 % apart in friction."""
-    compared = 0
-    for seed in range(60):
-        random = np.random.default_rng(seed)
-        count = random.integers(3, 7)
-        normals = random.normal(size=(count, 3)) * [1.0, 1.0, 0.3] - [0.0, 0.0, 1.0]
-        normals /= np.linalg.norm(normals, axis=1)[:, None]
-        contacts = Contacts(0.5 * normals + 0.1 * random.normal(size=(count, 3)), normals)
-        acting = Load(random.normal(size=3), 0.2 * random.normal(size=3), [0, 0, -2], [0, 0, 0])
-        interval = safety_factor(acting, contacts, 0.4).interval
-        inside = pyramid_factor(acting, contacts, 0.4, 64, 1.0)
-        around = pyramid_factor(acting, contacts, 0.4, 64, 1.0 / math.cos(math.pi / 64))
-        if around is None:
-            assert interval is None
-        elif inside is not None:
-            assert inside * (1.0 - 1e-7) <= interval[1] <= around * (1.0 + 1e-7)
-            compared += 0.0 < interval[1] < math.inf
-    assert compared > 20
 
 
 FRESH = """
@@ -498,12 +406,13 @@ def bar(force: float, **errors: float) -> SafetyBar:
     return bar_of_safety(load, pocket_with_bar(), 0.0, (1.0, 0.125 * np.eye(3)), of_loads)
 
 
-def test_safety_factor_and_its_bar() -> None:
-    found = bar(0.98, discretisation=0.01)
-    assert found.value == pytest.approx(1.0 / 0.98)
-    assert (found.low, found.high) == pytest.approx((1.0 / 0.99, 1.0 / 0.97))
-    assert found.certain
-    assert len(found.modes) == 1
+@pytest.mark.parametrize(("force", "error"), [(0.98, 0.01), (1.05, 0.02), (0.5, 0.0)])
+def test_safety_factor_and_its_bar(force: float, error: float) -> None:
+    """1/F, with F to the error: at rest, moving, or without an error."""
+    found = bar(force, **({"gap": error} if error else {}))
+    ends = 1.0 / (force + error), 1.0 / (force - error)
+    assert (found.value, found.low, found.high) == pytest.approx((1.0 / force, *ends))
+    assert (found.certain, len(found.modes), found.decisive) == (True, 1, "gap" if error else "")
     assert "certain within the error bars" in found.sentence()
 
 
@@ -514,17 +423,6 @@ def test_not_certain_and_what_decides() -> None:
     assert len(found.modes) == 2
     assert found.decisive == "gap"
     assert "reduce the error of the gap" in found.sentence()
-
-
-def test_moving_for_certain() -> None:
-    found = bar(1.05, gap=0.02)
-    assert found.certain
-    assert found.high < 1.0
-
-
-def test_no_terms_no_bar() -> None:
-    found = bar(0.5)
-    assert (found.low, found.high, found.decisive) == (found.value, found.value, "")
 
 
 def held_disc(torque: float, error: float, friction: float = 0.1, inert: bool = True) -> SafetyBar:
@@ -678,8 +576,12 @@ class TestBatch:
         ("contacts", "gdim"), [(1, 2), (2, 2), (3, 2), (4, 2), (1, 3), (2, 3), (4, 3)]
     )
     def test_as_one_by_one(self, contacts: int, gdim: int, flat: bool) -> None:
-        """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves."""
-        cases = random_cases(120, contacts, gdim, flat)
+        """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves. A tenth of them without inertia."""
+        cases, rng = random_cases(120, contacts, gdim, flat), np.random.default_rng(5)
+        known = np.arange(120) % 10 > 0
+        inertia = np.where(known[:, None, None], cases.inertia, np.nan)
+        weight = cases.weight * rng.uniform(0.5, 2.0, (120, 1))
+        cases = replace(cases, weight=weight, mass=np.where(known, 1.0, np.nan), inertia=inertia)
         batch = judge_many(cases)
         exact = [judged(*cases.case(number)) for number in range(len(cases))]
         assert batch.mode_names == [one.label for one in exact]
@@ -688,24 +590,6 @@ class TestBatch:
         factors = [one.safety.value for one in exact]
         assert batch.factors == pytest.approx(factors, rel=near, abs=near)
         assert batch.alone <= (11 if gdim == 3 else 0) and not batch.reasons
-
-    @pytest.mark.parametrize("gdim", [2, 3])
-    def test_without_inertia_under_weights_of_their_own(self, gdim: int) -> None:
-        """As each alone, with weights from half to twice the usual one: at rest or moving, by no mode."""
-        acting, contacts, friction, _ = random_cases(1, 3, gdim).case(0)
-        rng = np.random.default_rng(5)
-        force, torque = rng.standard_normal((2, 60, 3))
-        if gdim == 2:
-            force, torque = force * [1.0, 1.0, 0.0], torque * [0.0, 0.0, 1.0]
-        weight = acting.weight * rng.uniform(0.5, 2.0, (60, 1))
-        surface = contacts.points, contacts.normals
-        cases = Cases(*surface, 0.5 * force, 0.1 * torque, weight, acting.centre, friction)
-        batch = judge_many(cases)
-        exact = [judged(*cases.case(number)) for number in range(60)]
-        assert batch.mode_names == [one.label for one in exact]
-        assert set(batch.mode_names) == {"rest", "moves"} and batch.alone < 5
-        factors = [one.safety.value for one in exact]
-        assert batch.factors == pytest.approx(factors, rel=1e-9, abs=1e-9)
 
     @pytest.mark.parametrize("gdim", [2, 3])
     def test_loads_on_the_boundary_and_none_at_all(self, gdim: int) -> None:
@@ -755,31 +639,6 @@ class TestBatch:
             assert batch.factors == pytest.approx(expected, rel=near)
             assert {batch.mode_names[place] for place in np.flatnonzero(slides)} == {"sliding"}
             assert batch.alone == 0
-
-    def test_spheres_in_pockets_of_three(self) -> None:
-        """Unit spheres on three of size s, pushed along the line from one of them to the middle: they pivot.
-
-        Contacts lie at sine q = 2 s / (sqrt 3 (1 + s)) off the vertical. The sphere leaves the back one and turns about
-        the two in front when F cos q = W sin q / 2 times the push.
-        """
-        rng, count = np.random.default_rng(1), 400
-        size, push = rng.uniform(0.5, 1.5, count), rng.uniform(0.05, 0.4, count)
-        sine = 2.0 * size / (np.sqrt(3.0) * (1.0 + size))
-        cosine = np.sqrt(1.0 - sine**2)
-        around = np.radians([180.0, 60.0, -60.0])
-        flat = [sine[:, None] * np.cos(around), sine[:, None] * np.sin(around)]
-        points = np.stack([*flat, np.tile(-cosine[:, None], 3)], axis=2)
-        weight = np.tile([0.0, 0.0, -1.0], (count, 1))
-        batch = judge_many(cases_of(points, points, push, weight, np.full(count, 0.5), UNKNOWN))
-        assert batch.factors == pytest.approx(0.5 * sine / cosine / push, rel=1e-9)
-        assert set(batch.mode_names) == {"rest", "moves"} and batch.alone < 20
-
-    def test_chunks_say_the_same(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        cases = random_cases(90, 2, 2)
-        once = judge_many(cases)
-        monkeypatch.setattr("incipient.contact.batch.CHUNK", 40)
-        parts = judge_many(cases)
-        assert parts.mode_names == once.mode_names and np.array_equal(parts.factors, once.factors)
 
     def test_wrong_loads_are_refused(self) -> None:
         good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
@@ -892,12 +751,6 @@ class TestErrorBox:
         interval = safety_factor(acting, pocket(0.5), 0.3).interval
         assert found.possible == found.guaranteed == interval
 
-    def test_friction_that_is_not_known(self) -> None:
-        base = Contacts([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], BLOCK.normals)
-        errors = ErrorBox(0.1 * ALONG_X[:, None], friction=0.1)
-        found = safety_range(load((0.3, 0.0)), base, 0.5, errors)
-        assert (found.low, found.high) == pytest.approx((0.4 / 0.4, 0.6 / 0.2))
-
     def test_a_program_without_answer_claims_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Stopped after one step the method has no answer: the grain may then rest at any factor."""
         acting, square = box(0.0, [0.6, 0.0, 0.0], height=0.1)
@@ -922,8 +775,8 @@ class TestErrorBox:
 
     @pytest.mark.parametrize("gdim", [2, 3])
     def test_no_load_of_random_boxes_is_outside(self, gdim: int) -> None:
-        """And both ends are reached: the lower one at a corner, the upper one by a search that knows no programs."""
-        rng, said, reached = np.random.default_rng(gdim), set(), 0
+        """Nor outside the guaranteed interval; the lower end is that of a corner."""
+        rng, said = np.random.default_rng(gdim), set()
         cases = random_cases(60, 3, gdim)
 
         def margin(factor: float) -> float:
@@ -959,22 +812,6 @@ class TestErrorBox:
                 if found.guaranteed is not None:
                     assert margin(alone.interval[0]) <= margin(found.guaranteed[0]) + ROUND_OFF
                     assert margin(found.guaranteed[1]) - ROUND_OFF <= margin(alone.interval[1])
-            if reached < 6 and count < 6 and 0.05 < margin(found.high) < 0.95:
-                corners = [
-                    safety_factor(acting.shifted(change), contacts, friction).value
-                    for change in errors.corners()
-                ]
-                assert min(corners) == pytest.approx(found.low, abs=ROUND_OFF)
-                best, step, place = margin(at(np.zeros(count)).value), 1.0, np.zeros(count)
-                while step > 1e-4 and best < margin(found.high) - 1e-3:
-                    tried = np.clip(place + step * rng.normal(size=(12, count)), -1.0, 1.0)
-                    values = [margin(at(share).value) for share in tried]
-                    step *= 1.0 if max(values) > best else 0.6
-                    if max(values) > best:
-                        best, place = max(values), tried[int(np.argmax(values))]
-                assert best == pytest.approx(margin(found.high), abs=0.01)
-                reached += 1
-        assert reached == 6
         assert said == {(True, False), (False, True), (False, False)}
 
 
@@ -984,24 +821,22 @@ def pushed(force: float, torque: float = 0.0) -> Load:
 
 
 class TestProbabilities:
-    @pytest.mark.parametrize(("force", "error"), [(0.3, 0.1), (0.45, 0.05), (0.5, 0.2)])
-    def test_block_pushed_with_an_error(self, force: float, error: float) -> None:
+    @pytest.mark.parametrize(
+        ("force", "error", "of"),
+        [(0.3, 0.1, "flow_force x"), (0.5, 0.2, "flow_force x"), (0.45, 0.05, "friction")],
+    )
+    def test_block_pushed_with_an_error(self, force: float, error: float, of: str) -> None:
         # It slides if |F| > friction N = 0.5: P = 1 - Phi((0.5 - f) / s) + Phi((-0.5 - f) / s).
         ends = [erf((value - force) / (error * sqrt(2.0))) for value in (0.5, -0.5)]
         exact = 1.0 - 0.5 * (ends[0] - ends[1])
-        found = probabilities(pushed(force), BLOCK, 0.5, StandardErrors([error, 0, 0]), 400, 3)
+        errors = (
+            StandardErrors(friction=error) if of == "friction" else StandardErrors([error, 0, 0])
+        )
+        found = probabilities(pushed(force), BLOCK, 0.5, errors, 400, 3)
         for judge in (found.moves_equilibrium, found.moves_criteria):
             assert abs(judge.value - exact) < 4.0 * judge.standard_error
         # On a plane and without a torque both judges say the same of every case.
-        assert (found.same.value, found.most) == (1.0, "flow_force x")
-
-    def test_block_on_a_plane_of_uncertain_friction(self) -> None:
-        # It slides if friction < F / N = 0.3.
-        found = probabilities(pushed(0.3), BLOCK, 0.35, StandardErrors(friction=0.05), 400, 5)
-        exact = 0.5 * (1.0 + erf((0.3 - 0.35) / (0.05 * sqrt(2.0))))
-        moves = found.moves_equilibrium
-        assert abs(moves.value - exact) < 4.0 * moves.standard_error
-        assert set(found.influence) == {"friction"} and found.influence["friction"] > 0.95
+        assert (found.same.value, found.most) == (1.0, of)
 
     def test_modes_of_each_judge_add_up_to_one(self) -> None:
         errors = StandardErrors([0.2, 0.2, 0.0], [0.0, 0.0, 0.2], 0.1)
@@ -1016,11 +851,6 @@ class TestProbabilities:
         assert found.margin == tuple(sorted(found.margin))
         assert "probability" in found.sentence
         assert plain(found) == plain(again) and found.margin != other.margin
-
-    def test_without_errors_one_case_is_all(self) -> None:
-        found = probabilities(pushed(0.6), BLOCK, 0.5, StandardErrors(), 12, 0)
-        assert found.moves_equilibrium.value == 1.0
-        assert (found.influence, found.most) == ({}, None)
 
     @pytest.mark.parametrize(
         ("count", "total", "words"),
