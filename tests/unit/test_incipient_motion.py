@@ -85,17 +85,215 @@ def ring(count, lean=0.6, turn=0.0):
     return Contacts(0.5 * normals, normals)
 
 
-class TestBlock:
-    @pytest.mark.parametrize("slope", np.radians([20.0, 45.0]))
-    @pytest.mark.parametrize("friction", [0.0, 0.2])
-    def test_slides_down_an_incline(self, slope, friction):
-        # a = g (sin - friction cos), without turning: low enough not to topple.
-        expected = math.sin(slope) - friction * math.cos(slope)
-        _, first = motion(box(slope, [0, 0, 0], height=0.1), friction, np.eye(3))
-        assert (first.mode, first.contact_states) == (Mode.SLIDING, (SLIDE,) * 4)
-        assert first.acceleration == pytest.approx([expected, 0.0, 0.0], abs=1e-9)
-        assert not first.angular_acceleration.any() and not first.forces_unique
+EYE, ZERO = np.eye(3), [0.0, 0.0, 0.0]
+TOPPLES, TURNS = 0.2 / (0.5 + 1.0 + 4.0), (0.6 * 2.0 - 1.0) / (0.5 - (0.6 * 2.0 - 1.0))
+# Pocket of three: heights of the line of two contacts below the centre, and ahead of it.
+BELOW, AHEAD = 0.5 * math.sqrt(2.0 / 3.0), 0.25 / math.sqrt(3.0)
+GAP = (0.6 * BELOW - AHEAD) / (0.1 + BELOW**2 + AHEAD**2)
+WALL = Contacts([[0, 0, -0.5], [0, 0.5, 0]], [[0, 0, -1], [0, 1, 0]])
+ALONG = (0.5 - 0.3 * 0.3) / (1.0 + 0.1 / 0.25)  # along the wall
+SKEW, SQUARE = 0.1 * 0.5 / (0.1 + 0.25), math.sqrt(2.0)
+OVER = [-(push * math.cos(0.5) - math.sin(0.5)) * 0.5 / (0.125 + 0.25) for push in (0.8, 1.5)]
 
+
+def turned(case, torque):
+    """A case with another torque of the flow."""
+    return replace(case[0], flow_couple=torque), case[1]
+
+
+def incline(slope):
+    """A sphere on a slope, coordinates along it."""
+    return sphere(weight=[math.sin(slope), 0.0, -math.cos(slope)])
+
+
+# Case, friction, inertia, mode, states of contacts, acceleration, angular acceleration; mass one.
+MOTIONS = [
+    # a = g (sin - friction cos), without turning: low enough not to topple.
+    *(
+        (
+            box(slope, ZERO, height=0.1),
+            friction,
+            EYE,
+            Mode.SLIDING,
+            (SLIDE,) * 4,
+            [math.sin(slope) - friction * math.cos(slope), 0.0, 0.0],
+            ZERO,
+        )
+        for slope in (0.35, 0.8)
+        for friction in (0.0, 0.2)
+    ),
+    # About the downstream edge: (J + m (b^2 + h^2)) alpha = F h - W b, about +y, for friction enough.
+    (
+        box(0.0, [0.6, 0.0, 0.0], 2.0),
+        5.0,
+        np.diag([0.7, 0.5, 0.9]),
+        Mode.PIVOTING,
+        (LIFT, LIFT, ROLL, ROLL),
+        [2.0 * TOPPLES, 0.0, TOPPLES],
+        [0.0, TOPPLES, 0.0],
+    ),
+    # N = W + m a_z, a_z = b alpha; J alpha = friction N h - N b.
+    (
+        box(0.0, [3.0, 0.0, 0.0], 2.0),
+        0.6,
+        0.5 * EYE,
+        Mode.PIVOTING_AND_SLIDING,
+        (LIFT, LIFT, SLIDE, SLIDE),
+        [3.0 - 0.6 * (1.0 + TURNS), 0.0, TURNS],
+        [0.0, TURNS, 0.0],
+    ),
+    (box(0.0, [0, 0, 1.5]), 0.5, EYE, Mode.LIFTING, (LIFT,) * 4, [0.0, 0.0, 0.5], ZERO),
+    (
+        turned(box(0.0, [0.1, 0.0, 2.0]), [0.0, 0.1, 0.0]),
+        0.5,
+        2.0 * EYE,
+        Mode.LIFTING_AND_ROTATING,
+        (LIFT,) * 4,
+        [0.1, 0.0, 1.0],
+        [0.0, 0.05, 0.0],
+    ),
+    # A torque about the vertical, equal corners, friction W acting at r = sqrt(2): J alpha = tau - m W r.
+    (
+        turned(box(0.0, ZERO), [0, 0, 1.0]),
+        0.3,
+        EYE,
+        Mode.PIVOTING_AND_SLIDING,
+        (SLIDE,) * 4,
+        ZERO,
+        [0, 0, 1.0 - 0.3 * SQUARE],
+    ),
+    # a = g sin / (1 + J / (m r^2)) = 5/7 g sin, if tan(slope) <= 3.5 friction; else g (sin - m cos), m g cos r / J.
+    *(
+        (
+            incline(slope),
+            math.tan(slope) / 3.5 * 1.0001,
+            BALL,
+            Mode.ROLLING,
+            (ROLL,),
+            [5.0 / 7.0 * math.sin(slope), 0.0, 0.0],
+            [0.0, 10.0 / 7.0 * math.sin(slope), 0.0],
+        )
+        for slope in (0.2, 0.9)
+    ),
+    (
+        incline(0.9),
+        math.tan(0.9) / 3.5 * 0.9999,
+        BALL,
+        Mode.PIVOTING_AND_SLIDING,
+        (SLIDE,),
+        [math.sin(0.9) * (1.0 - 0.9999 / 3.5), 0.0, 0.0],
+        [0.0, math.sin(0.9) * 0.9999 / 3.5 * 0.5 / 0.1, 0.0],
+    ),
+    # a = tau r / (J + m r^2) across the torque: the paper calls this sliding.
+    (
+        sphere(torque=[0.06, -0.08, 0.0]),
+        0.5,
+        BALL,
+        Mode.ROLLING,
+        (ROLL,),
+        [-0.8 * SKEW, -0.6 * SKEW, 0.0],
+        [1.2 * SKEW, -1.6 * SKEW, 0.0],
+    ),
+    # Friction at its limit: a = m g, J alpha = tau - m W r. About the normal no arm: alpha = tau / J.
+    (
+        sphere(torque=[0.0, 1.0, 0.0]),
+        0.2,
+        BALL,
+        Mode.PIVOTING_AND_SLIDING,
+        (SLIDE,),
+        [0.2, 0.0, 0.0],
+        [0.0, (1.0 - 0.2 * 0.5) / 0.1, 0.0],
+    ),
+    (sphere(torque=[0, 0, 0.1]), 0.5, BALL, Mode.SPINNING, (ROLL,), ZERO, [0.0, 0.0, 1.0]),
+    # Both at once are not planar: the spin adds to the rolling, and each has its own formula.
+    (
+        sphere([0.2, 0.0, 0.0], [0.0, 0.0, 0.1]),
+        0.5,
+        BALL,
+        Mode.ROLLING,
+        (ROLL,),
+        [0.2 / 1.4, 0.0, 0.0],
+        [0.0, 0.4 / 1.4, 1.0],
+    ),
+    # Balanced about the contact, which friction 0.3 would hold.
+    (
+        sphere([0.3, 0, 0], [0, -0.15, 0]),
+        0.29,
+        BALL,
+        Mode.PIVOTING_AND_SLIDING,
+        (SLIDE,),
+        [0.01, 0, 0],
+        [0.0, -0.15 / 0.1 + 0.29 * 0.5 / 0.1, 0.0],
+    ),
+    # About the contact downstream: (J + m R^2) alpha = (F cos - W sin) R, clockwise, with friction enough.
+    *(
+        (
+            (load((push, 0.0)), pocket(0.5)),
+            0.9,
+            0.125 * EYE,
+            Mode.PIVOTING,
+            (LIFT, ROLL),
+            [-0.5 * alpha * math.cos(0.5), -0.5 * alpha * math.sin(0.5), 0.0],
+            [0.0, 0.0, alpha],
+        )
+        for push, alpha in zip((0.8, 1.5), OVER, strict=True)
+    ),
+    # Along the tangent at the contact downstream: m a = F cos - W sin.
+    (
+        (load((0.8, 0.0)), pocket(0.5)),
+        0.0,
+        EYE,
+        Mode.SLIDING,
+        (LIFT, SLIDE),
+        (0.8 * math.cos(0.5) - math.sin(0.5)) * np.array([math.cos(0.5), math.sin(0.5), 0.0]),
+        ZERO,
+    ),
+    # Through the gap of a pocket of three: moment about the line of two contacts, J + m times its squared distance.
+    (
+        (sphere([0.6, 0, 0])[0], ring(3, 1.0 / math.sqrt(3.0), 60.0)),
+        0.8,
+        BALL,
+        Mode.PIVOTING,
+        (ROLL, LIFT, ROLL),
+        [GAP * BELOW, 0.0, GAP * AHEAD],
+        [0.0, GAP, 0.0],
+    ),
+    # Both contacts slip, see test_safety_factor: J alpha = tau - m R (N1 + N2).
+    (
+        (load(torque=-0.5), pocket(0.6)),
+        0.2,
+        0.1 * EYE,
+        Mode.PIVOTING_AND_SLIDING,
+        (SLIDE, SLIDE),
+        None,
+        [0, 0, -(0.5 - 0.2 * 0.5 / (math.cos(0.6) * (1.0 + 0.2**2))) / 0.1],
+    ),
+    # The paper's open mode 6(b). The sphere rolls on the floor along x and rubs on a wall at +y, pressed to it by P:
+    # floor friction T = J a / r^2, wall friction m P slows it and spins it about the vertical, J spin = m P r.
+    (
+        (sphere([0.5, 0.3, 0.0])[0], WALL),
+        0.3,
+        BALL,
+        Mode.PIVOTING_AND_SLIDING_APART,
+        (ROLL, SLIDE),
+        [ALONG, 0.0, 0.0],
+        [0.0, ALONG / 0.5, 0.3 * 0.3 * 0.5 / 0.1],
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("case", "friction", "inertia", "mode", "states", "acceleration", "angular"), MOTIONS
+)
+def test_motions(case, friction, inertia, mode, states, acceleration, angular):
+    _, first = motion(case, friction, inertia)
+    assert (first.mode, first.contact_states) == (mode, states)
+    assert first.angular_acceleration == pytest.approx(np.array(angular), abs=1e-9)
+    if acceleration is not None:
+        assert first.acceleration == pytest.approx(np.array(acceleration), abs=1e-9)
+
+
+class TestBlock:
     def test_in_2d(self):
         # a = (F - friction W) / m; the reactions shift by friction height / half base = 0.12 of W / 2.
         contacts = Contacts([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [DOWN, DOWN])
@@ -105,24 +303,6 @@ class TestBlock:
         assert first.contact_forces == pytest.approx(expected)
         assert (first.mode, found.uniqueness) == (Mode.SLIDING, Uniqueness.ONLY)
         assert first.forces_unique
-
-    def test_topples(self):
-        # About the downstream edge: (J + m (b^2 + h^2)) alpha = F h - W b, about +y, for friction enough.
-        _, first = motion(box(0.0, [0.6, 0.0, 0.0], 2.0), 5.0, np.diag([0.7, 0.5, 0.9]))
-        alpha = (0.6 * 2.0 - 1.0) / (0.5 + 1.0 + 4.0)
-        assert (first.mode, first.contact_states) == (Mode.PIVOTING, (LIFT, LIFT, ROLL, ROLL))
-        assert first.angular_acceleration == pytest.approx([0.0, alpha, 0.0], abs=1e-9)
-        assert first.acceleration == pytest.approx([2.0 * alpha, 0.0, alpha], abs=1e-9)
-
-    def test_topples_and_slides(self):
-        # N = W + m a_z, a_z = b alpha; J alpha = friction N h - N b.
-        _, first = motion(box(0.0, [3.0, 0.0, 0.0], 2.0), 0.6, 0.5 * np.eye(3))
-        turn = 0.6 * 2.0 - 1.0
-        alpha = turn / (0.5 - turn)
-        assert first.mode is Mode.PIVOTING_AND_SLIDING
-        assert first.angular_acceleration == pytest.approx([0.0, alpha, 0.0], abs=1e-9)
-        expected = [3.0 - 0.6 * (1.0 + alpha), 0.0, alpha]
-        assert first.acceleration == pytest.approx(expected, abs=1e-9)
 
     def test_rests_with_equal_forces(self):
         # Four corners, three equations: a quarter of the weight each is the least of all.
@@ -143,136 +323,6 @@ class TestBlock:
         assert first.contact_forces[:, 1].sum() == pytest.approx(1.0)
         assert x @ first.contact_forces[:, 1] == pytest.approx(1.9)
         assert not found.moves and found.residual < 1e-9
-
-    def test_lifts_and_rotates(self):
-        _, lifted = motion(box(0.0, [0.0, 0.0, 1.5]), 0.5, np.eye(3), 2.0)
-        assert (lifted.mode, lifted.contact_states) == (Mode.LIFTING, (LIFT,) * 4)
-        assert lifted.acceleration == pytest.approx([0.0, 0.0, 0.25])
-        assert not lifted.contact_forces.any()
-        acting, contacts = box(0.0, [0.1, 0.0, 2.0])
-        turned = replace(acting, flow_couple=[0.0, 0.1, 0.0])
-        _, first = motion((turned, contacts), 0.5, 2.0 * np.eye(3))
-        assert first.mode is Mode.LIFTING_AND_ROTATING
-        assert first.acceleration == pytest.approx([0.1, 0.0, 1.0])
-        assert first.angular_acceleration == pytest.approx([0.0, 0.05, 0.0])
-
-    def test_turns_in_its_plane(self):
-        # A torque about the vertical, equal corners, friction W acting at r = sqrt(2): J alpha = tau - m W r.
-        acting, contacts = box(0.0, [0, 0, 0])
-        turned = replace(acting, flow_couple=[0, 0, 1.0])
-        _, first = motion((turned, contacts), 0.3, np.eye(3))
-        assert first.mode is Mode.PIVOTING_AND_SLIDING
-        expected = [0, 0, 1.0 - 0.3 * math.sqrt(2.0)]
-        assert first.angular_acceleration == pytest.approx(expected, abs=1e-9)
-
-
-class TestSphereOnAPlane:
-    @pytest.mark.parametrize("slope", np.radians([10.0, 30.0, 50.0]))
-    def test_rolls_down_an_incline(self, slope):
-        # a = g sin / (1 + J / (m r^2)) = 5/7 g sin, if tan(slope) <= 3.5 friction.
-        case = sphere(weight=[math.sin(slope), 0.0, -math.cos(slope)])
-        _, first = motion(case, math.tan(slope) / 3.5 * 1.0001)
-        assert first.mode is Mode.ROLLING
-        assert first.acceleration == pytest.approx([5.0 / 7.0 * math.sin(slope), 0.0, 0.0])
-        expected = [0.0, 10.0 / 7.0 * math.sin(slope), 0.0]
-        assert first.angular_acceleration == pytest.approx(expected)
-        _, slips = motion(case, math.tan(slope) / 3.5 * 0.9999)
-        assert (slips.mode, slips.contact_states) == (Mode.PIVOTING_AND_SLIDING, (SLIDE,))
-
-    @pytest.mark.parametrize(
-        ("torque", "uniqueness"),
-        [([0.0, 0.1, 0.0], Uniqueness.ONLY), ([0.06, -0.08, 0.0], Uniqueness.NOT_EXCLUDED)],
-    )
-    def test_rolls_under_a_torque(self, torque, uniqueness):
-        # a = tau r / (J + m r^2) across the torque: the paper calls this sliding. All motions are known in a coordinate
-        # plane alone.
-        found, first = motion(sphere(torque=torque), 0.5)
-        size = 0.1 * 0.5 / (0.1 + 0.25)
-        across = size * np.cross(torque, [0, 0, 1]) / 0.1
-        assert (first.mode, found.uniqueness) == (Mode.ROLLING, uniqueness)
-        assert first.acceleration == pytest.approx(across, abs=1e-12)
-        along = 2.0 * size * np.array(torque) / 0.1
-        assert first.angular_acceleration == pytest.approx(along, abs=1e-12)
-
-    def test_slips_or_spins_under_a_torque(self):
-        # Friction at its limit: a = m g, J alpha = tau - m W r. About the normal no arm: alpha = tau / J.
-        _, slips = motion(sphere(torque=[0.0, 1.0, 0.0]), 0.2)
-        assert slips.mode is Mode.PIVOTING_AND_SLIDING
-        assert slips.acceleration == pytest.approx([0.2, 0.0, 0.0])
-        assert slips.angular_acceleration == pytest.approx([0.0, (1.0 - 0.2 * 0.5) / 0.1, 0.0])
-        _, spins = motion(sphere(torque=[0.0, 0.0, 0.1]), 0.5)
-        assert (spins.mode, spins.contact_states) == (Mode.SPINNING, (ROLL,))
-        assert spins.angular_acceleration == pytest.approx([0.0, 0.0, 1.0])
-        assert spins.acceleration == pytest.approx(np.zeros(3), abs=1e-12)
-        # Both at once are not planar: the spin adds to the rolling, and each has its own formula.
-        _, both = motion(sphere([0.2, 0.0, 0.0], [0.0, 0.0, 0.1]), 0.5)
-        assert both.mode is Mode.ROLLING
-        assert both.acceleration == pytest.approx([0.2 / 1.4, 0.0, 0.0])
-        assert both.angular_acceleration == pytest.approx([0.0, 0.4 / 1.4, 1.0])
-
-    def test_rests_where_force_and_torque_balance(self):
-        _, first = motion(sphere([0.3, 0, 0], [0, -0.15, 0]), 0.31)
-        assert first.mode is Mode.REST
-        assert first.contact_forces == pytest.approx(np.array([[-0.3, 0.0, 1.0]]))
-        _, slips = motion(sphere([0.3, 0, 0], [0, -0.15, 0]), 0.29)
-        assert slips.acceleration == pytest.approx([0.01, 0.0, 0.0])
-
-
-class TestPocket:
-    @pytest.mark.parametrize("push", [0.8, 1.5])
-    def test_rolls_over_the_downstream_contact(self, push):
-        # About that contact: (J + m R^2) alpha = (F cos - W sin) R, clockwise, with friction enough.
-        angle, inertia = 0.5, 0.5 * 0.25
-        found, first = motion((load((push, 0.0)), pocket(angle)), 0.9, inertia * np.eye(3))
-        alpha = -(push * math.cos(angle) - math.sin(angle)) * 0.5 / (inertia + 0.25)
-        assert (first.mode, first.contact_states) == (Mode.PIVOTING, (LIFT, ROLL))
-        assert first.angular_acceleration == pytest.approx([0.0, 0.0, alpha])
-        expected = [-0.5 * alpha * math.cos(angle), -0.5 * alpha * math.sin(angle), 0]
-        assert first.acceleration == pytest.approx(expected)
-        assert found.uniqueness is Uniqueness.ONLY
-
-    def test_slides_over_it_without_friction(self):
-        # Along the tangent at the downstream contact: m a = F cos - W sin.
-        _, first = motion((load((0.8, 0.0)), pocket(0.5)), 0.0, np.eye(3))
-        size = 0.8 * math.cos(0.5) - math.sin(0.5)
-        assert (first.mode, first.contact_states) == (Mode.SLIDING, (LIFT, SLIDE))
-        expected = [size * math.cos(0.5), size * math.sin(0.5), 0.0]
-        assert first.acceleration == pytest.approx(expected)
-
-    def test_sphere_over_a_gap(self):
-        # Pocket of three, through the gap: turns about the line of two contacts, at height R cos below the
-        # centre and R sin cos(60) ahead of it. Moment about it, and J + m times the square of the distance.
-        sine, cosine = 1.0 / math.sqrt(3.0), math.sqrt(2.0 / 3.0)
-        _, first = motion((sphere([0.6, 0, 0])[0], ring(3, sine, 60.0)), 0.8)
-        below, ahead = 0.5 * cosine, 0.25 * sine
-        alpha = (0.6 * below - ahead) / (0.1 + below**2 + ahead**2)
-        assert (first.mode, first.contact_states) == (Mode.PIVOTING, (ROLL, LIFT, ROLL))
-        assert first.angular_acceleration == pytest.approx([0.0, alpha, 0.0], abs=1e-9)
-        assert first.acceleration == pytest.approx([alpha * below, 0.0, alpha * ahead], abs=1e-9)
-
-    def test_spins_in_place(self):
-        # Both contacts slip, see test_safety_factor: J alpha = tau - m R (N1 + N2).
-        _, first = motion((load(torque=-0.5), pocket(0.6)), 0.2, 0.1 * np.eye(3))
-        total = 1.0 / (math.cos(0.6) * (1.0 + 0.2**2))
-        assert (first.mode, first.contact_states) == (Mode.PIVOTING_AND_SLIDING, (SLIDE, SLIDE))
-        expected = [0, 0, -(0.5 - 0.2 * 0.5 * total) / 0.1]
-        assert first.angular_acceleration == pytest.approx(expected)
-
-
-class TestDifferentContacts:
-    """The paper's open mode 6(b): pivoting about one contact and sliding on another."""
-
-    def test_sphere_along_a_wall(self):
-        # Rolls on the floor along x and rubs on a wall at +y, pressed to it by P: floor friction T = J a / r^2,
-        # wall friction m P slows it and spins it about the vertical, J spin = m P r.
-        contacts = Contacts([[0, 0, -0.5], [0, 0.5, 0]], [[0, 0, -1], [0, 1, 0]])
-        _, first = motion((sphere([0.5, 0.3, 0.0])[0], contacts), 0.3)
-        a = (0.5 - 0.3 * 0.3) / (1.0 + 0.1 / 0.25)
-        assert first.mode is Mode.PIVOTING_AND_SLIDING_APART
-        assert first.contact_states == (ROLL, SLIDE)
-        assert first.acceleration == pytest.approx([a, 0.0, 0.0], abs=1e-9)
-        expected = [0.0, a / 0.5, 0.3 * 0.3 * 0.5 / 0.1]
-        assert first.angular_acceleration == pytest.approx(expected, abs=1e-9)
 
 
 class TestDegenerate:
@@ -394,6 +444,8 @@ class TestInput:
         stored = motion((load((1.0, 0.0)), pocket(0.5)), 0.5, np.eye(3))[0].to_dict()
         assert (stored["mode"], stored["uniqueness"], stored["moves"]) == ("PIVOTING", "ONLY", True)
         assert len(stored["solutions"]) == 1
+        aside = motion(sphere(torque=[0.06, -0.08, 0.0]), 0.5)[0]  # in no coordinate plane
+        assert aside.uniqueness is Uniqueness.NOT_EXCLUDED
 
 
 # Impulses at contacts obey Signorini's and Coulomb's laws, whatever the contacts.

@@ -112,13 +112,6 @@ class TestMeaning:
         assert mass == 2.0
         assert inertia == pytest.approx(0.25 * np.eye(3))
 
-    def test_space(self, case):
-        found = case(SPACE)
-        assert found.gdim == 3
-        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
-        assert found.to_contacts().areas == pytest.approx([0.1])
-        assert found.mass_and_inertia() is None
-
     @pytest.mark.parametrize(
         ("given", "matrix"),
         [
@@ -127,7 +120,10 @@ class TestMeaning:
         ],
     )
     def test_inertia_in_space(self, case, given, matrix):
-        _, inertia = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}").mass_and_inertia()
+        found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
+        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
+        assert found.to_contacts().areas == pytest.approx([0.1])
+        _, inertia = found.mass_and_inertia()
         expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
         assert inertia == pytest.approx(expected)
 
@@ -586,20 +582,6 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
     assert "verdicts.csv: was not written by incipient" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ([], "there is no case; give a case file, --batch FILE, or --forces with --grain"),
-        (["case.toml", "--batch", "cases.csv"], "leave out case.toml"),
-        (["--batch", "absent.csv"], "absent.csv: cannot be read (No such file or directory)"),
-        (["--batch", "absent.csv", "--jobs", "0"], "--jobs: is 0; give 1 or more"),
-    ],
-)
-def test_wrong_calls(options: list[str], said: str, capsys: Any) -> None:
-    assert cli.main(["judge", *options]) == 2
-    assert said in capsys.readouterr().err
-
-
 BLOCK = """
 [load]
 weight = [0.0, -1.0]
@@ -987,30 +969,6 @@ def test_a_turned_frame_changes_nothing(tmp_path: Path) -> None:
     assert factor(turned) == pytest.approx(factor(verdict(in_place())), rel=1e-5)
 
 
-def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
-    """Three of radius one in a triangle, one upon them: contacts at 1/sqrt 3 of the radius off the axis."""
-    angles, side = np.radians([0, 120, 240]), np.linspace(-1.2, 1.2, 121)
-    x, y = np.meshgrid(side, side)
-    squares = [
-        (x - np.cos(angle) * 2.0 / np.sqrt(3.0)) ** 2
-        + (y - np.sin(angle) * 2.0 / np.sqrt(3.0)) ** 2
-        for angle in angles
-    ]
-    heights = np.sqrt(np.maximum(1.0 - np.min(squares, axis=0), 0.0))
-    first = (np.arange(120)[:, None] * 121 + np.arange(120)).ravel()
-    triangles = np.vstack(
-        [np.stack([first, first + one, first + other], 1) for one, other in ((1, 122), (122, 121))]
-    )
-    points = np.stack([x, y, heights], axis=2).reshape(-1, 3)
-    trimesh.Trimesh(points, triangles, process=False).export(tmp_path / "bed.ply")
-    centre = f"body.centre=[0, 0, {np.sqrt(4.0 - 4.0 / 3.0)}]"
-    sphere = ["body.shape=sphere", "body.diameter=2", centre]
-    changes = [*SET, *sphere, "contact.tolerance=1e-3", "bed.cell=[0.02, 0.02]"]
-    points = grain_in_place(None, tmp_path / "bed.ply", changes).to_contacts().points
-    away = np.hypot(points[:, 0], points[:, 1])
-    assert away == pytest.approx(np.full(3, 1.0 / np.sqrt(3.0)), abs=1e-2)
-
-
 IN_SCENE = """
 domain = {length = 12, width = 10, height = 6}
 fluid = {reynolds = 0.1, scale = "grain"}
@@ -1121,10 +1079,16 @@ def test_a_series_that_never_moves() -> None:
         (["--forces", str(FORCES), "--density", "-1"], "--density: is -1"),
         (["--forces", str(FORCES), "--density", "1", "--bed", "flat"], "leave one of them out"),
         (["--forces", str(FORCES), "--density", "1", "--since", "9.9"], "3 samples from time 9.9"),
+        (["--batch", "cases.csv"], "leave out "),
+        (None, "there is no case; give a case file, --batch FILE, or --forces with --grain"),
+        (("--batch", "absent.csv"), "absent.csv: cannot be read (No such file or directory)"),
+        (("--batch", "absent.csv", "--jobs", "0"), "--jobs: is 0; give 1 or more"),
     ],
 )
-def test_wrong_options_are_refused(words: list[str], needs: str, capsys: Any) -> None:
-    assert main(["judge", str(BLOCK_OF_FORCES / "case.toml"), *words]) == 2
+def test_wrong_options_are_refused(words: Any, needs: str, capsys: Any) -> None:
+    """After a case in a list, alone otherwise."""
+    case = [str(BLOCK_OF_FORCES / "case.toml")] if isinstance(words, list) else []
+    assert main(["judge", *case, *(words or ())]) == 2
     assert needs in capsys.readouterr().err
 
 
