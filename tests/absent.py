@@ -60,7 +60,7 @@ OF_ESTIMATES = (
         for name in ("search", "searches", "first_mesh", "modelling", "next_mesh", "sizing")
     ),
 )
-OF_CHECKPOINTS = ("restart", "simulation.checkpointing")
+OF_CHECKPOINTS = ("restart",)
 MODULES = (
     *(*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_FREE_SURFACE, *OF_TURBULENCE),
     *(*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS),
