@@ -102,7 +102,9 @@ def test_inertia_is_left_out_where_it_is_small_beside_the_accuracy():
     """Oseen (1910): 3/16 Re of the drag. At Re 0.004 that is 0.075%, below a tenth of 1%."""
     left_out = at(0.004)
     assert not left_out.present and not left_out.forced
-    assert left_out.text() == " no  inertia: grain Re 0.004; estimated effect on drag 0.07%"
+    assert (
+        left_out.text() == " no  inertia: Re = 0.004 on grain scale; estimated effect on drag 0.07%"
+    )
     assert left_out.expected == pytest.approx(3 / 16 * 0.004)
     assert at(0.006).present
 
@@ -219,10 +221,8 @@ def test_gravity_is_left_out_where_that_is_said():
 
 def test_contact_is_left_out_where_that_is_said():
     assert effect("contact").present
-    assert (
-        effect("contact", effects=Effects(contact=False)).reason
-        == "effects.contact = false: no verdict"
-    )
+    without = effect("contact", effects=Effects(contact=False))
+    assert without.reason == "effects.contact = false; the grain rests on the bed"
 
 
 @pytest.mark.parametrize("settle", [True, False])
