@@ -11,7 +11,7 @@ from scipy.optimize import fsolve, least_squares
 import incipient
 from incipient.pictures.record import read
 from incipient.pictures.surfaces import surface_of
-from incipient.scene.file import dumps, loads
+from incipient.scene.file import loads
 from incipient.setup.base_flow import duct_mean, duct_speed
 from incipient.setup.setup import Setup
 
@@ -303,7 +303,7 @@ def test_a_stream_faster_than_long_waves_comes_to_the_level_of_its_inflow(tmp_pa
     assert np.abs(result.surface["elevations"]).max() < (1e-8 if friction else 1e-3)
 
 
-# Steady surfaces above beds with forms in space: a ridge across the channel, a bump, two ranks.
+# Steady surfaces above beds with forms in space: a ridge across the channel, a bump.
 #
 # A film on a slope over a bump of small height is compared with its linear theory, solved by collocation for each
 # Fourier mode of the bed, inertia included.
@@ -318,13 +318,6 @@ SLOW = {
     "numerics": {"error_bars": False},
     "output": {"fields": False},
 }
-RANKS = """
-import incipient, sys
-from mpi4py import MPI
-result = incipient.run(incipient.load(sys.argv[1]))
-if MPI.COMM_WORLD.rank == 0:
-    print(*result.surface["elevations"])
-"""
 ALONG = [0.0, 0.75, 1.5, 2.25, 3.0, 3.75, 4.5, 5.25, 6.0]
 
 
@@ -532,21 +525,3 @@ def test_a_film_over_a_bump_has_the_surface_of_linear_theory(tmp_path):
     doubled = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
     assert doubled.sum() == pytest.approx(LENGTH * WIDTH, rel=1e-12)  # of the half, twice
     assert np.ptp(z) == pytest.approx(np.ptp(exact), rel=0.05)
-
-
-@pytest.mark.slow
-def test_a_film_over_a_bump_on_two_ranks_is_that_on_one(mpirun, tmp_path):
-    """The bump is beside the middle, so that the whole channel is computed."""
-    scene = bump(
-        4.0,
-        place=(4.0, 1.5),
-        time={"end": 0.5, "step": 0.25},
-        numerics={"tolerance": 1e-12, "interface_tolerance": 1e-10},
-    )
-    assert not Setup(scene).symmetric
-    (tmp_path / "scene.toml").write_text(dumps(scene))
-    one = incipient.run(scene).surface["elevations"]
-    done = mpirun(2, RANKS, tmp_path / "scene.toml", timeout=300)
-    assert done.returncode == 0, done.stderr
-    two = np.array(done.stdout.split(), dtype=float)
-    assert two == pytest.approx(one, abs=1e-8 * np.abs(one).max())

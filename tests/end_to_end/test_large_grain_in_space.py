@@ -125,28 +125,6 @@ def test_error_bars_of_a_sphere():
 
 
 @pytest.mark.slow
-def test_a_sphere_on_two_ranks(mpirun, tmp_path):
-    """Loads are those of one rank."""
-    script = """
-        import incipient
-        from mpi4py import MPI
-        from incipient.scene.file import loads
-
-        found = incipient.run(loads(open({path!r}).read()))
-        if MPI.COMM_WORLD.rank == 0:
-            print(*map(repr, found.force.flow.tolist() + found.torque.flow.tolist()))
-    """
-    scene = stone(numerics=Numerics(mesh_size=7.0, error_bars=False, tolerance=1e-9))
-    (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
-    found = []
-    for ranks in (1, 2):
-        done = mpirun(ranks, textwrap.dedent(script).format(path=str(tmp_path / "scene.toml")))
-        assert done.returncode == 0, done.stderr
-        found.append([float(word) for word in done.stdout.split()])
-    assert found[1] == pytest.approx(found[0], rel=1e-8)
-
-
-@pytest.mark.slow
 def test_the_threshold_of_a_sphere_between_ridges():
     """In units of the critical flow its Reynolds number is larger and the sphere is lighter.
 
