@@ -83,38 +83,6 @@ def test_a_viscous_mode_is_of_third_order_in_space():
     assert np.log2(coarse / fine) > 3.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("viscosity", "order", "n"), [(0.01, 3, 12), (0.001, 3, 20), (0.0001, 4, 16)]
-)
-def test_frequency_and_decay_within_a_thousandth(viscosity, order, n):
-    from scipy.optimize import least_squares
-
-    mode, amplitude = Mode(viscosity, np.pi), 1e-7
-    row = next(r for r in tabulated_modes() if r["nu"] == viscosity and abs(r["k"] - np.pi) < 1e-6)
-    with tank(
-        curved_box(2, n, min(order, 3)),
-        viscosity,
-        lambda x: amplitude * np.cos(np.pi * x[:, 0]),
-        order=order,
-    ) as made:
-        made.flow(started(mode, amplitude))
-        left, told = int(np.argmin(made.points[:, 0])), []
-        # The decay by the scheme itself is (w dt)^3 w/4: a three-thousandth of that of the smallest viscosity.
-        for step in made.transient.march(4 * mode.period, 0.006 if viscosity < 0.001 else 0.01):
-            told.append((step.time, made.elevation()[left] / amplitude))
-    t, h = np.array(told)[len(told) // 4 :].T
-
-    def missed(p):
-        return np.real((p[0] + 1j * p[1]) * np.exp((p[2] + 1j * p[3]) * t)) - h
-
-    found = least_squares(
-        missed, [1, 0, mode.s.real, mode.s.imag], xtol=1e-14, ftol=1e-14, gtol=1e-14
-    ).x
-    assert found[2] == pytest.approx(row["re_s"], rel=1e-3)
-    assert found[3] == pytest.approx(row["im_s"], rel=1e-3)
-
-
 def error_in_space(n, steps):
     """The largest error, over the amplitude, of waves in two directions within a quarter of a period."""
     mode, amplitude, errors = Mode(0.05, np.sqrt(2.0) * np.pi), 1e-7, []
