@@ -216,24 +216,6 @@ def elevations(amplitude, lasting=False, columns=12, steps=200, periods=1.0, ord
 
 
 @pytest.mark.slow
-def test_the_second_order_of_a_wave_released_from_rest():
-    """The mean of both ends has even orders only; what linear and second order leave of one end is of third order."""
-    amplitudes = (0.05, 0.1)
-    t, linear = elevations(1e-5)
-    exact, largest = second_order(t), np.abs(second_order(t)).max()
-    found, rests = [], []
-    for a in amplitudes:
-        _, h = elevations(a)
-        found.append(h.mean(axis=1) / a**2)
-        rests.append(np.abs(h[:, 0] - a / 1e-5 * linear[:, 0] - a**2 * exact).max())
-    small, large = (np.abs(one - exact).max() / largest for one in found)
-    assert small < 0.02 and large < 0.05
-    # Without the fourth order; a backward difference of second order loses (2w dt)^2/3 of the phase, 0.4% of it here.
-    assert np.abs((4.0 * found[0] - found[1]) / 3.0 - exact).max() < 0.01 * largest
-    assert 2.8 < np.log2(rests[1] / rests[0]) < 3.2
-
-
-@pytest.mark.slow
 def test_the_frequency_of_a_standing_wave_of_finite_height():
     """That of third order, within a tenth of how far it is below the linear one, up to a height of 0.3 of the depth."""
 

@@ -228,20 +228,6 @@ def test_works_add_up_to_the_energy_of_the_grain(tmp_path: Path) -> None:
     assert np.abs(found["buoyancy_y"] - math.pi / 4).max() < 1e-12
 
 
-@pytest.mark.slow
-def test_a_disc_leaves_its_pocket_and_the_run_ends(tmp_path: Path) -> None:
-    """A strong shear rolls the disc over the next half-disc; the loads go on over new meshes."""
-    result = incipient.run(
-        pocket(2.0, end=10.0, until="out-of-pocket", flow__rate=4.0, time__step=0.02), tmp_path
-    )
-    stored, found = result_of(tmp_path)["trajectory"], history_of(tmp_path)
-    assert stored["ended"]["by"] == "out-of-pocket" and result.trajectory is not None
-    assert stored["on_bed"]["left_pocket"] == pytest.approx(found["time"][-1])
-    assert found["meshes"][-1] > 3 and found["x"][-1] > 3.9
-    assert found["step"].min() == pytest.approx(0.02)  # no mesh folds
-    assert max(one["change"] for one in stored["remeshings"]) < 1e-2
-
-
 @pytest.mark.parametrize("cohesion", [30.7, 37.5])
 def test_cohesion_holds_a_released_disc_as_the_judge_says(cohesion: float, tmp_path: Path) -> None:
     """Its safety factor is proportional to the cohesion, which outweighs it: 1.465 at 50, thus 1 at 34.1."""

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from incipient import load, make_plan
@@ -81,18 +80,6 @@ def test_the_plan_names_the_solver_and_says_why():
     (line,) = [line for line in plan.text().splitlines() if "linear systems" in line]
     assert plan.solver.name in line and plan.solver.reason in line
     assert plan.to_dict()["solver"] == {"name": plan.solver.name, "reason": plan.solver.reason}
-
-
-def test_heights_are_counted_along_the_last_axis():
-    """Gravity on a level bed points down, the undisturbed shear grows upwards; both have a component an axis."""
-    level = scene()
-    assert level.up == level.gdim - 1
-    assert level.gravity_vector.tolist() == [
-        -10.0 * (axis == level.up) for axis in range(level.gdim)
-    ]
-    places = np.zeros((3, 2))
-    places[level.up] = [0.5, 1.0]
-    assert Setup(level).base_flow.velocity(places, 0.0).tolist() == [[0.5, 1.0], [0.0, 0.0]]
 
 
 # -- inertia -------------------------------------------------------------------------------------------------
