@@ -81,7 +81,8 @@ class TurbulentFlow(RunPart):
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
         return replace(model, solver="direct", **eddies)
 
-    def joined(self, fluid: Fluid, before: TurbulentFlow | None = None) -> None:
+    def joined(self, fluid: Fluid) -> None:
+        """Enter a fluid on the mesh, whose model is that of `within`."""
         fluid.holding(self.fields)
         velocity, _ = ufl.split(fluid.state)
         self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
@@ -207,7 +208,7 @@ class TurbulentFlow(RunPart):
         points = space.tabulate_dof_coordinates()
         return {"turbulence": stored_field(space, points, self.in_time.past)}
 
-    def restore(self, kept: Checkpoint) -> None:
+    def resume(self, kept: Checkpoint) -> None:
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
         space = self.fields.space
