@@ -19,10 +19,22 @@ from incipient.errors import SceneError
 from incipient.scene import Scene, load
 from incipient.scene.file import loads
 from incipient.setup.setup import Setup
-from incipient.thresholds.acceleration import CriticalStrength, load_of_growth
-from incipient.thresholds.entrainment import Entrainment, Motion, find_entrainment
-from incipient.thresholds.lasting import Series, WeakestGusts, rate_of_lasting, series_of
-from incipient.thresholds.laws import Events, Gaussian, Measured
+from incipient.thresholds.entrainment import (
+    CriticalStrength,
+    Entrainment,
+    Motion,
+    find_entrainment,
+    load_of_growth,
+)
+from incipient.thresholds.laws import (
+    Events,
+    Gaussian,
+    Measured,
+    Series,
+    WeakestGusts,
+    rate_of_lasting,
+    series_of,
+)
 from incipient.thresholds.mean_flow import MeanFlow, near_wall
 
 # Motion in a fluctuating flow: the stream at a grain, its acceleration, probabilities of motion and errors.

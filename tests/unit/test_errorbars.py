@@ -1002,9 +1002,8 @@ def test_a_couple_that_vanishes_is_no_doubt() -> None:
         "flow": {"kind": "uniform"},
         "body": {"x": None, "density": None, "centre": (8.0, 8.0, 8.0)},
     }
-    plain = changed(loads(SPHERE), **keys).model_dump() | dict.fromkeys(
-        ("bed", "gravity", "contact")
-    )
+    plain = changed(loads(SPHERE), **keys).model_dump()
+    plain |= dict.fromkeys(("bed", "gravity", "contact")) | {"numerics": {}}
     with estimating(Scene(**plain)) as goals:
         assert np.linalg.norm(goals.torque) < 1e-3 * np.linalg.norm(goals.computed.force)
         assert by_dual(goals, 1.0).doubt == ""

@@ -19,6 +19,7 @@ from scipy.optimize import brentq, minimize_scalar
 from turbulent import channel, grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
+from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.modelling import SMALLEST_GAP, lessened
 from incipient.accuracy.next_mesh import (
@@ -38,7 +39,6 @@ from incipient.accuracy.next_mesh import (
 )
 from incipient.accuracy.search import LEAST_WORK, Attempt, Estimate, Search
 from incipient.accuracy.searches import COMPARED, DualWeighted, InTime
-from incipient.accuracy.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.terms import order_in_space
 from incipient.arrays import spatial
 from incipient.contact import Load
