@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays import Floats, spatial
 from ..contact.safety import safety_factor
 from ..errors import SceneError
-from ..evaluation.contact_verdict import load_of
+from ..results.contact_verdict import load_of
 from ..results.loads import Forces, Torques, named, named_torque
 from ..scene import Scene
 from ..simulation.loads import weights

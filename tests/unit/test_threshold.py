@@ -43,7 +43,6 @@ from incipient.accuracy.terms import order_in_space
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
 from incipient.errors import ConvergenceError, SceneError
-from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
@@ -54,6 +53,7 @@ from incipient.meshes.model import meshed
 from incipient.planning.layout import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Adaptation, Trial
+from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.results.quantity import as_stored
