@@ -20,7 +20,6 @@ from incipient.accuracy.errorbars import coarse_scenes
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
 from incipient.contact.verdict import judge
-from incipient.evaluation.contact_verdict import find_contacts, load_of
 from incipient.fluid import FlowModel, Prescribed
 from incipient.fluid import Fluid as FlowFluid
 from incipient.fluid.transient import LEAST, ShareOfError, Transient, of_steps
@@ -29,6 +28,7 @@ from incipient.geometry.plane import grains as grain_geometry
 from incipient.planning.discretisation import STEADY, of_steady, order_of
 from incipient.planning.effects import inertia
 from incipient.planning.plan import make_plan
+from incipient.results.contact_verdict import find_contacts, load_of
 from incipient.results.loads import Forces, Torques
 from incipient.scene import (
     Box,
