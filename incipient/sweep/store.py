@@ -7,7 +7,7 @@ lock file admits one writer.
 from __future__ import annotations
 
 import json
-import math
+import re
 import sqlite3
 from collections.abc import Container, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -131,7 +131,8 @@ class Store:
             for identity, tries, outcome in outcomes:
                 cells = {
                     "status": FAILED if outcome.result is None else DONE,
-                    "columns": _json(outcome.columns),
+                    # SQLite reads no Infinity.
+                    "columns": re.sub(r"\bInfinity\b", "9e999", json.dumps(outcome.columns)),
                     "result": outcome.result,
                     "reason": outcome.reason,
                     "wall": outcome.wall,
@@ -181,15 +182,6 @@ class Store:
         with self._reported():
             rows = [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
             return [row | {name: dict(json.loads(row[name])) for name in parsed} for row in rows]
-
-
-def _json(columns: dict[str, Any]) -> str:
-    infinite = {math.inf: "9e999", -math.inf: "-9e999"}
-    cells = (
-        f"{json.dumps(key)}: {infinite.get(cell) or json.dumps(cell)}"
-        for key, cell in columns.items()
-    )
-    return f"{{{', '.join(cells)}}}"
 
 
 def _path(*keys: str) -> str:
