@@ -1,8 +1,9 @@
 """Cases that a sweep adds: where the mode changes along a key, and where a quantity bends.
 
 One key is refined; the others make families. An interval of length h is halved while longer than the tolerance if the
-modes of its ends differ, or f[a, b, c] h^2/4, the estimated deviation from a line, is too large (f[a, b, c]: second divided difference of three neighbours of one mode). Lengths and deviations are fractions of
-the ranges. A round is complete before the next one begins, so that a killed sweep resumes with the same cases.
+modes of its ends differ, or f[a, b, c] h^2/4, the estimated deviation from a line, is too large (f[a, b, c]: second
+divided difference of three neighbours of one mode). Lengths and deviations are fractions of the ranges. A round is
+complete before the next one begins, so that a killed sweep resumes with the same cases.
 """
 
 from __future__ import annotations

@@ -125,28 +125,20 @@ class Store:
                 if retry:
                     self._base.execute(update, (WAITING, case.identity, FAILED))
 
-    def finish(self, outcomes: Sequence[tuple[str, int, CaseOutcome]]) -> None:
-        now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
+    def finish(self, identity: str, tries: int, outcome: CaseOutcome) -> None:
+        cells = vars(outcome) | {
+            "status": FAILED if outcome.result is None else DONE,
+            # SQLite reads no Infinity.
+            "columns": re.sub(r"\bInfinity\b", "9e999", json.dumps(outcome.columns)),
+            "versions": json.dumps(outcome.versions),
+            "tries": tries,
+            "finished": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
+        }
+        assigned = ", ".join(f"{name} = ?" for name in cells)
         with self._transaction():
-            for identity, tries, outcome in outcomes:
-                cells = {
-                    "status": FAILED if outcome.result is None else DONE,
-                    # SQLite reads no Infinity.
-                    "columns": re.sub(r"\bInfinity\b", "9e999", json.dumps(outcome.columns)),
-                    "result": outcome.result,
-                    "reason": outcome.reason,
-                    "wall": outcome.wall,
-                    "cpu": outcome.cpu,
-                    "peak_mib": outcome.peak_mib,
-                    "tries": tries,
-                    "finished": now,
-                    "versions": json.dumps(outcome.versions),
-                    "log": outcome.log,
-                }
-                assigned = ", ".join(f"{name} = ?" for name in cells)
-                self._base.execute(
-                    f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
-                )
+            self._base.execute(
+                f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
+            )
 
     def write_view(self) -> None:
         with self._reported():

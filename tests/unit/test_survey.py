@@ -14,7 +14,7 @@ from incipient.arrays import known_percentiles, percentile
 from incipient.errors import MissingError, SceneError
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.statics import balance
-from incipient.scene import Ellipsoid, Scene
+from incipient.scene import Ellipsoid
 from incipient.scene.file import dumps, example, loads, parse
 from incipient.survey.beds import DOWN, Spheres, _near, deposited, rolled, spheres_of
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
@@ -65,6 +65,25 @@ def on_pocket(size: float, azimuth: float = 0.0) -> Pocket:
     radii = np.append(np.full(144, 0.5), 0.5 * size)
     (found,) = pockets_of(Spheres(np.vstack([LAYER, centre]), radii, PERIOD), [144], azimuth)
     return found
+
+
+@pytest.fixture
+def swept(monkeypatch, tmp_path) -> dict[str, dict[str, object]]:
+    """Rows of a sweep by identity: loads and thresholds that grow from case to case; wide gaps fail."""
+    rows: dict[str, dict[str, object]] = {}
+
+    def sweep(scenes, *_, do, **__):
+        for scene in scenes:
+            identity, count = identity_of(scene, do), len(rows)
+            row = {"id": identity, "status": "failed" if "wide" in scene.title else "done"}
+            loads = {"force_x": 5.0 + 0.01 * count, "torque_y": 1.0}
+            threshold = {"mode": "rolling", "shields_nominal": 0.01 * (count + 1)}
+            rows.setdefault(identity, row | loads | threshold)
+
+    monkeypatch.setattr("incipient.survey.procedure.run_sweep", sweep)
+    monkeypatch.setattr("incipient.survey.procedure.rows_of", lambda _: [*rows.values()])
+    (tmp_path / "runs.sqlite").touch()
+    return rows
 
 
 def test_a_bed_too_large_for_its_grains_is_refused() -> None:
@@ -266,27 +285,15 @@ class TestFullRuns:
         assert coefficients_of([first, second], rows)[0].errors is None
 
     @pytest.mark.slow
-    def test_a_later_call_computes_what_is_new(self, monkeypatch, tmp_path):
+    def test_a_later_call_computes_what_is_new(self, swept, tmp_path):
         """Eight runs, of which one is repeated with a wider gap in vain; then one more, the others as they were."""
         pytest.importorskip("sklearn")
-        computed: dict[str, dict[str, object]] = {}
-
-        def sweep(scenes, *_, **__):
-            for scene in scenes:
-                bent = 0.01 * len(computed)
-                row = {"id": identity_of(scene, "run"), "force_x": 5.0 + bent, "torque_y": 1.0}
-                row["status"] = "failed" if "wide" in scene.title else "done"
-                computed.setdefault(row["id"], row)
-
-        monkeypatch.setattr("incipient.survey.procedure.run_sweep", sweep)
-        monkeypatch.setattr("incipient.survey.procedure.rows_of", lambda _: [*computed.values()])
-        (tmp_path / "runs.sqlite").touch()
         more = "\n[flow]\ngalileo = 20.0\n[runs]\nwith_error_bars = 1\n"
         found = []
         for number in (8, 9):
             request = asked(DEPOSITED + more, f"runs.number={number}")
             record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF).emulator
-            found.append((record.runs, record.failed, len(computed)))
+            found.append((record.runs, record.failed, len(swept)))
         assert found == [(8, 0, 9), (9, 0, 10)]
 
     def test_reynolds_numbers_spread_over_the_thresholds(self):
@@ -402,29 +409,14 @@ def test_scenes_without_poses_or_seeds_are_refused(text: str, said: str, tmp_pat
 
 
 def test_poses_of_an_earlier_call_in_the_same_place_are_not_counted(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    swept: dict[str, dict[str, object]], tmp_path: Path
 ) -> None:
     """Four poses, whose Shields numbers are 0.01 to 0.04, then the first two of them alone."""
     boxes = tmp_path / "box.toml"
     body = Ellipsoid(semi_axes=(0.6, 0.5, 0.4), x=5.0, density=2.65, settle=True)
     boxes.write_text(dumps(sphere_on_plane(body=body)))
-    computed: dict[str, dict[str, object]] = {}
-
-    def sweep(scenes: list[Scene], *_: object, **__: object) -> None:
-        for scene in scenes:
-            number = len(computed)
-            row = {"id": identity_of(scene, "threshold"), "source": scene.title, "status": "done"}
-            row |= {"mode": "rolling", "shields_nominal": 0.01 * (number + 1)}
-            computed.setdefault(str(row["id"]), row)
-
-    monkeypatch.setattr("incipient.survey.procedure.run_sweep", sweep)
-    monkeypatch.setattr("incipient.survey.procedure.rows_of", lambda file: [*computed.values()])
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "runs.sqlite").touch()
-    four, two = (
-        survey_poses(boxes, (), count, 1, tmp_path / "out", MPI.COMM_WORLD) for count in (4, 2)
-    )
-    assert four.shields == pytest.approx((0.01, 0.02, 0.03, 0.04))
+    four, two = (survey_poses(boxes, (), count, 1, tmp_path, MPI.COMM_WORLD) for count in (4, 2))
+    assert four.shields == pytest.approx((0.01, 0.02, 0.03, 0.04)) and len(swept) == 4
     assert (two.poses, two.shields) == (2, pytest.approx((0.01, 0.02)))
     assert "50% below 0.02" in four.text()
     assert "0.01, 0.02: too few for percentiles" in two.text() and "below" not in two.text()

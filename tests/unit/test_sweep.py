@@ -202,7 +202,7 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
     with Store(file, make=True) as store:
         store.add(cases)
         outcome = CaseOutcome(json.dumps({"verdict": None}), wall=2.5)
-        store.finish([(cases[0].identity, 1, outcome)])
+        store.finish(cases[0].identity, 1, outcome)
     assert main(["table", str(file)]) == 0
     head, first, second = capsys.readouterr().out.splitlines()
     places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]
@@ -247,7 +247,8 @@ def filled(path: Path, count: int = 40) -> list[dict[str, Any]]:
     """A file of cases of which `count` are done, and its table."""
     with Store(path, make=True) as store:
         store.add(CASES)
-        store.finish([(case.identity, 1, outcome(n)) for n, case in enumerate(CASES[:count])])
+        for n, case in enumerate(CASES[:count]):
+            store.finish(case.identity, 1, outcome(n))
         store.write_view()
     return rows(path)
 
@@ -264,7 +265,8 @@ def test_cases_wait_are_finished_and_wait_again_after_a_failure(tmp_path: Path) 
     path, odd = tmp_path / "sweep.sqlite", SweepCase("odd", "run", "s", ("b.0=1",), '{"b": [7]}')
     with Store(path, make=True) as store:
         store.add([*CASES[:2], odd])
-        store.finish([("case0", 1, outcome(math.inf)), ("case1", 3, CaseOutcome(reason="heavy"))])
+        store.finish("case0", 1, outcome(math.inf))
+        store.finish("case1", 3, CaseOutcome(reason="heavy"))
         store.add(CASES[:3])
         states = {"case0": DONE, "case1": FAILED, "odd": WAITING, "case2": WAITING}
         assert store.states() == states and store.keys() == ["a.x", "b.0"]
@@ -305,7 +307,7 @@ def test_a_second_writer_is_refused_and_readers_are_not(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match="another sweep writes to it; wait"):
             Store(path, make=True)
         assert len(rows(path)) == 40
-        store.finish([("case1", 1, outcome(1.0))])
+        store.finish("case1", 1, outcome(1.0))
     with Store(path, make=True) as store:
         assert store.states()["case1"] == DONE
 
@@ -501,7 +503,8 @@ def file(tmp_path: Path) -> Path:
     cases = requested([source], ["contacts.friction=0.2,0.5,0.6"], task="judge").cases()
     with Store(tmp_path / "sweep.sqlite", make=True) as store:
         store.add(cases)
-        store.finish([(case.identity, 1, computed("judge", case.text)) for case in cases[:2]])
+        for case in cases[:2]:
+            store.finish(case.identity, 1, computed("judge", case.text))
     return tmp_path / "sweep.sqlite"
 
 
