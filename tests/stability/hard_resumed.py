@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -149,17 +148,3 @@ def _difference(one: Result, other: Result) -> float:
         return float(np.linalg.norm(way)) / one.grain["size"]
     values, expected = (result.velocity.x.array for result in (one, other))
     return float(np.linalg.norm(values - expected) / np.linalg.norm(expected))
-
-
-def rows(directory: Path) -> Iterator[tuple[str, str, str]]:
-    """Case, what was found, outcome: of all cases."""
-    for name, case in CASES.items():
-        told = resumed(name, directory / str(len(name)))
-        stopped = told.stopped.partition(": ")[0]  # without the remedy
-        found = f"stops: {stopped}; kept t = {told.kept:.4g}, resumed with {', '.join(case.remedy)}"
-        of = "velocity" if case.scene == FASTER else "place"
-        yield (
-            name,
-            found,
-            f"to t = {told.end:.4g}; {of} differs by {100 * told.difference:.2g}% from the whole run's",
-        )
