@@ -50,7 +50,6 @@ PARTS = {
     ),
     "running": (
         "end_to_end/test_pictures.py",
-        "unit/test_sweep.py",
         "unit/test_sampling.py",
         "unit/test_survey.py",
         "end_to_end/test_packages.py",
