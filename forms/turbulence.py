@@ -26,7 +26,7 @@ from .terms import streamline_time
 MOST_PRODUCED = 10.0
 
 # Steps in time for which upwinding acts at most. With 4 and 16 one of a thousand random steps fails, without a bound
-# six of a thousand random states have no step; 64 and 200 have neither (tests/unit/test_turbulence*.py, slow).
+# six of a thousand random states have no step; 64 and 200 have neither (tests/unit/test_turbulence.py, slow).
 LONGEST_UPWINDING = 100
 
 

@@ -1,4 +1,4 @@
-"""The run of a scene with error bars, to a requested accuracy."""
+"""The run of a scene with its error bars, to a requested accuracy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
-from .finish import finished
+from .errorbars import finished
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint

@@ -11,6 +11,7 @@ import ufl
 from mpi4py import MPI
 
 from .. import compat
+from ..mesh.cells import NO_VERTEX, vertex_numbers
 from ..mesh.domain import Domain
 from .conditions import (
     Carried,
@@ -136,14 +137,10 @@ class Constraints:
         return conditions
 
     def _pressure_pin(self) -> Any:
-        """Zero at the node with the lowest coordinates, the same on any number of ranks."""
-        points, comm = self.space.pressure.tabulate_dof_coordinates(), self._domain.comm
-        size = comm.allreduce(float(np.abs(points).max(initial=0.0)), op=MPI.MAX)
-        # Rounded against round-off among nodes on a straight side.
-        places = np.round(points / size, 9) + 0.0
-        lowest = [tuple(places[i]) for i in np.lexsort(places.T[::-1])[:1]]
-        first = min(place for some in comm.allgather(lowest) for place in some)
-        own = np.flatnonzero((places == first).all(axis=1)).astype(np.int32)
+        """Zero at the vertex that is first in the mesh's input, the same on any number of ranks."""
+        numbers = vertex_numbers(self.space.pressure)
+        first = self._domain.comm.allreduce(int(numbers.min(initial=NO_VERTEX)), op=MPI.MIN)
+        own = np.flatnonzero(numbers == first).astype(np.int32)
         zero = dolfinx.fem.Function(self.space.pressure)
         mixed = self.space.pressure_map[own].astype(np.int32)
         return dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))

@@ -125,9 +125,7 @@ class CoupledFlow(Holder):
         conditions = [*self._conditions[0], *self._conditions[1]]
         for forms, matrices in zip(self._derivatives, self._blocks, strict=True):
             for form, matrix in zip(forms, matrices, strict=True):
-                matrix.zeroEntries()
-                petsc.assemble_matrix(matrix, form, conditions)
-                matrix.assemble()
+                compat.matrix_of(form, conditions, matrix)
 
     def correction(self) -> tuple[Floats, Floats]:
         """Changes (owned unknowns,) of flow and logarithms in a step. Raises ConvergenceError."""
@@ -135,10 +133,7 @@ class CoupledFlow(Holder):
         for vector, form, conditions in zip(
             self._vectors, self._residuals, self._conditions, strict=True
         ):
-            with vector.localForm() as local:
-                local.set(0.0)
-            petsc.assemble_vector(vector, form)
-            vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            compat.vector_of(form, vector)
             compat.set_zero(vector, conditions)
         self._rows.setArray(self._turbulence.row_factors())
         self._vectors[1].pointwiseMult(self._vectors[1], self._rows)

@@ -15,8 +15,7 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats
 from ..compat import petsc
-from ..errors import ConvergenceError
-from ..fluid import Fluid
+from ..fluid import Fluid, newton
 from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size, size_along
 from ..forms import turbulence as forms
@@ -35,9 +34,7 @@ ON_SURFACE = math.e / 16.0
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
-# Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
-CONTRACTION, SAME_RATE = 0.3, 0.3
-HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that the step is too long
+SAME_RATE = 0.3  # change of a0 of the difference in time up to which factors are kept
 LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 
@@ -278,7 +275,6 @@ class TurbulenceFields(Holder):
         self._matrix = self.holding(petsc.create_matrix(self._jacobian))
         self._vector = self.holding(petsc.assemble_vector(self._residual))
         self._correction = self.holding(self._vector.duplicate())
-        self._view = self.holding(compat.vec_view(self.state))
         return self.holding(Direct(self._matrix))
 
     @property
@@ -306,61 +302,39 @@ class TurbulenceFields(Holder):
         for function, values in zip((self._before, self._older), past, strict=False):
             function.x.array[:] = values
 
-    def step(
-        self,
-        rate: Sequence[float],
-        past: Sequence[np.ndarray],
-        tolerance: float,
-        lasting: bool = False,
-    ) -> float:
-        """Solve with dK/dt = a0 K + a1 K(1) + a2 K(2) from the present state; returns the last Newton update.
+    def step(self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float) -> float:
+        """Solve with dK/dt = a0 K + a1 K(1) + a2 K(2) from the present state; returns the error of Newton's method.
 
-        Its size is the largest of a logarithm; infinite without convergence. With `lasting` factorisations are
-        reused while updates shrink well.
+        That of a logarithm, at most; infinite without convergence. Factorisations are reused while updates shrink well.
         """
         self.solver = self.solver or self._make_solver()
-        fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
-        before = np.inf
+        fresh = abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
         self.discretise_time(rate, past)
-        for number in range(1, MOST_CORRECTIONS + 1):
-            size = self._correct(fresh)
-            if size <= tolerance:
-                return size
-            if not np.isfinite(size):
-                break
-            fresh, before = not lasting or size > CONTRACTION * before, size
-            if number >= HOPEFUL and size > TOO_LARGE:
-                break
-        self.renew_factors()
-        return float("inf")
+        report = newton.solve(self, tolerance, MOST_CORRECTIONS, fresh=fresh)
+        if not report.converged:
+            self.renew_factors()
+        return report.error if report.converged else float("inf")
 
     def renew_factors(self) -> None:
         self._rate_of_factors = np.inf
 
-    def _correct(self, fresh: bool) -> float:
-        conditions = self.conditions
+    def correction(self, fresh: bool, rtol: float | None) -> float:
+        """Subtract a Newton update (see `newton.System`); returns the largest change of a logarithm."""
         assert self.solver is not None
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, self._residual)
-        petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._view], -1.0)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        petsc.set_bc(self._vector, conditions, self._view, -1.0)
+        compat.impose(self.state.x.array, self.conditions)
+        compat.vector_of(self._residual, self._vector)
+        compat.set_zero(self._vector, self.conditions)
         if fresh:
-            self._matrix.zeroEntries()
-            petsc.assemble_matrix(self._matrix, self._jacobian, conditions)
-            self._matrix.assemble()
+            compat.matrix_of(self._jacobian, self.conditions, self._matrix)
             self._rate_of_factors = float(self.rate[0].value)
-        try:
-            self.solver.solve(self._vector, self._correction, LINEAR, fresh=fresh)
-        except ConvergenceError:  # a matrix that is singular, or not finite
-            return float("inf")
+        self.solver.solve(self._vector, self._correction, LINEAR, fresh=fresh)
         values = self._correction.array_r
-        size = self.largest(values)
+        mine = float(np.abs(values).max(initial=0.0))
+        size = self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX)
         part = min(1.0, LARGEST_CORRECTION / size) if np.isfinite(size) and size > 0.0 else 1.0
         self.state.x.array[: len(values)] -= part * values
         self.state.x.scatter_forward()
-        return size
+        return float(size)
 
     def usual_change(self, values: np.ndarray) -> float:
         """Root mean square of a change (owned unknowns,), by the weights of the nodes. Collective."""
@@ -374,9 +348,3 @@ class TurbulenceFields(Holder):
             self.domain.comm.allreduce(float((weights**2).sum())),
         )
         return float(np.sqrt(0.5 * total / count))
-
-    # -- its values -----------------------------------------------------------------------------------
-
-    def largest(self, values: np.ndarray) -> float:
-        mine = float(np.abs(values).max(initial=0.0))
-        return float(self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX))

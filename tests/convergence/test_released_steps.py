@@ -87,12 +87,3 @@ def test_contact_slip_and_rest_converge_with_the_step(tmp_path: Path) -> None:
         )
         assert after < 0.55 * before  # 0.51 and 0.50 when written
     assert (quarter.slid, quarter.rested) == pytest.approx((0.0394, 2.734), rel=2e-3)
-
-
-@pytest.mark.slow
-def test_contact_slip_and_rest_converge_with_the_cells(tmp_path: Path) -> None:
-    """Cells half as large change the way that it slid by 0.14%, and the way to its rest by 0.02%."""
-    coarse, fine = (Came.to(tmp_path / f"{size}", 0.02, size) for size in (2.0, 1.0))
-    assert coarse.touched == fine.touched
-    assert coarse.slid == pytest.approx(fine.slid, rel=3e-3)
-    assert coarse.rested - 2.5 == pytest.approx(fine.rested - 2.5, rel=1e-3)

@@ -454,8 +454,17 @@ BAD_COMMANDS = [
         5,
         "/proc/x: cannot be written: no such file or directory",
     ),
+    (["calibrate", "x.toml", "--jobs", "2"], 2, "calibrate: is retired; `incipient cost SCENE`"),
     (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
     (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
+    *(
+        ([command, CAVITY, *words], 2, f"unrecognized arguments: {says} --help")
+        for command, words, says in (
+            ("run", ["--output", "x"], "--output x (did you mean --out?); see incipient run"),
+            ("judge", ["--serise=x"], "--serise=x (did you mean --series?); see incipient judge"),
+            ("plan", ["y", "--zz"], "y --zz; see incipient plan"),
+        )
+    ),
     (["run", CAVITY, "--log-level", "loud"], 2, "argument --log-level: invalid choice: 'loud'"),
 ]
 

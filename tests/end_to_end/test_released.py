@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import csv
 import math
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Session
-from processes import SCENES as SCENE_FILES
-from processes import result_of, settings
-from test_resume import assert_same_run, history
+from processes import result_of
 
 import incipient
-from incipient.errors import Interrupted, SceneError
-from incipient.interrupt import Interruption
+from incipient.errors import SceneError
 from incipient.scene import Scene, load, loads
 
 # Whole runs of a grain that is released from its rest on the bed: it stays, rolls, slides, leaves its pocket.
@@ -233,20 +228,6 @@ def test_works_add_up_to_the_energy_of_the_grain(tmp_path: Path) -> None:
     assert np.abs(found["buoyancy_y"] - math.pi / 4).max() < 1e-12
 
 
-@pytest.mark.slow
-def test_a_disc_leaves_its_pocket_and_the_run_ends(tmp_path: Path) -> None:
-    """A strong shear rolls the disc over the next half-disc; the loads go on over new meshes."""
-    result = incipient.run(
-        pocket(2.0, end=10.0, until="out-of-pocket", flow__rate=4.0, time__step=0.02), tmp_path
-    )
-    stored, found = result_of(tmp_path)["trajectory"], history_of(tmp_path)
-    assert stored["ended"]["by"] == "out-of-pocket" and result.trajectory is not None
-    assert stored["on_bed"]["left_pocket"] == pytest.approx(found["time"][-1])
-    assert found["meshes"][-1] > 3 and found["x"][-1] > 3.9
-    assert found["step"].min() == pytest.approx(0.02)  # no mesh folds
-    assert max(one["change"] for one in stored["remeshings"]) < 1e-2
-
-
 @pytest.mark.parametrize("cohesion", [30.7, 37.5])
 def test_cohesion_holds_a_released_disc_as_the_judge_says(cohesion: float, tmp_path: Path) -> None:
     """Its safety factor is proportional to the cohesion, which outweighs it: 1.465 at 50, thus 1 at 34.1."""
@@ -355,67 +336,3 @@ def test_a_run_that_its_grain_has_ended_goes_on_only_when_asked_for_more(tmp_pat
     assert later.trajectory["on_bed"]["works"] == pytest.approx(stored["works"], abs=1e-9)
     assert later.force is not None  # at rest the contacts hold what flow, weight and buoyancy leave
     assert later.trajectory["on_bed"]["force"] == pytest.approx(-later.force.total[:2], rel=2e-3)
-
-
-# A grain that rolls out of its pocket, cut short and resumed, on one rank and on two: the same run.
-
-
-COARSE = settings(
-    numerics_mesh_size=2.5, numerics_tolerance=1e-9, numerics_interface_tolerance=1e-9
-)
-# Fifteen steps: the last checkpoint is before the end.
-SCENE = [*COARSE, *settings(time_step=0.1, time_end=1.5, output_every=5, output_checkpoint=4)]
-CUT = 8  # steps, in the middle of the gust, among meshes
-
-
-def released() -> incipient.Scene:
-    """The demo on coarse cells, halfway out of the pocket."""
-    return load(SCENE_FILES / "leaving_pocket.toml", [one for one in SCENE if one != "--set"])
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The whole run: the grain rests, rolls and slides, on several meshes."""
-    directory = tmp_path_factory.mktemp("whole")
-    incipient.run(released(), directory)
-    found = history(directory)
-    assert {"rest", "rolling"} <= set(found["mode"]) and float(found["meshes"][-1]) > 1
-    # Two steps are halved: the flow's answer to what contacts do enters the secant of the coupling. Left out of it,
-    # 15 steps suffice, but contacts then do work (test_random_releases_with_flow.py).
-    assert len(found["time"]) == 17
-    return directory
-
-
-def same(found: Path, expected: Path, rel: float) -> None:
-    """The same run, in which the grain does the same."""
-    assert_same_run(found, expected, rel)
-    assert history(found)["mode"] == history(expected)["mode"]
-    one, other = (result_of(path)["trajectory"]["on_bed"] for path in (found, expected))
-    assert one["first_motion"] == other["first_motion"]
-    assert one["works"] == pytest.approx(other["works"], rel=1e3 * rel, abs=1e3 * rel)
-
-
-@pytest.mark.slow
-def test_a_released_grain_that_was_stopped_on_its_way(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = iter([*[False] * (CUT - 1), True])
-    with monkeypatch.context() as patch, pytest.raises(Interrupted):
-        patch.setattr(Interruption, "asked", lambda self: next(asked, False))
-        incipient.run(released(), tmp_path)
-    assert len(history(tmp_path)["time"]) < len(history(whole)["time"])
-    incipient.resume(tmp_path)
-    same(tmp_path, whole, 1e-6)
-
-
-@pytest.mark.slow
-def test_a_released_grain_on_two_ranks_as_on_one(
-    whole: Path, tmp_path: Path, session: Session
-) -> None:
-    """From the start, and resumed from what one rank has left."""
-    shutil.copytree(whole, tmp_path / "resumed")
-    run = ["run", SCENE_FILES / "leaving_pocket.toml", *SCENE, "--out", "ranks"]
-    for outcome in session(2, [run, ["resume", "resumed"]], timeout=600):
-        assert outcome.codes == [0, 0], outcome.lines
-    for name in ("ranks", "resumed"):
-        same(tmp_path / name, whole, 1e-5)

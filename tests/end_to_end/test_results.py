@@ -370,7 +370,7 @@ def test_nothing_is_imported_that_the_scene_does_not_call_for(tmp_path):
     unused = (
         "contact",
         "coupled.tractions",
-        "evaluation.contact_verdict",
+        "results.contact_verdict",
         "output.xdmf",
         "pictures",
     )

@@ -144,43 +144,22 @@ def difference(found: Any, expected: Any) -> float:
     )
 
 
-CASES = pytest.mark.parametrize("gdim", [2, 3])
-MAPS = pytest.mark.parametrize(
-    ("order", "displacement"), [(1, affine), (2, affine), (2, quadratic)]
-)
-
-
-@CASES
-@MAPS
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize(("order", "displacement"), [(1, affine), (2, quadratic)])
 def test_reference_form_equals_updated_form(gdim: int, order: int, displacement: Any) -> None:
+    """The comparison is not blind: without the mesh velocity, as in the Eulerian form, the residual differs."""
     problem = make_problem(gdim, order, displacement)
     d, v_mesh, v = problem.displacement, problem.mesh_velocity, problem.velocity
     reference = problem.assembled(forms.ReferenceMap.of(d, v_mesh), v)
+    at_rest = problem.assembled(forms.ReferenceMap.of(d, 0 * v_mesh), v)
     problem.move()
-    updated = problem.assembled(forms.ReferenceMap.renewed(problem.domain.gdim), v - v_mesh)
-    d.x.array[:] = 0.0
+    renewed = forms.ReferenceMap.renewed(gdim)
+    updated, eulerian = (problem.assembled(renewed, one) for one in (v - v_mesh, v))
     assert difference(reference, updated) < ROUND_OFF
+    assert difference(at_rest, eulerian) < ROUND_OFF
+    assert difference(updated, eulerian) > 1e-3
+    d.x.array[:] = 0.0
     assert difference(problem.assembled(forms.ReferenceMap.of(d, v_mesh), v), updated) < ROUND_OFF
-
-
-@CASES
-@MAPS
-def test_reference_form_at_rest_equals_eulerian_form(
-    gdim: int, order: int, displacement: Any
-) -> None:
-    problem = make_problem(gdim, order, displacement)
-    problem.mesh_velocity.x.array[:] = 0.0
-    reference = problem.assembled(
-        forms.ReferenceMap.of(problem.displacement, problem.mesh_velocity), problem.velocity
-    )
-    problem.move()
-    assert (
-        difference(
-            reference,
-            problem.assembled(forms.ReferenceMap.renewed(problem.domain.gdim), problem.velocity),
-        )
-        < ROUND_OFF
-    )
 
 
 def test_moved_cubic_mesh_has_the_exact_area() -> None:
@@ -189,15 +168,6 @@ def test_moved_cubic_mesh_has_the_exact_area() -> None:
     problem.move()
     area = dolfinx.fem.assemble_scalar(compat.form(1.0 * ufl.dx(domain=problem.domain.mesh)))
     assert area == pytest.approx(1.11, abs=1e-14)
-
-
-def test_mesh_velocity_matters() -> None:
-    """The comparison above is not blind: without the mesh velocity the residual differs."""
-    problem = make_problem(2, 1, affine)
-    d, v_mesh, v = problem.displacement, problem.mesh_velocity, problem.velocity
-    moving, _ = problem.assembled(forms.ReferenceMap.of(d, v_mesh), v)
-    still, _ = problem.assembled(forms.ReferenceMap.of(d, 0 * v_mesh), v)
-    assert np.abs(moving - still).max() > 1e-3 * np.abs(still).max()
 
 
 def lowered(form: Any) -> Any:
@@ -252,18 +222,7 @@ def test_vorticity_of_a_linear_flow(gdim: int, expected: list[float]) -> None:
     assert values == pytest.approx(expected, abs=1e-12)
 
 
-def test_surface_traction_of_a_linear_flow() -> None:
-    """v = (y, 0), p = 2, nu = 1/4 on the upper side, n up: sigma n = (mu, -p) = (1/4, -2)."""
-    domain = unit_box(2, 2)
-    x = ufl.SpatialCoordinate(domain.mesh)
-    n = ufl.FacetNormal(domain.mesh)
-    traction = forms.surface_traction(ufl.as_vector([x[1], 0 * x[0]]), 2.0, n, 0.25, RENEWED)
-    values = [dolfinx.fem.assemble_scalar(compat.form(t * domain.measure("top"))) for t in traction]
-    assert values == pytest.approx([0.25, -2.0], abs=1e-12)
-
-
-@CASES
-@pytest.mark.parametrize("mapped", [False, True])
+@pytest.mark.parametrize(("gdim", "mapped"), [(2, True), (3, False)])
 def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapped: bool) -> None:
     """The reason for the vanishing div v in the open boundary's term: it is symmetric where v is not prescribed."""
     problem = make_problem(gdim, 1, affine)

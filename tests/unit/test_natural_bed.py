@@ -153,10 +153,6 @@ def test_a_bed_without_gusts_moves_at_its_steady_numbers(curve: ModuleType) -> N
     assert bed.shields(7.5, 0.5, lognormal=False)[0] == pytest.approx([1.0 / 22.5, 0.16], rel=1e-9)
 
 
-def test_more_gusts_than_flows_are_told(curve: ModuleType) -> None:
-    assert bed_of(curve, 0.04).shields(990.0, 0.001)[1] == 1.0
-
-
 def test_what_emulators_know_in_a_mirror(natural_bed: ModuleType, curve: ModuleType) -> None:
     """Neighbours above the centre, one at the left up the stream: n_x n_y exp(-gap/0.6) by hand, and what it hides."""
     bead = next(one for one in natural_bed.free_grains(square_bed(), 0.0) if one.protrusion > 0.5)
