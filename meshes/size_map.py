@@ -47,8 +47,7 @@ class SizeMap:
     def of(cls, region: SolidRegion, sizes: Sizes) -> SizeMap:
         frame = region.frame
         bodies = {
-            name: Body(placed, frame, region.symmetric, region.fillet)
-            for name, placed in region.holes.items()
+            name: Body(placed, frame, region.symmetric) for name, placed in region.holes.items()
         }
         return cls(region, sizes, frame, Ground(region, frame), bodies)
 
