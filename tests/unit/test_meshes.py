@@ -12,7 +12,7 @@ import gmsh
 import numpy as np
 import pytest
 import ufl
-from domains import square_in_box, square_outline, unit_box
+from domains import square_in_box, square_outline
 from mpi4py import MPI
 from scenes import SETTLED, on_bed
 from turbulent import channel, grain, inflow_at
@@ -309,15 +309,6 @@ def test_boundaries_have_names_and_lengths() -> None:
     for names, length in ((("bottom",), 2.0), (("body",), 1.2), (("bottom", "body"), 3.2)):
         form = compat.form(one * domain.measure(*names))
         assert dolfinx.fem.assemble_scalar(form) == pytest.approx(length)
-
-
-@pytest.mark.parametrize("gdim", [2, 3])
-def test_facets_lie_where_their_name_says(gdim: int) -> None:
-    domain = unit_box(gdim, 2)
-    assert domain.gdim == gdim
-    middles = dolfinx.mesh.compute_midpoints(domain.mesh, gdim - 1, domain.facets_of("top"))
-    assert middles[:, 1] == pytest.approx(np.ones(len(middles)))
-    assert len(middles) == {2: 2, 3: 8}[gdim]
 
 
 RANKS = """

@@ -333,11 +333,6 @@ def test_the_example_by_hand():
     assert answer.bed_stress == pytest.approx(0.9)
 
 
-def test_uniform_flow_has_the_stress_of_its_slope():
-    answer = incipient.flume(2e-3, depth=0.2, slope=1e-3, gravity=9.8)
-    assert answer.shear_velocity == pytest.approx(math.sqrt(9.8 * 0.2 * 1e-3))
-
-
 def test_the_mean_velocity_is_that_of_the_rough_logarithmic_law():
     """Keulegan (1938): U/u* = ln(h/k_s)/kappa + 8.5 - 1/kappa; the profile is within 0.3 of Nikuradse's."""
     answer = incipient.flume(5e-3, depth=0.5, velocity=1.0, **QUARTZ)
