@@ -92,11 +92,7 @@ class Resolved:
 
 @dataclass(frozen=True, eq=False)
 class SolidRegion:
-    """The box over `x` and `y`, above a bed and below `ceiling`, less its holes.
-
-    Valleys between the balls and the base of a bed, and between the spheres of a clump, are rounded with a fifth of the
-    smallest radius: touching balls are bridged. The surface changes only where two pieces are nearer than this.
-    """
+    """The box over `x` and `y`, above a bed and below `ceiling`, less its holes."""
 
     x: tuple[float, float]
     y: tuple[float, float]

@@ -22,7 +22,9 @@ from incipient.geometry.triangles import tree
 
 from .regions import Frame, PlacedSolid, SolidRegion
 
-FILLET = 0.2  # of the smallest radius
+# Of the smallest radius: valleys between balls, base and spheres of a clump are rounded with it, so that touching balls
+# are bridged. The surface changes only where two pieces are nearer than this.
+FILLET = 0.2
 # First triangles along a grain, a ball, a feature of a bed.
 PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
 ON_SURFACE = 1e-12  # of a length of the shape: a point so near a surface is on it
