@@ -70,6 +70,7 @@ TERRAINS = {
     "plane": Plane((0.3, -0.2), 0.1),
     "square half-balls": SphereBed.array(0.4, 1.0, "square", (0.1, 0.2), 0.3),
     "triangular overlapping half-balls": SphereBed.array(0.5, 0.8, "triangular"),
+    "balls in disorder": SphereBed.array(0.4, 1.0, "random", (0.1, 0.2), seed=3),
     "heap": SphereBed(
         [[-0.8, 0.2, 0.3], [0.5, -0.4, 0.2], [0.2, 1.1, 0.3], [1.4, 0.3, 0.1]],
         [0.9, 0.5, 0.3, 0.6],

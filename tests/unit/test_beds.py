@@ -8,7 +8,7 @@ from every_shape import BEDS, TERRAINS, dense
 from scenes import CHANNEL, message, scene
 
 from incipient.errors import SceneError
-from incipient.geometry import Arc, Curved, HeightMap, Line, Sphere, SphereBed, Spline, rest
+from incipient.geometry import Arc, Curved, HeightMap, Line, SphereBed, Spline
 from incipient.geometry import HalfDiscs as HalfDiscsBed
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry import Sinusoidal as SinusoidalBed
@@ -222,15 +222,6 @@ def test_in_space_it_is_refused():
 
 
 class TestTerrains:
-    def test_neighbours_of_the_arrays(self):
-        """Square: 4 neighbours at the spacing; triangular: 6."""
-        for arrangement, count in (("square", 4), ("triangular", 6)):
-            bed = SphereBed.array(0.5, 1.3, arrangement, (0.2, 0.1))
-            centres = bed.near((0.2, 0.1), 0.81)[1]
-            away = np.linalg.norm(centres[:, :2] - [0.2, 0.1], axis=1)
-            assert np.sort(away) == pytest.approx([0.0] + [1.3] * count)
-            assert bed.height(centres[:, :2]) == pytest.approx(0.5)
-
     def test_a_map_reproduces_its_points_and_parabolas(self):
         # Cubic convolution is exact for polynomials of second degree (Keys 1981), away from the edges.
         x, y = np.meshgrid(np.arange(8.0), 2.0 * np.arange(9.0))
@@ -353,14 +344,6 @@ def test_disorder_is_the_same_wherever_it_is_looked_at_and_keeps_spheres_apart()
     assert not np.allclose(
         whole[:5], SphereBed.array(0.5, 1.2, "random", seed=4).near((0.0, 0.0), 14.50)[1][:5]
     )
-
-
-def test_a_sphere_rests_on_disorder():
-    bed = SphereBed.array(0.5, 1.2, "random", seed=3, layers=2)
-    grain = Sphere(1.0)
-    placement = rest(grain, bed, (0.2, 0.1))
-    centres = bed.near((0.2, 0.1), 3.50)[1]
-    assert np.linalg.norm(centres - placement.centre, axis=1).min() == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(

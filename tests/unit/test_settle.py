@@ -240,7 +240,8 @@ def named(value):
 def test_a_grain_comes_to_rest(grain, bed, start, how, centre, within, count):
     found = settle(grain, bed, start, **how)
     assert not flaws(found, grain, bed, **how)
-    assert count in (None, len(found.contacts)) and found.steps < 200
+    assert count in (None, len(found.contacts))
+    assert found.steps < (600 if grain == SUPERQUADRIC else 200)
     for place, known in zip(found.placement.centre, centre, strict=False):
         assert known is None or place == pytest.approx(known, abs=within)
 
