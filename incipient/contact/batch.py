@@ -1,4 +1,4 @@
-"""Batches of contact problems; frictionless, coincident and unconverged cases are evaluated one by one."""
+"""Batches of contact problems; frictionless and unconverged cases are evaluated one by one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from incipient.contact.acceleration import MODES, Mode, ReleaseProblem, inertia_
 from incipient.contact.conic import FAILED as UNANSWERED
 from incipient.contact.conic import HELD
 from incipient.contact.friction import FrictionCone, Rows
-from incipient.contact.problem import SAME_PLACE, ContactProblem, Load
+from incipient.contact.problem import ContactProblem, Load
 from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia, judged
 from incipient.errors import ConvergenceError, SceneError, shortened
@@ -172,15 +172,9 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
     acting = cases.force + cases.torque + cases.weight
-    one, other = np.triu_indices(arms.shape[1], 1)
-    apart = np.maximum(
-        np.abs(arms[:, one] - arms[:, other]).max(axis=2) / reach[:, None],
-        np.abs(normals[:, one] - normals[:, other]).max(axis=2),
-    )
     faults = np.any([*inertia_faults(cases.mass, cases.inertia).values()], axis=0)
     unknown = np.isnan(cases.mass) & np.isnan(cases.inertia).all(axis=(1, 2))
     rules = (
-        (apart > 2.0 * SAME_PLACE).all(axis=1),
         np.isfinite(acting.sum(axis=1) + reach) & (reach > 0.0),
         (np.abs(np.linalg.norm(normals, axis=2) - 1.0) <= UNIT_TOLERANCE).all(axis=1),
         cases.law.is_usual,

@@ -412,16 +412,6 @@ def test_angle_of_repose_of_every_pocket(pocket):
     assert checked >= 45
 
 
-def test_known_angles_of_equal_spheres_that_touch():
-    """Bead and bed make a pyramid or a tetrahedron, whose faces lean by arctan(sqrt(2)) and arctan(sqrt(8))."""
-    for pocket, face in (("square", sqrt(2.0)), ("triangular", sqrt(8.0))):
-        case = case_of(pocket, 1.0, 1.0)
-        assert case is not None
-        assert angle_of(*case[:2], 1.0, 0.3)[0] == pytest.approx(
-            90.0 - degrees(atan2(face, 1.0)), abs=1e-6
-        )
-
-
 @pytest.mark.parametrize("spacing", [1.25, 1.4])
 def test_a_bead_on_the_base_plane_leans_on_two_spheres(spacing):
     """Where the spheres of a square bed stand farther apart than sqrt(1.5), an equal bead lies on the plane."""
