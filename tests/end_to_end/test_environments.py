@@ -79,6 +79,8 @@ QUICK = [  # for every run of the tests
     shell(REMOVED, "sweep", 5, "the working directory has been"),
     among("plan", 5, "TMPDIR=file: temporary files cannot be written there", TMPDIR="file"),
     among("new", PYTHONWARNINGS="error"),
+    *(streams(ends, "judge") for ends in ("<&- >&- 2>&-", "2>/dev/full")),
+    *(streams(ends, "judge", 5, FULL) for ends in (">/dev/full", ">/dev/full 2>/dev/full")),
 ]
 SLOW = [
     # what is closed, full or not read

@@ -664,6 +664,13 @@ BETWEEN = [
 
 
 BETWEEN += [
+    *(
+        (
+            {"domain": Domain(length=12, height=6, origin=corner)},
+            "domain.origin: is so large that numbers",
+        )
+        for corner in ((1e12, 0.0), (0.0, -1e15))
+    ),
     ({"domain": 3}, "domain: is 3; write a section [domain]"),
     ({"flow": DISC}, "flow.kind: is missing; use "),
     ({"fluid": CHANNEL}, "fluid: is a Domain; write a section [fluid]"),
