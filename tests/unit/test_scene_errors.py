@@ -82,7 +82,7 @@ ONE_KEY = [
     ),
     (
         lambda: Domain(length=1, height=1, origin=(1,)),
-        "Domain: origin: has 1 item; give two, as in [x, y]",
+        "Domain: origin: has 1 item; give 2 or more",
     ),
     (
         lambda: Domain(length=1, height=1, origin=(1, 2, 3)),
