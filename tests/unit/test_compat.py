@@ -10,7 +10,6 @@ import dolfinx
 import gmsh
 import numpy as np
 import pytest
-import ufl
 from domains import curved_box, rectangle, square_in_box, unit_box
 from mpi4py import MPI
 
@@ -52,14 +51,6 @@ def test_spaces_and_elements(made: Any, size: int, shape: tuple[int, ...]) -> No
     assert size_of(space) == size and dolfinx.fem.Function(space).ufl_shape == shape
 
 
-@pytest.mark.parametrize("compiler", [None, {"scalar_type": "double"}])
-def test_form(compiler: Any) -> None:
-    """The integral of x over the unit square is one half."""
-    mesh = unit_box(2, 2).mesh
-    form = compat.form(ufl.SpatialCoordinate(mesh)[0] * ufl.dx, compiler)
-    assert dolfinx.fem.assemble_scalar(form) == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_gmsh_order(order: int) -> None:
     """Nodes of a triangle in the library's order: those of the reference cell, whichever the version."""
@@ -98,13 +89,6 @@ def test_partitioner_and_add(mpirun: Any) -> None:
     assert done.stdout.count("good") == 2, done.stderr
 
 
-def test_exterior_facets() -> None:
-    mesh = unit_box(2, 3).mesh
-    middles = dolfinx.mesh.compute_midpoints(mesh, 1, compat.exterior_facets(mesh))
-    assert len(middles) == 12
-    assert np.abs(middles[:, :2] - 0.5).max(axis=1) == pytest.approx(np.full(12, 0.5))
-
-
 @pytest.mark.parametrize(("order", "per_cell"), [(1, 3), (2, 6), (3, 10)])
 def test_geometry_dofs(order: int, per_cell: int) -> None:
     """The first three nodes of a cell are its corners: their areas make up the square's."""
@@ -114,45 +98,6 @@ def test_geometry_dofs(order: int, per_cell: int) -> None:
     a, b, c = np.moveaxis(mesh.geometry.x[links[:, :3], :2], 1, 0)
     areas = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))) / 2
     assert areas.sum() == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_cell_dofs(order: int) -> None:
-    """In the space of the geometry itself, unknowns and nodes correspond through the cells."""
-    mesh = curved_box(2, 2, order).mesh
-    space = compat.function_space(mesh, compat.coordinate_element(mesh))
-    nodes, unknowns = compat.geometry_dofs(mesh), compat.cell_dofs(space)
-    assert nodes.shape == unknowns.shape
-    place = dolfinx.fem.Function(space)
-    place.interpolate(lambda x: x[:2])
-    assert place.x.array.reshape(-1, 2)[unknowns] == pytest.approx(
-        mesh.geometry.x[nodes][..., :2], abs=1e-12
-    )
-
-
-def test_interpolation_points() -> None:
-    """An expression interpolated at them gives back a polynomial of the space."""
-    mesh = unit_box(2, 2).mesh
-    space = compat.space(mesh, ("Lagrange", 2))
-    points = compat.interpolation_points(space)
-    assert points.shape == (6, 2)
-    function, x = dolfinx.fem.Function(space), ufl.SpatialCoordinate(mesh)
-    function.interpolate(dolfinx.fem.Expression(x[0] * x[1], points))
-    places = space.tabulate_dof_coordinates()
-    assert function.x.array == pytest.approx(places[:, 0] * places[:, 1], abs=1e-14)
-
-
-def test_nodes_on() -> None:
-    """On a mesh of which nothing has been asked yet: the lower side of the square has five nodes of order two."""
-    domain = unit_box(2, 2)
-    scalar = compat.space(domain.mesh, ("Lagrange", 2))
-    nodes = compat.nodes_on(scalar, domain.facets_of("bottom"))
-    places = scalar.tabulate_dof_coordinates()
-    assert sorted(nodes) == list(np.flatnonzero(places[:, 1] < 1e-12))
-    mixed = compat.mixed_element([compat.element(domain.mesh, 2), compat.element(domain.mesh, 1)])
-    first = compat.function_space(domain.mesh, mixed).sub(0)
-    pairs = compat.nodes_on((first, scalar), domain.facets_of("bottom"))
-    assert sorted(pairs[1]) == sorted(nodes)
 
 
 def test_vectors_and_conditions() -> None:

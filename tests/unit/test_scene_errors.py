@@ -82,7 +82,7 @@ ONE_KEY = [
     ),
     (
         lambda: Domain(length=1, height=1, origin=(1,)),
-        "Domain: origin: has 1 item; give two, as in [x, y]",
+        "Domain: origin: has 1 item; give 2 or more",
     ),
     (
         lambda: Domain(length=1, height=1, origin=(1, 2, 3)),
@@ -664,6 +664,13 @@ BETWEEN = [
 
 
 BETWEEN += [
+    *(
+        (
+            {"domain": Domain(length=12, height=6, origin=corner)},
+            "domain.origin: is so large that numbers",
+        )
+        for corner in ((1e12, 0.0), (0.0, -1e15))
+    ),
     ({"domain": 3}, "domain: is 3; write a section [domain]"),
     ({"flow": DISC}, "flow.kind: is missing; use "),
     ({"fluid": CHANNEL}, "fluid: is a Domain; write a section [fluid]"),
