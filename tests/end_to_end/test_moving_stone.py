@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import history_of
 from test_large_grain import stone
 from test_large_grain_in_space import stone as solid_stone
-from turbulent import balance, changes_by_new_meshes, column
+from turbulent import balance, changes_by_new_meshes
 
 import incipient
 from incipient.geometry.placement import Placement
@@ -173,16 +174,17 @@ def test_a_disc_without_mass_follows_at_every_moment(tmp_path):
     disc = Disc(diameter=0.2, centre=(1.9375, 0.25), motion="free", mass=0.0, inertia=0.0)
     time, gravity = Time(end=0.1, step=0.01, start="steady"), Gravity(acceleration=0.2)
     incipient.run(moving(0.1, 0.01, body=disc, gravity=gravity, time=time), tmp_path)
-    load = np.array([column(tmp_path, name) for name in ("force_x", "force_y", "torque")])
+    found = history_of(tmp_path)
+    load = np.array([found[name] for name in ("force_x", "force_y", "torque")])
     buoyancy = 0.2 * 0.01 * np.pi
     assert load == pytest.approx(
         np.outer([0.0, -1.0, 0.0], np.full(10, buoyancy)), abs=1e-3 * buoyancy
     )
-    assert column(tmp_path, "interface").max() <= 6
+    assert found["interface"].max() <= 6
     for name in ("velocity_x", "velocity_y"):
-        gained = np.diff(column(tmp_path, name))
+        gained = np.diff(found[name])
         assert np.abs(np.diff(gained)).max() < 0.1 * np.abs(gained).max()
-    spin = column(tmp_path, "spin")
+    spin = found["spin"]
     assert np.abs(np.diff(spin, 2)).max() < 0.01 * np.abs(spin).max()
 
 

@@ -9,7 +9,6 @@ them, by which it comes before the largest velocity.
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from functools import cache
@@ -22,6 +21,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from scenes import history_of
 from test_moving_grain import OF_SPHERE, of_disc
 from test_released import POCKET
 
@@ -55,13 +55,10 @@ def scene(motion: str, gravity: float) -> Scene:
     return Scene(**plain, time={"end": 1.25, "step": 0.025})
 
 
-def history(one: Scene) -> tuple[Result, dict[str, list[str]]]:
+def history(one: Scene) -> tuple[Result, Any]:
     """A run and its columns."""
     with TemporaryDirectory() as place:
-        result = incipient.run(one, Path(place) / "run")
-        with (Path(place) / "run/history.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-    return result, {name: [row[name] for row in rows] for name in rows[0]}
+        return incipient.run(one, Path(place) / "run"), history_of(Path(place) / "run")
 
 
 @cache
@@ -72,10 +69,7 @@ def threshold() -> tuple[float, float]:
     """
     held = scene("fixed", 10.0)
     _, found = history(held)
-    time, along, up, couple = (
-        np.array([float(one) for one in found[name]])
-        for name in ("time", "force_x", "force_y", "torque")
-    )
+    time, along, up, couple = (found[name] for name in ("time", "force_x", "force_y", "torque"))
     placement = Setup(held).geometry.stance.placement
     assert placement is not None
     reach = math.hypot(BESIDE, placement.centre[1])
@@ -105,7 +99,7 @@ def test_a_disc_in_a_flow_to_and_fro_rolls_from_where_the_torques_say(
     first = result.trajectory["on_bed"]["first_motion"]
     assert (first is not None) == moves
     assert set(found["mode"]) == ({"rest", "rolling"} if moves else {"rest"})
-    assert max(map(float, found["slip"])) < 1e-9
+    assert found["slip"].max() < 1e-9
     assert not moves or first == pytest.approx(when, abs=0.05)
 
 
