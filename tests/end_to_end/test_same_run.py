@@ -88,10 +88,15 @@ CASES = {
         *(GRAIN, 0.8, 1e-6, 1e-5, 1),
     ),
     "disc by k-omega SST": Case(
-        lambda: over_waves(0.1, 0.02, 0.9995), ("x", "torque", "y_plus_max"), 0.06, 1e-10, None, 3
+        lambda: over_waves(0.1, 0.02, "rest", 0.9995),
+        ("x", "torque", "y_plus_max"),
+        0.06,
+        1e-10,
+        None,
+        3,
     ),
     "free disc by k-omega SST": Case(
-        lambda: over_waves(0.1, 0.02, 0.99995, motion="free", density=0.5),
+        lambda: over_waves(0.1, 0.02, "rest", 0.99995, motion="free", density=0.5),
         *(GRAIN[1:5], 0.06, None, 1e-5, 3),
     ),
     "disc by k-epsilon": Case(
