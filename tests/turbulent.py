@@ -1,12 +1,13 @@
 """Turbulent channels that tests share, and what they look at in runs of grains that move there."""
 
-import csv
-
 import dolfinx
 import numpy as np
+import pytest
 import ufl
 from mpi4py import MPI
+from scenes import history_of
 
+import incipient
 from incipient import compat
 from incipient.forms.turbulence import KEpsilon
 from incipient.scene import (
@@ -109,7 +110,7 @@ def changes_by_new_meshes(directory, run_of, from_row):
     for number, finer in enumerate((1.0, 1.0, 0.5**0.5)):
         run_of(number == 1, finer, directory / str(number))
         names = ("velocity_x", "velocity_y", "force_x", "force_y", "meshes")
-        ends.append([column(directory / str(number), name)[from_row:] for name in names])
+        ends.append([history_of(directory / str(number))[name][from_row:] for name in names])
     (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
     changed, wrong = (np.abs(np.subtract(these, one)) for these in (many, fine))
     found = [np.array([of[:2].max(), of[2:].max()]) for of in (changed, wrong)]
@@ -117,7 +118,11 @@ def changes_by_new_meshes(directory, run_of, from_row):
     return *found, meshes[-1]
 
 
-def column(directory, name):
-    """A column of a run's history."""
-    with (directory / "history.csv").open(newline="") as file:
-        return np.array([float(row[name]) for row in csv.DictReader(file)])
+def resumed_and_whole(until, ends, directory, names):
+    """Columns of a run kept at the first of two ends and resumed to the last, and of the whole one, with new meshes."""
+    whole = incipient.run(until(ends[1]), directory / "whole")
+    incipient.run(until(ends[0]), directory / "cut")
+    resumed = incipient.resume(directory / "cut", [f"time.end={ends[1]!r}"])
+    assert len(whole.trajectory["remeshings"]) >= 3
+    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
+    return [[history_of(directory / run)[name] for name in names] for run in ("cut", "whole")]

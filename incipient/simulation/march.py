@@ -190,15 +190,16 @@ class March:
                 motion = MeshMotion(made)
                 # A surface begins on the mesh as made, which the grain then moves.
                 above = [] if surface is None else [surface.on(fluid, motion)]
-                moving = [grain.on(fluid, motion), *above]
+                moving: list[Any] = [grain.on(fluid, motion), *above]
                 coupling = self._coupled(fluid, moving, motion)
                 now = Past(old.time, old.state.x.array, np.empty(0))
                 (_, *past), done = carry_over(before, coupling, [now, *transient.past])
             except IncipientError:
                 fluid.destroy()
                 raise
-            self.coupling, interface = coupling, coupling
-            if eddies is not None:
+            interface: Interface = coupling
+            self.coupling = coupling
+            if eddies is not None and turbulence is not None:
                 interface = eddies.around(coupling)
                 eddies.carry_over(turbulence)
             transient.continue_on(fluid, interface, past)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import tomli_w
 from numpy.polynomial import Chebyshev
+from scenes import history_of
 from scipy.interpolate import RectBivariateSpline
 from scipy.linalg import eig
 from scipy.optimize import fsolve
@@ -51,7 +52,7 @@ fields = false
 
 def amplitudes(directory, frequency, stations, last):
     """Complex amplitudes (n,) at the stations of what oscillates with exp(i w t), from the last few periods."""
-    history = np.genfromtxt(directory / "history.csv", delimiter=",", names=True)
+    history = history_of(directory)
     late = history["time"] > history["time"][-1] - last * 2 * np.pi / frequency + 1e-9
     w, t = frequency, history["time"][late]
     waves = [f(n * w * t) for n in (1, 2) for f in (np.cos, np.sin)]
@@ -164,7 +165,7 @@ def test_a_hump_is_washed_out_of_a_fast_stream_of_low_viscosity(tmp_path):
         step=0.1,
     ).replace("stations =", 'elevation = "0.05*exp(-(x - 3)**2/0.3)"\nstations =')
     incipient.run(loads(scene), tmp_path)
-    history = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    history = history_of(tmp_path)
     late = [history[f"elevation_{n}"][history["time"] > 8.0] for n in range(1, 6)]
     assert np.abs(late).max() < 0.3 * 0.05
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
+from scenes import history_of
 
 import incipient
 from incipient.scene import loads
@@ -62,12 +61,8 @@ class Came:
     def to(cls, directory: Path, step: float, mesh_size: float = 2.0) -> Came:
         """What a run with steps and cells finds."""
         incipient.run(loads(SCENE.format(step=step, mesh_size=mesh_size)), directory)
-        with (directory / "history.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        time, length, contacts, slip, x = (
-            np.array([float(row[name]) for row in rows])
-            for name in ("time", "step", "contacts", "slip", "x")
-        )
+        names = ("time", "step", "contacts", "slip", "x")
+        time, length, contacts, slip, x = (history_of(directory)[name] for name in names)
         return cls(float(time[contacts > 0][0]), float((slip * length).sum()), float(x[-1]))
 
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from scenes import TANK
+from scenes import TANK, history_of
 
 import incipient
 from incipient.errors import ConvergenceError, IncipientError, SceneError
@@ -37,12 +37,6 @@ WITH_GRAIN = (
     .replace("mesh_size = 6.0", "mesh_size = 4.0\nerror_bars = false")
     .replace("[output]", "[contact]\nfriction = 0.5\n[output]")
 )
-
-
-def history_of(directory):
-    return np.genfromtxt(
-        directory / "history.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
-    )
 
 
 def changed(text, **sections):

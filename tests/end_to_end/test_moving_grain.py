@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from between_walls import drag
 from processes import result_of
+from scenes import history_of
 from test_released import incline
 from test_released_sphere import rolling
 
@@ -34,18 +34,10 @@ from incipient.scene import (
 # Whole runs with a grain that moves: known drags, energy, new meshes on the way, ranks.
 
 
-Columns = dict[str, Any]
 LOADS_AND_VELOCITIES = ("force_x", "force_y", "torque", "velocity_x", "velocity_y", "spin")
 
 
-def history_of(directory: Path) -> Columns:
-    """The columns of a run's history."""
-    with (directory / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {name: np.array([float(row[name] or np.nan) for row in rows]) for name in rows[0]}
-
-
-def history(scene: Scene, directory: Path) -> Columns:
+def history(scene: Scene, directory: Path) -> Any:
     incipient.run(scene, directory)
     return history_of(directory)
 
@@ -154,7 +146,7 @@ def test_a_grain_that_is_set_off_at_once_gets_new_meshes_from_its_first_step_on(
 ) -> None:
     """In a fluid at rest, which on the new mesh is at rest, too; the path is that without new meshes."""
 
-    def thrown(remesh_below: float) -> Columns:
+    def thrown(remesh_below: float) -> Any:
         scene = settling(
             2.0,
             body=Disc(
@@ -197,7 +189,7 @@ def test_ten_new_meshes_leave_no_jump(tmp_path: Path) -> None:
     takes what a transfer changes for an error in time, and lets the algebra err by more than the transfer does.
     """
 
-    def carried(name: str, mesh_size: float, remesh_below: float) -> Columns:
+    def carried(name: str, mesh_size: float, remesh_below: float) -> Any:
         scene = carried_in_a_cavity(mesh_size=mesh_size, remesh_below=remesh_below, tolerance=1e-9)
         return history(scene, tmp_path / name)
 
@@ -373,8 +365,7 @@ def started(scene: Scene, turning: float, directory: Path) -> float:
     plain["contact"] = {"friction": 10.0 if turning else 0.0, "gap": GAP}
     plain["time"] = {"end": STEP_OF_ADDED_MASS, "step": STEP_OF_ADDED_MASS}
     incipient.run(Scene(**plain), directory)
-    with (directory / "history.csv").open(newline="") as file:
-        (row,) = csv.DictReader(file)
+    (row,) = history_of(directory)
     # Without friction only the viscous torque turns a grain: the sphere, but the disc by less than counts.
     assert (
         row["mode"] == "rolling" if turning else row["mode"] in ("sliding", "pivoting and sliding")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from environment import environment, finished
 from numpy.typing import NDArray
+from scenes import history_of
 
 import incipient
 from incipient.geometry.placement import Placement, rotation_by
@@ -68,10 +69,6 @@ def through_a_new_mesh() -> Scene:
         numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **exactly),
         output=Output(fields=False),
     )
-
-
-def history_of(directory: Path) -> NDArray[Any]:
-    return np.genfromtxt(directory / "history.csv", delimiter=",", names=True)
 
 
 def angles(history: NDArray[Any]) -> NDArray[np.float64]:

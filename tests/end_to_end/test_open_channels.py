@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from scenes import history_of
 from scipy.integrate import solve_ivp
-from test_free_surface import history_of
 
 import incipient
 from incipient.cli import main

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from processes import result_of
+from scenes import history_of
 
 import incipient
 from incipient.errors import SceneError
@@ -102,17 +103,6 @@ def incline(**given: float) -> Scene:
     return loads(INCLINE.format(**asked, middle=0.5 * asked["length"]))
 
 
-def history_of(directory: Path) -> dict[str, Any]:
-    """Columns of numbers of a history, and of names."""
-    with (directory / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
-    return {
-        name: values if name == "mode" else np.array([float(one or np.nan) for one in values])
-        for name, values in columns.items()
-    }
-
-
 def weight_along(scene: Scene) -> float:
     """Weight less buoyancy along the slope of an incline."""
     assert scene.density is not None
@@ -202,7 +192,7 @@ def test_a_grain_that_no_flow_can_move_takes_no_iteration(tmp_path: Path) -> Non
     """
     incipient.run(pocket(20.0), tmp_path)
     found = history_of(tmp_path)
-    assert found["mode"] == ["rest"] * len(found["mode"]) and found["contacts"][-1] == 2
+    assert set(found["mode"]) == {"rest"} and found["contacts"][-1] == 2
     assert np.abs(found["y"] - found["y"][0]).max() == 0.0 and found["interface"].max() == 0.0
     for axis in "xy":
         forces = [found[f"{name}_{axis}"] for name in ("force", "contact", "weight", "buoyancy")]
@@ -259,7 +249,7 @@ def test_a_stone_in_a_turbulent_stream_rests_or_rolls_as_the_judge_says(tmp_path
     assert 3.0 / 10.0 * factor < 0.9
     incipient.run(turbulent(3.0, 0.06, 0.02), tmp_path / "rolls")
     found = history_of(tmp_path / "rolls")
-    assert found["mode"] == ["rolling"] * 3
+    assert found["mode"].tolist() == ["rolling"] * 3
     works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
     assert works == pytest.approx(found["energy_body"], rel=2e-3)
     assert (found["y_plus_max"] > 30.0).all()

@@ -16,7 +16,7 @@ from test_large_grain import stone
 from test_large_grain_in_space import stone as ball_on_bed
 from test_moving_grain import carried_in_a_cavity
 from test_moving_in_space import through_a_new_mesh
-from test_moving_stone import ball, moving, over_waves
+from test_moving_stone import moving, over_waves
 from test_open_channels import SHORT
 from test_resume import history
 
@@ -88,19 +88,20 @@ CASES = {
         *(GRAIN, 0.8, 1e-6, 1e-5, 1),
     ),
     "disc by k-omega SST": Case(
-        lambda: over_waves(0.1, 0.02, 0.9995), ("x", "torque", "y_plus_max"), 0.06, 1e-10, None, 3
+        lambda: over_waves(0.1, 0.02, "rest", 0.9995),
+        ("x", "torque", "y_plus_max"),
+        0.06,
+        1e-10,
+        None,
+        3,
     ),
     "free disc by k-omega SST": Case(
-        lambda: over_waves(0.1, 0.02, 0.99995, motion="free", density=0.5),
+        lambda: over_waves(0.1, 0.02, "rest", 0.99995, motion="free", density=0.5),
         *(GRAIN[1:5], 0.06, None, 1e-5, 3),
     ),
     "disc by k-epsilon": Case(
         lambda: moving(5e-3, 1e-3, remesh_below=0.998),
         *((*GRAIN[:5], "y_plus_max", "meshes"), 3e-3, 1e-10, 1e-6, 3),
-    ),
-    "sphere by k-epsilon": Case(
-        lambda: ball(5e-3, 1e-3),
-        *((*GRAIN[:2], "y_plus_max", "meshes"), 3e-3, 1e-10, None, 3),
     ),
     "held disc by k-epsilon": Case(
         lambda: stone(time=Time(end=3e-3, step=2.5e-4)), ("force_x", "force_y"), 1.5e-3, 1e-12

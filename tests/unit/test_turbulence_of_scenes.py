@@ -291,23 +291,21 @@ def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_it
     assert 2.0 * once < faster < 4.0 * once
 
 
-def test_the_law_of_the_wall():
-    """u+ = ln(y+)/0.41 + 5.2; on rough walls ln(y/k_s)/0.41 + 8.5 (Nikuradse 1933); u* from the speed and back."""
-    smooth, rough = WallLaw(), WallLaw(roughness=0.2)
-    assert smooth.velocity(1.0, 0.01, 1.0) == pytest.approx(np.log(100) / 0.41 + 5.2)
-    assert rough.velocity(1.0, 1e-5, 1.0) == pytest.approx(np.log(5) / 0.41 + 8.5, rel=1e-12)
-    for law in (smooth, rough, WallLaw(roughness=1e-3)):
-        speeds = np.array([0.3, 1.0, 30.0])
-        found = law.shear_velocity(speeds, 1e-4, 0.3)
-        assert found * law.velocity(found, 1e-4, 0.3) == pytest.approx(speeds, rel=1e-7)
+def test_the_law_of_the_wall_between_smooth_and_rough_is_nikuradse_s():
+    """As `tests/one_dimensional.py` has it from the source: sand is not felt up to u* k/nu of 2.25, rough from 90.
 
-
-def test_between_smooth_and_rough_walls_the_law_is_nikuradse_s():
-    """As `tests/one_dimensional.py` has it from the source: sand is not felt up to u* k/nu of 2.25, rough from 90."""
+    u+ = ln(y+)/0.41 + 5.2, on rough walls ln(y/k_s)/0.41 + 8.5 (Nikuradse 1933); u* from the speed and back.
+    """
     sand = np.array([1.0, 2.25, 5.0, 20.0, 60.0, 90.0, 1000.0])
-    found = [float(WallLaw(roughness=1e-3 * one).velocity(1.0, 1e-3, 2.0)) for one in sand]
+    laws = [WallLaw(roughness=1e-3 * one) for one in sand]
+    found = [float(law.velocity(1.0, 1e-3, 2.0)) for law in laws]
     assert found == pytest.approx([float(law_of_the_wall(2000.0, one)) for one in sand], abs=2e-3)
     assert found[1] == pytest.approx(np.log(2000.0) / 0.41 + 5.2)
+    assert found[-1] == pytest.approx(np.log(2.0) / 0.41 + 8.5)
+    speeds = np.array([0.3, 1.0, 30.0])
+    for law in laws[::3]:
+        u = law.shear_velocity(speeds, 1e-4, 0.3)
+        assert u * law.velocity(u, 1e-4, 0.3) == pytest.approx(speeds, rel=1e-7)
 
 
 def test_in_the_viscous_sublayer_friction_is_that_of_a_linear_profile():
