@@ -207,7 +207,7 @@ from mpi4py import MPI
 import dolfinx
 from domains import unit_box
 from incipient import compat
-from incipient.mesh.sampling import sample
+from incipient.mesh.sampling import cells_between, sample
 
 mesh = unit_box(2, 4).mesh
 function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", 2), (2,)))
