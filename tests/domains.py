@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ import dolfinx
 import gmsh
 import numpy as np
 
+from incipient import compat
 from incipient.arrays import Point
 from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
@@ -39,18 +41,23 @@ def unit_box(gdim: int, n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
         return build(comm, partial(meshed, rectangle((0.0, 0.0), 1.0, 1.0, n, n)))
     # Every tetrahedron has an inner edge, without which its pressure would be undetermined; gmsh's have not.
     mesh = dolfinx.mesh.create_unit_cube(comm, n, n, n)
-    places = [(axis, value) for axis in range(3) for value in (0.0, 1.0)]
-    found = [
-        dolfinx.mesh.locate_entities_boundary(
-            mesh, 2, lambda x, axis=axis, value=value: np.isclose(x[axis], value)
+    planes = {name: (k // 2, float(k % 2)) for k, name in enumerate(SIDES)}
+    return named_by_planes(mesh, planes)
+
+
+def named_by_planes(mesh: Any, planes: Mapping[str, tuple[int, float]], rest: str = "") -> Domain:
+    """Boundaries named by the axis and the place of the plane in which they lie; what is left is the `rest`."""
+    facets, dimension = compat.exterior_facets(mesh), mesh.topology.dim - 1
+    tags = np.full(len(facets), len(planes) + 1, dtype=np.int32)
+    for tag, (axis, place) in enumerate(planes.values(), start=1):
+        there = dolfinx.mesh.locate_entities_boundary(
+            mesh, dimension, lambda x, axis=axis, place=place: np.isclose(x[axis], place, atol=1e-9)
         )
-        for axis, value in places
-    ]
-    facets = np.concatenate(found)
-    tags = np.repeat(np.arange(1, 7, dtype=np.int32), [len(f) for f in found])
+        tags[np.isin(facets, there)] = tag
+    names = {name: tag for tag, name in enumerate((*planes, *filter(None, [rest])), start=1)}
     order = np.argsort(facets)
-    names = {name: tag for tag, name in enumerate(SIDES, start=1)}
-    return Domain(mesh, dolfinx.mesh.meshtags(mesh, 2, facets[order], tags[order]), names)
+    tagged = facets[order].astype(np.int32), tags[order]
+    return Domain(mesh, dolfinx.mesh.meshtags(mesh, dimension, *tagged), names)
 
 
 def curved_box(gdim: int, n: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:

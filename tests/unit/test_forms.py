@@ -103,6 +103,9 @@ class Problem:
         cells = stokes((v, p, w, q), viscosity, reference_map)
         cells += terms.inertia(rate, w, reference_map) + terms.body_force(force, w, reference_map)
         cells += terms.convection(v, carrier, w, reference_map)
+        if len(v) == 2:  # in space it takes long to compile
+            size = abs(ufl.JacobianDeterminant(mesh)) ** 0.5
+            cells += terms.grad_div(v, carrier, w, viscosity, size, reference_map)
         dx = ufl.Measure("dx", domain=mesh, metadata=QUADRATURE)
         open_end = terms.open_boundary(v, w, ufl.FacetNormal(mesh), viscosity, reference_map)
         return cells * dx + open_end * sides(metadata=QUADRATURE)

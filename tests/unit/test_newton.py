@@ -21,7 +21,6 @@ from incipient.fluid.derived import measured_cell_reynolds
 from incipient.fluid.newton import NewtonReport
 from incipient.fluid.steady import TOLERANCE_ON_THE_WAY
 from incipient.fluid.transient import Transient, backward_difference
-from incipient.forms import ReferenceMap, terms
 from incipient.planning.discretisation import COARSE, cell_reynolds, largest_peclet
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
@@ -300,28 +299,6 @@ def test_an_absent_term_is_not_in_the_form(on: bool, inertia: bool) -> None:
     with fluid(on, inertia=inertia) as found:
         form = found.residual_form(*ufl.TestFunctions(found.space.mixed))
     assert "JacobianDeterminant" not in str(form.integrals()[0].integrand())
-
-
-def test_a_reference_map_gives_what_the_moved_mesh_gives() -> None:
-    """x = 2 X: the integral over the map's domain and that over a domain twice as large."""
-    values = []
-    for scale in (1.0, 2.0):
-        domain = unit_box(2, 3)
-        mesh = domain.mesh
-        mesh.geometry.x[:] *= scale
-        x = ufl.SpatialCoordinate(mesh)
-        still = ufl.as_vector([0.0 * x[0], 0.0 * x[0]])
-        mapped = ReferenceMap.of(x, still) if scale == 1.0 else ReferenceMap.renewed(2)
-        place = (3.0 - scale) * x
-        v = ufl.as_vector([place[0] ** 2, place[1]])
-        size = abs(ufl.JacobianDeterminant(mesh)) ** 0.5
-        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 8})
-        values.append(
-            dolfinx.fem.assemble_scalar(
-                compat.form(terms.grad_div(v, v, v, 0.01, size, mapped) * dx)
-            )
-        )
-    assert values[0] == pytest.approx(values[1], rel=1e-12)
 
 
 @pytest.mark.parametrize(

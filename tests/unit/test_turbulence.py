@@ -8,6 +8,7 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
+from domains import rectangle as grid
 from domains import ring, unit_box
 from floating import Floating, box_around
 from moving import RandomMotion, Steps
@@ -33,10 +34,11 @@ from incipient.forms.k_omega_sst import BETA_STAR as SST_BETA_STAR
 from incipient.forms.k_omega_sst import EXPONENT, KOmegaSST
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc
-from incipient.mesh.domain import Domain
+from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
+from incipient.meshes.model import meshed
 from incipient.planning.wall_conditions import UFL
 from incipient.results.wall_report import WallReport
 from incipient.turbulence.coupled_flow import half_where_reversed
@@ -53,26 +55,11 @@ KAPPA = np.sqrt(1.3 * (1.92 - 1.44) * np.sqrt(0.09))
 BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds far from walls
 
 
-def rectangle(low, high, cells, names=("bottom", "right", "top", "left")):
-    """A rectangle of triangles with named sides."""
-    kind = dolfinx.mesh.CellType.triangle
-    mesh = dolfinx.mesh.create_rectangle(
-        MPI.COMM_SELF, [np.array(low), np.array(high)], cells, kind
-    )
-    sides = ((1, low[1]), (0, high[0]), (1, high[1]), (0, low[0]))
-    found = [
-        dolfinx.mesh.locate_entities_boundary(
-            mesh, 1, lambda x, a=axis, p=place: np.isclose(x[a], p)
-        )
-        for axis, place in sides
-    ]
-    facets = np.concatenate(found).astype(np.int32)
-    tags = np.repeat(np.arange(1, 5, dtype=np.int32), [len(one) for one in found])
-    order = np.argsort(facets)
-    return Domain(
-        mesh,
-        dolfinx.mesh.meshtags(mesh, 1, facets[order], tags[order]),
-        dict(zip(names, range(1, 5), strict=True)),
+def rectangle(low, high, cells):
+    """A rectangle of triangles with the sides "left", "right", "bottom" and "top"."""
+    sizes = np.subtract(high, low)
+    return build(
+        MPI.COMM_SELF, partial(meshed, grid(tuple(map(float, low)), *map(float, sizes), *cells))
     )
 
 
