@@ -45,7 +45,8 @@ ROUGH = {"wall": "rough", "roughness": 0.01}
 
 def channel(reynolds, length=6.0, mesh_size=1.0, **changes):
     """An open channel of depth 1 by k-omega SST."""
-    return stream(reynolds, Domain(length=length, height=1.0), mesh_size, **changes)
+    domain = changes.pop("domain", Domain(length=length, height=1.0))
+    return stream(reynolds, domain, mesh_size, **changes)
 
 
 @pytest.mark.slow
