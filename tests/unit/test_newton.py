@@ -477,21 +477,15 @@ def test_error_is_told_once_there_is_history(fluid_in_time: Fluid) -> None:
 # -- failure ------------------------------------------------------------------------------------
 
 
-def test_failing_step_is_halved_until_it_converges(fluid_in_time: Fluid) -> None:
-    Failing(fluid_in_time, longest=0.1)
-    step = Transient(fluid_in_time).advance(0.5)
-    assert (step.rejected, step.length) == (3, 0.0625)
-    assert fluid_in_time.time == 0.0625
-    assert np.isfinite(fluid_in_time.state.x.array).all()
-
-
-def test_steps_grow_again_after_one_that_was_halved(fluid_in_time: Fluid) -> None:
+def test_steps_are_halved_until_they_converge_and_grow_again(fluid_in_time: Fluid) -> None:
     """The full length at once would be four times the halved one, beyond 2.4, where second order is unstable."""
     failing = Failing(fluid_in_time, longest=0.03)
     steps = Transient(fluid_in_time).march(1.0, 0.1)
-    lengths = [next(steps).length]
+    first = next(steps)
+    assert (first.rejected, fluid_in_time.time) == (2, 0.025)
+    assert np.isfinite(fluid_in_time.state.x.array).all()
     fluid_in_time.solve = failing.solve  # type: ignore[method-assign]
-    lengths += [step.length for step in steps]
+    lengths = [first.length, *(step.length for step in steps)]
     assert lengths[:7] == pytest.approx([0.025 * 1.25**n for n in range(7)])
     assert max(lengths) == pytest.approx(0.1) and sum(lengths) == pytest.approx(1.0)
 

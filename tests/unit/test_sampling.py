@@ -71,20 +71,32 @@ def test_points_between_a_curved_side_and_its_chord(order: int) -> None:
     assert not locator.inside(np.vstack([left - away, right + away])).located.any()
 
 
-@pytest.mark.parametrize(("gdim", "order"), [(2, 1), (2, 2), (2, 3), (3, 1), (3, 2)])
-def test_reference_coordinates_map_back(gdim: int, order: int) -> None:
+@pytest.mark.parametrize(
+    ("gdim", "bend", "order"),
+    [(2, 1, 2), (2, 2, 3), (2, 2, 4), (2, 3, 2), (3, 1, 3), (3, 2, 2), (3, 2, 4)],
+)
+def test_reference_coordinates_map_back_and_values_are_the_librarys(
+    gdim: int, bend: int, order: int
+) -> None:
     """Of points in all cells of a bent box, whether or not the straight cells hold them.
 
-    Tetrahedra are drawn with edges of order two at most.
+    Random coefficients, so that every node counts, in cells turned in all ways. Tetrahedra are drawn with edges of
+    order two at most.
     """
-    mesh = bent_box(gdim, 3, order) if order > 1 else unit_box(gdim, 3).mesh
-    inner = np.random.default_rng(2).dirichlet(np.ones(gdim + 1), 400)[:, 1:]
+    mesh = bent_box(gdim, 3, bend) if bend > 1 else unit_box(gdim, 3).mesh
+    random = np.random.default_rng(2)
+    inner = random.dirichlet(np.ones(gdim + 1), 400)[:, 1:]
     cells = np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 400)
     points = Locator(mesh).mapped(inner, cells)
     places = Locator(mesh).inside(points)
     assert (places.cells == cells).all()
     assert places.reference == pytest.approx(inner, abs=1e-10)
     assert places_again(mesh, places) == pytest.approx(points, abs=1e-12)
+    function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order), (gdim,)))
+    function.x.array[:] = random.standard_normal(len(function.x.array))
+    spatial = np.pad(points, ((0, 0), (0, 3 - gdim)))
+    expected = function.eval(spatial, places.cells.astype(np.int32))
+    assert evaluate(function, places) == pytest.approx(expected, abs=1e-8)
 
 
 def test_cells_of_very_different_sizes() -> None:
@@ -156,27 +168,6 @@ def test_a_flat_cell_holds_nothing() -> None:
     mesh.geometry.x[cell[0]] = mesh.geometry.x[cell[1:]].mean(axis=0)
     places = Locator(mesh).inside(np.vstack([middle, mesh.geometry.x]))
     assert 0 not in places.cells
-
-
-@pytest.mark.parametrize("order", [2, 3, 4])
-@pytest.mark.parametrize("gdim", [2, 3])
-def test_values_are_the_librarys(gdim: int, order: int) -> None:
-    """Random coefficients, so that every node counts, in cells turned in all ways."""
-    mesh = bent_box(gdim, 2, 2)
-    function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order), (gdim,)))
-    random = np.random.default_rng(5)
-    function.x.array[:] = random.standard_normal(len(function.x.array))
-    inner = random.dirichlet(np.ones(gdim + 1), 100)[:, 1:]
-    points = Locator(mesh).mapped(
-        inner, np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 100)
-    )
-    places = Locator(mesh).inside(points)
-    spatial = np.pad(points, ((0, 0), (0, 3 - gdim)))
-    expected = function.eval(spatial, places.cells.astype(np.int32))
-    assert evaluate(function, places) == pytest.approx(expected, abs=1e-8)
-
-
-# -- values and extrema ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
