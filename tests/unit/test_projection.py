@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ from floating import Floats, box_around, floating
 
 from incipient import compat
 from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Freedom, Inertia
+from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.errors import ConvergenceError
@@ -253,17 +253,11 @@ def test_two_ranks_agree_with_one(mpirun: Any) -> None:
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-8, abs=1e-10)
 
 
-# Two parts that move in one flow and on one mesh: the inner and the outer disc of a ring.
+# Two parts that move on one mesh: the inner and the outer disc of a ring.
 
 
 INNER, OUTER = 0.5, 1.0
 CENTRE = Placement((0.0, 0.0))
-STEP, STEPS = 0.05, 4
-
-
-def rate(t: float) -> float:
-    """Spin of the outer disc, begun smoothly."""
-    return float(np.sin(np.pi * min(t, 0.5)) ** 2)
 
 
 def nodes_at(domain: Domain, radius: float) -> np.ndarray:
@@ -285,43 +279,6 @@ def test_each_part_moves_its_own_boundary() -> None:
     expected = made[at[OUTER], :2] @ turned.T + [0.0, -0.03]
     assert moved[at[OUTER], :2] == pytest.approx(expected, abs=1e-12)
     assert 0.0 < motion.quality().worst < 1.0
-
-
-@pytest.fixture
-def pair() -> Iterator[tuple[RigidPart, RigidPart, Transient]]:
-    """The outer disc turns as it is told, the inner one as the flow lets it; neither has mass."""
-    model = FlowModel(unsteady=True, moving_mesh=True)
-    domain = ring(INNER, OUTER, 24, 2)
-    with Fluid(domain, model, [Carried("inner"), Carried("outer")], 0.1) as fluid:
-        freedoms = {
-            "inner": Freedom((False, False, True)),
-            "outer": Freedom.none(2, lambda t: [0.0, 0.0, rate(t)]),
-        }
-        parts = [
-            RigidPart(
-                fluid,
-                RigidBody(Inertia(0.0, np.zeros(1)), freedom),
-                BodyState.at(CENTRE),
-                RigidDisplacement(domain, name, CENTRE, turning=True),
-                lambda state: np.zeros(3),
-            )
-            for name, freedom in freedoms.items()
-        ]
-        coupling = Coupling(fluid, parts, MeshMotion(domain))
-        yield parts[0], parts[1], Transient(fluid, 2, 1e-9, interface=coupling)
-
-
-def test_two_parts_turn_in_one_flow(pair: tuple[RigidPart, RigidPart, Transient]) -> None:
-    """Viscous fluid drags the inner disc along, all but at once; it has no mass, so that no couple is left on it."""
-    inner, outer, transient = pair
-    for _ in range(STEPS):
-        report = transient.advance(STEP).report
-        assert report.residuals[-1] <= 1e-9 and report.corrected <= 3  # type: ignore[attr-defined]
-    assert outer.state.spin[0] == pytest.approx(rate(STEP * STEPS), rel=1e-12)
-    assert 0.7 * outer.state.spin[0] < inner.state.spin[0] < outer.state.spin[0]
-    couples = [abs(part.end.flow_load[2]) for part in (inner, outer)]
-    assert couples[0] < 1e-6 * couples[1]
-    assert inner.state.place == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 # The linear answer of the flow to motions of a body: from the cells at the body only, yet the whole traction.
