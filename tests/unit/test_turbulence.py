@@ -452,29 +452,23 @@ def test_turns_that_newtons_method_takes_end():
 # Along walls of a turbulent flow, where it runs upstream and where it leaves; peaks of k; upwinding of its sources.
 
 
-def along(velocities):
-    """A level wall with velocities at places one apart."""
-    count = len(velocities)
-    places = np.column_stack([np.arange(count), np.zeros(count)]).astype(float)
-    flow = np.column_stack([velocities, np.zeros(count)]).astype(float)
-    normals, edges = np.tile([0.0, -1.0], (count, 1)), np.empty((0, 2), dtype=int)
-    return AlongWall(places, normals, np.ones(count), flow, np.ones(count), edges)
+def along(speeds, normals=(0.0, -1.0), closed=False):
+    """A wall of facets between nodes one apart, with speeds; closed: the last node is the first one's neighbour."""
+    count = len(speeds)
+    normals = np.array(np.broadcast_to(normals, (count, 2)), dtype=float)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    facets = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
+    places, lengths = (
+        np.column_stack([np.arange(count), np.zeros(count)]).astype(float),
+        np.ones(count),
+    )
+    flow = tangents * np.array(speeds, dtype=float)[:, None]
+    return AlongWall(places, normals, lengths, flow, lengths, facets if closed else facets[:-1])
 
 
 def coarse(wall, stresses):
     """The fraction with stresses signed by the direction of the flow, more than a quarter being too much."""
     return wall.coarse_fraction(wall.directions * np.abs(stresses), 0.25)
-
-
-def stressed(stresses, normals=(0.0, -1.0), closed=False):
-    """A wall of facets from node to node with stresses; closed: the last node is the first one's neighbour."""
-    count = len(stresses)
-    normals = np.broadcast_to(np.array(normals, dtype=float), (count, 2))
-    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-    facets = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
-    lengths = np.ones(count)
-    flow = tangents * np.array(stresses, dtype=float)[:, None]
-    return AlongWall(flow, normals, lengths, flow, lengths, facets if closed else facets[:-1])
 
 
 @pytest.mark.parametrize(
@@ -487,7 +481,7 @@ def stressed(stresses, normals=(0.0, -1.0), closed=False):
 )
 def test_the_change_of_the_stress_from_cell_to_cell(stresses, fraction):
     """By hand: the fraction of all change that lies in facets with more than a quarter, two at both ends left out."""
-    assert coarse(stressed(stresses), stresses) == pytest.approx(fraction)
+    assert coarse(along(stresses), stresses) == pytest.approx(fraction)
 
 
 def test_facets_at_corners_do_not_count_and_the_stress_turns_with_the_wall():
@@ -498,9 +492,9 @@ def test_facets_at_corners_do_not_count_and_the_stress_turns_with_the_wall():
     normals[corners] = 0.5 * (sides[corners] + sides[corners - 1])
     stresses = np.ones(64)
     stresses[[15, 17]] = 50.0
-    assert coarse(stressed(stresses, normals, closed=True), stresses) == 0.0
+    assert coarse(along(stresses, normals, closed=True), stresses) == 0.0
     stresses[24:28] = 5.0  # in the middle of a side, mean 3.8: one step of four up, one down
-    assert coarse(stressed(stresses, normals, closed=True), stresses) == 1.0
+    assert coarse(along(stresses, normals, closed=True), stresses) == 1.0
 
 
 def test_the_stress_along_the_triangles_of_a_wall_in_space():
