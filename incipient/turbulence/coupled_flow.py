@@ -11,7 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import compat
-from ..arrays import Floats, Integers
+from ..arrays import Floats
 from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.solvers.direct import Direct
@@ -209,15 +209,11 @@ def half_where_reversed(changes: Floats, last: Floats | float) -> Floats:
 
 def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:
     """Changes (owned unknowns,) limited to the largest admissible change at a node. Collective."""
-    most, own = MOST_CHANGE[1] * _fastest(fluid), _owned_nodes(fluid, of_flow)
+    most, nodes = MOST_CHANGE[1] * _fastest(fluid), fluid.space.unknowns_at_nodes
+    own = nodes[nodes[:, -1] < len(of_flow)]
     sizes, limited = np.linalg.norm(of_flow[own], axis=1), of_flow.copy()
     limited[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
     return limited, np.clip(of_logarithms, -MOST_CHANGE[0], MOST_CHANGE[0])
-
-
-def _owned_nodes(fluid: Fluid, of_flow: Floats) -> Integers:
-    nodes = fluid.space.unknowns_at_nodes
-    return np.asarray(nodes[nodes[:, -1] < len(of_flow)])
 
 
 def _fastest(fluid: Fluid) -> float:

@@ -53,8 +53,8 @@ class BlockByBlock(Owner):
             "ksp_pc_side": "right",
             "ksp_gmres_restart": MOST_TOGETHER,
             "pc_fieldsplit_type": "multiplicative",
-            **lu("fieldsplit_flow_", **LOW_RANK),
-            **lu("fieldsplit_fields_"),
+            **lu("fieldsplit_flow_", LOW_RANK),
+            **lu("fieldsplit_fields_", {}),
         }
         self._solver = self.holding(PETSc.KSP().create(nest.comm))
         self._solver.setOptionsPrefix(TOGETHER)

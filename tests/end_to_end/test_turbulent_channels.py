@@ -50,36 +50,28 @@ def channel(reynolds, length=60.0, mesh_size=2.0, **changes):
     return stream(reynolds, Domain(length=length, height=1.0), mesh_size, "k-epsilon", **changes)
 
 
-def compared(scene):
-    """Re_tau, and the mean velocity over u* here and by finite volumes at the same Re_tau."""
-    walls = incipient.run(scene).turbulence
-    per_length = walls.at_outflow / scene.viscosity
-    return (
-        per_length,
-        1.0 / walls.at_outflow,
-        developed_channel(per_length, per_length * walls.distance),
-        walls,
-    )
-
-
-def test_a_developed_channel():
+@pytest.mark.parametrize(
+    ("re_tau", "y_plus"),
+    [
+        (546.74, None),
+        *(
+            pytest.param(re_tau, y_plus, marks=pytest.mark.slow)
+            for re_tau in DIRECT
+            for y_plus in (30.5, 60.0, 100.0)
+        ),
+    ],
+)
+def test_developed_channels_from_first_places_near_and_far(re_tau, y_plus):
     """By finite volumes within 0.5%; by direct simulation U_b+ within 1.5%, C_f within 3%."""
-    re_tau, (mean, friction) = 546.74, DIRECT[546.74]
-    found, over_shear, by_volumes, walls = compared(channel(mean * re_tau))
+    mean, friction = DIRECT[re_tau]
+    asked = {"turbulence": Turbulence(wall_distance=y_plus / re_tau)} if y_plus else {}
+    length, mesh_size = (80.0, 1.0) if y_plus else (60.0, 2.0)
+    scene = channel(mean * re_tau, length, mesh_size, **asked)
+    walls = incipient.run(scene).turbulence
+    found, over_shear = walls.at_outflow / scene.viscosity, 1.0 / walls.at_outflow
+    by_volumes = developed_channel(found, found * walls.distance)
     assert over_shear == pytest.approx(by_volumes, rel=5e-3)
     assert found == pytest.approx(re_tau, rel=0.015)
-    assert over_shear == pytest.approx(mean, rel=0.015)
-    assert walls.friction == pytest.approx(friction, rel=0.03)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("y_plus", [30.5, 60.0, 100.0])
-@pytest.mark.parametrize("re_tau", DIRECT)
-def test_developed_channels_from_first_places_near_and_far(re_tau, y_plus):
-    mean, friction = DIRECT[re_tau]
-    asked = Turbulence(wall_distance=y_plus / re_tau)
-    _, over_shear, by_volumes, walls = compared(channel(mean * re_tau, 80.0, 1.0, turbulence=asked))
-    assert over_shear == pytest.approx(by_volumes, rel=5e-3)
     assert over_shear == pytest.approx(mean, rel=0.015)
     assert walls.friction == pytest.approx(friction, rel=0.03)
 

@@ -21,7 +21,6 @@ from incipient.fluid.derived import measured_cell_reynolds
 from incipient.fluid.newton import NewtonReport
 from incipient.fluid.steady import TOLERANCE_ON_THE_WAY
 from incipient.fluid.transient import Transient, backward_difference
-from incipient.forms import ReferenceMap, terms
 from incipient.planning.discretisation import COARSE, cell_reynolds, largest_peclet
 from incipient.planning.plan import make_plan
 from incipient.setup.setup import Setup
@@ -302,28 +301,6 @@ def test_an_absent_term_is_not_in_the_form(on: bool, inertia: bool) -> None:
     assert "JacobianDeterminant" not in str(form.integrals()[0].integrand())
 
 
-def test_a_reference_map_gives_what_the_moved_mesh_gives() -> None:
-    """x = 2 X: the integral over the map's domain and that over a domain twice as large."""
-    values = []
-    for scale in (1.0, 2.0):
-        domain = unit_box(2, 3)
-        mesh = domain.mesh
-        mesh.geometry.x[:] *= scale
-        x = ufl.SpatialCoordinate(mesh)
-        still = ufl.as_vector([0.0 * x[0], 0.0 * x[0]])
-        mapped = ReferenceMap.of(x, still) if scale == 1.0 else ReferenceMap.renewed(2)
-        place = (3.0 - scale) * x
-        v = ufl.as_vector([place[0] ** 2, place[1]])
-        size = abs(ufl.JacobianDeterminant(mesh)) ** 0.5
-        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 8})
-        values.append(
-            dolfinx.fem.assemble_scalar(
-                compat.form(terms.grad_div(v, v, v, 0.01, size, mapped) * dx)
-            )
-        )
-    assert values[0] == pytest.approx(values[1], rel=1e-12)
-
-
 @pytest.mark.parametrize(
     ("reynolds", "numerics", "present"),
     [
@@ -500,21 +477,15 @@ def test_error_is_told_once_there_is_history(fluid_in_time: Fluid) -> None:
 # -- failure ------------------------------------------------------------------------------------
 
 
-def test_failing_step_is_halved_until_it_converges(fluid_in_time: Fluid) -> None:
-    Failing(fluid_in_time, longest=0.1)
-    step = Transient(fluid_in_time).advance(0.5)
-    assert (step.rejected, step.length) == (3, 0.0625)
-    assert fluid_in_time.time == 0.0625
-    assert np.isfinite(fluid_in_time.state.x.array).all()
-
-
-def test_steps_grow_again_after_one_that_was_halved(fluid_in_time: Fluid) -> None:
+def test_steps_are_halved_until_they_converge_and_grow_again(fluid_in_time: Fluid) -> None:
     """The full length at once would be four times the halved one, beyond 2.4, where second order is unstable."""
     failing = Failing(fluid_in_time, longest=0.03)
     steps = Transient(fluid_in_time).march(1.0, 0.1)
-    lengths = [next(steps).length]
+    first = next(steps)
+    assert (first.rejected, fluid_in_time.time) == (2, 0.025)
+    assert np.isfinite(fluid_in_time.state.x.array).all()
     fluid_in_time.solve = failing.solve  # type: ignore[method-assign]
-    lengths += [step.length for step in steps]
+    lengths = [first.length, *(step.length for step in steps)]
     assert lengths[:7] == pytest.approx([0.025 * 1.25**n for n in range(7)])
     assert max(lengths) == pytest.approx(0.1) and sum(lengths) == pytest.approx(1.0)
 

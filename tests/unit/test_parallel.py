@@ -6,7 +6,6 @@ import json
 import multiprocessing
 import pickle
 import shutil
-import subprocess
 import sys
 import time
 from collections import namedtuple
@@ -302,33 +301,6 @@ def test_what_fails_while_it_is_made_gives_its_memory_back(
     assert not any(getattr(one, held) for one in destroyed for held in lent)
 
 
-# Processes that tests start leave nothing behind.
-
-
-# A rank that hangs and knows nothing of MPI, so that it does not notice that its `mpirun` is gone.
-HANGING = """
-import os, pathlib, sys, time
-pathlib.Path(sys.argv[1], f"{os.getpid()}.rank").touch()
-time.sleep(300)
-"""
-
-
-def lives(process: int) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def test_ranks_that_hang_are_ended_with_their_mpirun(mpirun: Any, tmp_path: Path) -> None:
-    with pytest.raises(subprocess.TimeoutExpired):
-        mpirun(2, HANGING, tmp_path, timeout=3)
-    ranks = [int(path.stem) for path in tmp_path.glob("*.rank")]
-    time.sleep(0.2)
-    assert len(ranks) == 2
-    assert not any(lives(rank) for rank in ranks)
-
-
 # Folders of compiled forms: whole or not there, whoever is killed, whatever is damaged.
 
 
@@ -472,12 +444,6 @@ def test_ranks_with_caches_of_their_own_use_the_first(mpirun: Any, tmp_path: Pat
         assert done.returncode == 0, done.stderr
         said.add(done.stdout)
     assert len(said) == 1  # the second time nothing is compiled
-
-
-def test_a_folder_that_one_rank_cannot_write_is_refused_before_it_is_built(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="set XDG_CACHE_HOME to a directory that can be written"):
-        form_cache._require_writable(tmp_path / "file" / NAME)
 
 
 # What enters a channel below a free surface: the discharge asked for, whatever the depth.

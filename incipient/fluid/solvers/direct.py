@@ -58,7 +58,7 @@ class Direct(LinearSolver):
         self._make(ATTEMPTS[0])
 
     def _make(self, chosen: dict[str, int]) -> None:
-        self._options = lu(**chosen) | GMRES
+        self._options = lu("", chosen) | GMRES
         self._solver = self.holding(krylov(self.matrix, self._options))
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:

@@ -48,7 +48,7 @@ def algebraic(prefix: str = "") -> dict[str, Any]:
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
-def lu(prefix: str = "", **more: Any) -> dict[str, Any]:
+def lu(prefix: str, more: Mapping[str, Any]) -> dict[str, Any]:
     """Options of an LU factorisation, by MUMPS where PETSc has it, with `more` of MUMPS's options."""
     chosen: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "lu"}
     if PETSc.Sys.hasExternalPackage("mumps"):
