@@ -288,7 +288,7 @@ def _draw_motion(
     places: np.ndarray,
     size: float,
 ) -> None:
-    rates = motion.at(places - centre)
+    rates = motion.acceleration + np.cross(motion.angular, places - centre)
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
     axes.add_artist(
