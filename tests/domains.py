@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,7 +12,6 @@ from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 import gmsh
 import numpy as np
 
-from incipient import compat
 from incipient.arrays import Point
 from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
