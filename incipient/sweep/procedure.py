@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import multiprocessing
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -208,8 +209,8 @@ class _Sweep:
         self._store, self._means, self._voice = store, means, voice
         self._began = time.monotonic()
         self._waiting: dict[str, SweepCase] = {}
-        self._running: dict[Any, tuple[SweepCase, float]] = {}  # by future; times of submission
-        self._ended: SimpleQueue[Any] = SimpleQueue()
+        self._running: dict[Future[CaseOutcome], tuple[SweepCase, float]] = {}  # since a time
+        self._ended: SimpleQueue[Future[CaseOutcome]] = SimpleQueue()
         self._tries = Counter[str]()
         self._client: Any = None
         self._places, self._counted = 0, -LOOK
@@ -277,25 +278,22 @@ class _Sweep:
             case = self._waiting.pop(identity)
             order = (self._means.limit, RELEASE, case.task, case.text)
             future = self._client.submit(computed_within, *order, pure=False)
-            self._running[future] = case, time.monotonic()
+            # A wait with a time limit, as Dask's futures have it, would lose outcomes that take longer to come.
+            outcome = self._client.gather(future, asynchronous=True)
+            coming = asyncio.run_coroutine_threadsafe(outcome, self._client.loop.asyncio_loop)
+            self._running[coming] = case, time.monotonic()
             self._tries[identity] += 1
-            future.add_done_callback(self._ended.put)
+            coming.add_done_callback(self._ended.put)
 
-    def _end(self, future: Any) -> None:
+    def _end(self, coming: Future[CaseOutcome]) -> None:
         from distributed import KilledWorker
 
-        if future not in self._running:
-            return
-        case, since = self._running.pop(future)
+        case, since = self._running.pop(coming)
         spent = time.monotonic() - since
         try:
-            outcome = future.result(timeout=LOOK)
+            outcome: CaseOutcome | None = coming.result()
         except KilledWorker as error:
             outcome = self._of_death(case, error.last_worker.address, spent)
-        except TimeoutError:  # the worker has died with the result: another one computes it
-            self._running[future] = case, since
-            future.add_done_callback(self._ended.put)
-            return
         except CancelledError:
             self._voice.say(f"{case.name}: the connection to the scheduler is lost; waiting for it")
             self._tries[case.identity] -= 1

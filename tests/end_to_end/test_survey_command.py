@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import time
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,6 @@ from PIL import Image
 
 import incipient
 from incipient.cli import main
-from incipient.errors import OutputError
 from incipient.files import MARK
 from incipient.judging.case import Case, judge_case
 from incipient.pictures.charts import survey as chart
@@ -26,7 +23,6 @@ from incipient.survey.beds import Spheres
 from incipient.survey.full_runs import scene_of
 from incipient.survey.pockets import Surface, pockets
 from incipient.survey.request import FlowPast, Survey
-from incipient.sweep.store import Store
 
 # `incipient survey`: what it writes, draws and reports, what it refuses, and that nothing is computed twice.
 
@@ -96,25 +92,14 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_survey_that_is_killed_goes_on(command, started, bed: Path) -> None:
-    """Runs that were finished keep when they were; thresholds and the emulator's errors are there at the end."""
+def test_a_bed_with_runs(command, bed: Path) -> None:
+    """Thresholds of all free grains and the emulator's errors; runs of another bed in the same file are not counted."""
     pytest.importorskip("sklearn")
     bed.write_text(BED + RUNS)
     out = bed.parent / "out"
     call = ["survey", bed, "--out", out, "--jobs", 1]
-    process = started(1, *call)
-    for _ in range(1200):
-        if len(before := finished(out)) >= 3 or process.poll() is not None:
-            break
-        time.sleep(0.5)
-    process.kill()
-    process.wait()
-    assert 3 <= len(before) < 10
     done = command(*call, timeout=600)
     assert done.returncode == 0, done.stderr
-    after = finished(out)
-    # A mesh as coarse as this may fail; the others do not mind.
-    assert len(after) >= 8 and before.items() <= after.items()
     for said in (
         "Shields number",
         "first to move",
@@ -123,9 +108,10 @@ def test_a_survey_that_is_killed_goes_on(command, started, bed: Path) -> None:
     ):
         assert said in done.stdout
     stored = json.loads((out / "survey.json").read_text())
-    assert stored["emulator"]["runs"] == len(after) and len(stored["mobile"]) > 10
+    runs = stored["emulator"]["runs"]
+    assert runs >= 8 and len(stored["mobile"]) > 10  # a mesh as coarse as this may fail
     rows = [row for row in table(out / "grains.csv") if row["shields"]]
-    assert sum(row["loads"] == "run" for row in rows) == len(after)
+    assert sum(row["loads"] == "run" for row in rows) == runs
     low, shields, high, stress = (
         np.array([float(row[name]) for row in rows])
         for name in ("shields_low", "shields", "shields_high", "stress")
@@ -133,17 +119,9 @@ def test_a_survey_that_is_killed_goes_on(command, started, bed: Path) -> None:
     assert (low <= shields).all() and (shields <= high).all()
     assert (np.diff(stress) >= 0.0).all()  # those that go first are at the front
     page = incipient.report(out).read_text()
-    assert f"{len(after)} full runs" in page and "Critical Shields numbers" in page
-    # Runs of another bed in the same file are not taken for those of this one.
+    assert f"{runs} full runs" in page and "Critical Shields numbers" in page
     other = command(*call, "--set", "bed.seed=3", "--wall", "1s", timeout=600)
     assert other.returncode == 130 and "0 of 10 cases are finished" in other.stderr
-
-
-def finished(out: Path) -> dict[str, str]:
-    """When the runs of a survey were finished."""
-    with suppress(OutputError), Store(out / "runs.sqlite") as store:
-        return {row["id"]: row["finished"] for row in store.cases() if row["status"] == "done"}
-    return {}
 
 
 @pytest.mark.slow

@@ -151,7 +151,7 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
     assert rows(file) == before
     assert "0 computed, 2 computed before" in capfd.readouterr().out
     assert cli.main(["table", str(file), "--csv"]) == 0
-    listed = list(csv.DictReader(capfd.readouterr().out.splitlines()))
+    listed = csv.DictReader(capfd.readouterr().out.splitlines())
     assert [float(row["shields"]) for row in listed] == [row["shields"] for row in found]
     assert cli.main(["show", str(file)]) == 0
     pictures = [Path(line) for line in capfd.readouterr().out.split()]
@@ -170,6 +170,17 @@ def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:
     failed, done = incipient.sweep.rows(file)
     assert failed["status"] == "failed" and "a grain denser than the fluid" in failed["reason"]
     assert done["status"] == "done" and done["reason"] == ""
+
+
+def test_outcomes_that_take_longer_to_come_than_a_look_are_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine half a second was too short, and each case failed with an error of Dask's."""
+    monkeypatch.setattr("incipient.sweep.procedure.LOOK", 3e-4)
+    scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
+    over = {"contacts.friction": "lin:0.1:0.9:4"}
+    progress = incipient.sweep.run(scene, file, over, do="judge", jobs=1)
+    assert (progress.done, progress.failed) == (4, 0)
 
 
 @pytest.mark.slow

@@ -390,9 +390,7 @@ def test_all_rotations_are_equally_likely() -> None:
 
 def test_the_first_pose_is_the_scenes_own() -> None:
     found = _settings(3, 2, (10.0, 20.0, 30.0))
-    assert len(found) == 6 and len(set(found)) == 6
-    assert found[0] == ("body.orientation=[10, 20, 30]", "bed.seed=0")
-    assert _settings(3, 1, (0.0, 0.0, 0.0))[0] == ("body.orientation=[0, 0, 0]",)
+    assert len(set(found)) == 6 and found[0] == ("body.orientation=[10, 20, 30]", "bed.seed=0")
     assert found[:3] != found[3:] and [one[0] for one in found[:3]] == [one[0] for one in found[3:]]
 
 

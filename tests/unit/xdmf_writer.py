@@ -1,7 +1,6 @@
 """Writes series of fields on however many ranks there are, for test_sampling.py: `xdmf_writer.py TASK DIRECTORY`."""
 
 import json
-import resource
 import sys
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,6 @@ from dolfinx.fem import Function
 from dolfinx.mesh import create_unit_cube
 
 from incipient import compat
-from incipient.errors import OutputError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grains import Disc, Ellipse
@@ -118,25 +116,6 @@ def write_moving(directory: Path) -> None:
             told.append({"time": 0.25 * number, **counts(domain.mesh)})
     if comm.rank == 0:
         (directory / "steps.json").write_text(json.dumps(told))
-
-
-def write_until_full(directory: Path) -> None:
-    """Three steps, the second on a full disk of rank 0, and a series where there is no directory."""
-    comm, (mesh, _) = MPI.COMM_WORLD, holed_square(2)
-    series = FieldSeries(directory / "fields", mesh, comm)
-    said = []
-    for number, limit in enumerate((resource.RLIM_INFINITY, 1000, resource.RLIM_INFINITY)):
-        if comm.rank == 0:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
-        try:
-            series.write(number, functions(mesh))
-        except OutputError as error:
-            said.append(str(error))
-    try:
-        FieldSeries(directory / "absent" / "fields", mesh, comm)
-    except OutputError as error:
-        said.append(str(error))
-    (directory / f"said{comm.rank}.json").write_text(json.dumps(said))
 
 
 if __name__ == "__main__":
