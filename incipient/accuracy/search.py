@@ -32,7 +32,7 @@ from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from . import next_mesh
 from .coarse_runs import changed
-from .errorbars import error_bars, finished, loads_of_run
+from .errorbars import error_bars, loads_of_run
 from .goal import Goal, Quantity, relative
 from .modelling import (
     SHARE,
@@ -44,6 +44,7 @@ from .modelling import (
     slowly_falling,
 )
 from .next_mesh import AIM, MOST_MESHES
+from .run import finished
 
 # Outcome of an unfinished search.
 UNFINISHED = "the search continues, or was stopped"

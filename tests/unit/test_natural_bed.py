@@ -22,6 +22,7 @@ from incipient.errors import SceneError
 from incipient.flumes import thresholds
 from incipient.flumes.answer import density_of_water, viscosity_of_water
 from incipient.flumes.scene import flume_scene
+from incipient.geometry import SphereBed
 from incipient.setup.mean_profile import MeanProfile
 from incipient.setup.setup import Setup, numbers_of
 from incipient.survey.beds import Spheres
