@@ -31,6 +31,7 @@ from .space import (
     geometry_function,
     geometry_rows,
     set_geometry_function,
+    size_along,
     taylor_hood,
 )
 
@@ -205,6 +206,8 @@ class Fluid(Holder):
                 along, known = ufl.split(frozen)[0], None
             strong = terms.momentum(v, p, carrier, known, rate, force, at)
             size = self._upwind_size()
+            if model.viscosity is not None:  # layers of cells at walls, thin across
+                size = size_along(self.domain.mesh, along) / model.order
             residual += terms.streamline_upwind(strong, along, w, viscosity, size, at)
         if force is not None:
             residual += terms.body_force(force, w, at)
