@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -9,9 +10,11 @@ from typing import Any
 from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 
 # isort: split
+import dolfinx
 import gmsh
 import numpy as np
 
+from incipient import compat
 from incipient.arrays import Point
 from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
@@ -35,6 +38,21 @@ SIDES = ("left", "right", "bottom", "top", "front", "back")
 def unit_box(gdim: int, n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """The unit square or cube with n cells along a side; boundaries `SIDES[: 2 * gdim]`."""
     return curved_box(gdim, n, 1, comm)
+
+
+def named_by_planes(mesh: Any, planes: Mapping[str, tuple[int, float]], rest: str = "") -> Domain:
+    """Boundaries named by the axis and the place of the plane in which they lie; what is left is the `rest`."""
+    facets, dimension = compat.exterior_facets(mesh), mesh.topology.dim - 1
+    tags = np.full(len(facets), len(planes) + 1, dtype=np.int32)
+    for tag, (axis, place) in enumerate(planes.values(), start=1):
+        there = dolfinx.mesh.locate_entities_boundary(
+            mesh, dimension, lambda x, axis=axis, place=place: np.isclose(x[axis], place, atol=1e-9)
+        )
+        tags[np.isin(facets, there)] = tag
+    names = {name: tag for tag, name in enumerate((*planes, *filter(None, [rest])), start=1)}
+    order = np.argsort(facets)
+    tagged = facets[order].astype(np.int32), tags[order]
+    return Domain(mesh, dolfinx.mesh.meshtags(mesh, dimension, *tagged), names)
 
 
 def curved_box(gdim: int, n: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:

@@ -50,7 +50,6 @@ PARTS = {
     ),
     "running": (
         "end_to_end/test_pictures.py",
-        "unit/test_sweep.py",
         "unit/test_sampling.py",
         "unit/test_survey.py",
         "end_to_end/test_packages.py",
@@ -73,7 +72,7 @@ PARTS = {
     ),
     "sand": (
         "end_to_end/test_sand_in_space.py",
-        "end_to_end/test_moving_sand.py",
+        "end_to_end/test_same_run.py",
     ),
     "space": (
         "unit/test_meshes.py",
@@ -95,7 +94,6 @@ PARTS = {
         "convergence/test_waves.py",
         "end_to_end/test_free_surface.py",
         "end_to_end/test_open_channels.py",
-        "stability/test_surface.py",
     ),
     "turbulence": (
         "end_to_end/test_resolved_channels.py",

@@ -20,8 +20,8 @@ import incipient
 from incipient.cli import main
 from incipient.errors import SceneError
 from incipient.flumes import thresholds
+from incipient.flumes.answer import density_of_water, viscosity_of_water
 from incipient.flumes.scene import flume_scene
-from incipient.flumes.water import density_of_water, viscosity_of_water
 from incipient.geometry import SphereBed
 from incipient.setup.mean_profile import MeanProfile
 from incipient.setup.setup import Setup, numbers_of
@@ -317,13 +317,29 @@ def test_water_is_that_of_iapws(temperature, density, viscosity):
     assert dynamic == pytest.approx(viscosity, rel=2e-4)
 
 
-def test_the_example_by_hand():
-    """u* d/nu = 0.03 * 0.002/1e-6, theta = 0.0009/(1.65 * 9.81 * 0.002), D* = 0.002 (1.65 * 9.81 * 1e12)^(1/3)."""
-    answer = incipient.flume(2e-3, shear_velocity=0.03, **QUARTZ)
-    assert answer.shear_reynolds == pytest.approx(60.0)
-    assert answer.shields == pytest.approx(0.027800, rel=1e-4)
-    assert answer.dimensionless_diameter == pytest.approx(50.59, rel=1e-3)
-    assert answer.bed_stress == pytest.approx(0.9)
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        # u* d/nu = 0.03 * 0.002/1e-6, theta = 0.0009/(1.65 * 9.81 * 0.002), D* = 0.002 (1.65 * 9.81 * 1e12)^(1/3)
+        (
+            {"shear_velocity": 0.03, **QUARTZ},
+            {
+                "shear_reynolds": 60.0,
+                "shields": 0.027800,
+                "dimensionless_diameter": 50.592,
+                "bed_stress": 0.9,
+            },
+        ),
+        # Uniform flow has the stress of its slope.
+        (
+            {"depth": 0.2, "slope": 1e-3, "gravity": 9.8},
+            {"shear_velocity": math.sqrt(9.8 * 0.2 * 1e-3)},
+        ),
+    ],
+)
+def test_examples_by_hand(options, expected):
+    answer = incipient.flume(2e-3, **options)
+    assert {name: getattr(answer, name) for name in expected} == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_mean_velocity_is_that_of_the_rough_logarithmic_law():
