@@ -47,7 +47,7 @@ class Cases:
     law: FrictionCone
     mass: Floats = field(default_factory=lambda: np.array(np.nan))
     inertia: Floats = field(default_factory=lambda: np.full((3, 3), np.nan))
-    areas: Floats | None = None
+    areas: Any = None
 
     def __post_init__(self) -> None:
         contacts = np.shape(self.points)[-2:]
