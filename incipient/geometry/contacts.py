@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, cross, unit
 from incipient.errors import SceneError
 
-UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal may be from one
+UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal or quaternion may be from one
 SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one place
 SAME_PLANE = (
     1e-6  # height above a plane, relative to the largest distance of contacts, that counts as none

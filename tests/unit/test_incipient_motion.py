@@ -34,15 +34,6 @@ from incipient.contact.verdict import judge
 from incipient.effects.effect import Solved
 from incipient.effects.omitted import without_motion
 from incipient.errors import SceneError
-from incipient.evaluation.contact_verdict import (
-    OTHER_CONTACTS,
-    ROCKS,
-    bar_with_rocking,
-    find_contacts,
-    may_rock,
-    with_rocking,
-)
-from incipient.evaluation.contact_verdict import followed as followed_in
 from incipient.geometry import Bed, Ellipse, Grain, Sinusoidal, settle
 from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import frame_of
@@ -50,6 +41,15 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat
 from incipient.geometry.plane.grains import Disc, Rectangle
 from incipient.planning.effects import Decision, EffectName
+from incipient.results.contact_verdict import (
+    OTHER_CONTACTS,
+    ROCKS,
+    bar_with_rocking,
+    find_contacts,
+    may_rock,
+    with_rocking,
+)
+from incipient.results.contact_verdict import followed as followed_in
 from incipient.results.errorbars import SafetyBar
 from incipient.scene import Scene, loads
 from incipient.scene.example import grain_on_bed
@@ -668,7 +668,7 @@ def test_a_disc_on_a_plane_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> N
         grain_on_bed(),
         Load([0.3, 0.0, 0.0], np.zeros(3), [0.0, -1.0, 0.0], np.zeros(3)),
     )
-    monkeypatch.setattr("incipient.evaluation.contact_verdict.follow", None)
+    monkeypatch.setattr("incipient.results.contact_verdict.follow", None)
     assert followed_in(scene, wanted) is None
 
 

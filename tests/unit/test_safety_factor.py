@@ -37,7 +37,7 @@ from incipient.contact.robustness import (
 from incipient.contact.safety import ConeState, SafetyStatus, safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
-from incipient.evaluation.contact_verdict import find_contacts
+from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, SafetyBar, Term
 from incipient.results.loads import Forces, Torques
 
