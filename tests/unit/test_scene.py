@@ -470,9 +470,7 @@ def test_a_post_is_solid_down_to_the_plane():
     made = sphere_scene(bed=HEAP)
     assert made == sphere_scene(bed=heap())
     assert made.bed_shape.distance([[1.4, 4.0, 0.3]])[0] == pytest.approx(0.2)
-    assert made.bed_shape.nearest([[1.4, 4.0, 0.3]])[0] == pytest.approx(
-        np.array([[1.6, 4.0, 0.3]])
-    )
+    assert made.bed_shape.nearest([[1.4, 4.0, 0.3]])[0] == pytest.approx([1.6, 4.0, 0.3])
 
 
 @pytest.mark.usefixtures("files")
