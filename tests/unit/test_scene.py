@@ -18,7 +18,6 @@ from scenes import sphere_on_plane as sphere_scene
 from incipient.accuracy.coarse_runs import changed, farther
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
-from incipient.evaluation.contact_verdict import find_contacts
 from incipient.fluid import FlowModel, Prescribed
 from incipient.fluid import Fluid as FlowFluid
 from incipient.fluid.transient import LEAST, ShareOfError, Transient, of_steps
@@ -27,6 +26,7 @@ from incipient.geometry.plane import grains as grain_geometry
 from incipient.planning.discretisation import STEADY, of_steady, order_of
 from incipient.planning.effects import inertia
 from incipient.planning.plan import make_plan
+from incipient.results.contact_verdict import find_contacts
 from incipient.scene import (
     Box,
     Capsule,
@@ -445,7 +445,7 @@ def test_a_post_is_solid_down_to_the_plane():
     made = sphere_scene(bed=HEAP)
     assert made == sphere_scene(bed=heap())
     assert made.bed_shape.distance([[1.4, 4.0, 0.3]])[0] == pytest.approx(0.2)
-    assert made.bed_shape.nearest([[1.4, 4.0, 0.3]])[0] == pytest.approx([1.6, 4.0, 0.3])
+    assert made.bed_shape.nearest([[1.4, 4.0, 0.3]]) == pytest.approx(np.array([[1.6, 4.0, 0.3]]))
 
 
 @pytest.mark.usefixtures("files")
