@@ -154,7 +154,9 @@ class BaseFlow:
         level = effective_level(bed)
         depth = max(bed.crest - domain.bottom - level, 0.0)
         shear = self.flow.shear_rate(domain.ceiling - bed.crest)
-        reynolds = 0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
+        reynolds = (
+            0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
+        )
         lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
         return EffectiveHeight(level + lost, UNSURE * lost, level)
 
@@ -254,7 +256,9 @@ class OscillatoryFlow(BaseFlow):
 
     def bed_stress(self) -> float:
         """The largest in time, U (w nu)^(1/2)."""
-        return self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.scene.viscosity)
+        return (
+            self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.scene.viscosity)
+        )
 
 
 class FormulaFlow(BaseFlow):
