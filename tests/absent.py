@@ -50,7 +50,7 @@ OF_TURBULENCE = (
     "planning.wall_conditions",
     "results.wall_report",
 )
-OF_CONTACT = ("evaluation.contact_verdict", "contact")
+OF_CONTACT = ("results.contact_verdict", "contact")
 OF_ESTIMATES = (
     *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
     *(

@@ -23,6 +23,7 @@ PARTS = {
     ),
     "contact": (
         "unit/test_settle.py",
+        "unit/test_touching.py",
         "stability/test_contact_references.py",
         "stability/test_random_contacts.py",
         "stability/test_siconos.py",
@@ -49,7 +50,6 @@ PARTS = {
     ),
     "running": (
         "end_to_end/test_pictures.py",
-        "unit/test_sweep.py",
         "unit/test_sampling.py",
         "unit/test_survey.py",
         "end_to_end/test_packages.py",

@@ -16,8 +16,11 @@ from incipient.scene import (
     Effects,
     Flat,
     Fluid,
+    Numerics,
     OpenChannel,
+    Output,
     Scene,
+    Turbulence,
 )
 from incipient.setup.setup import Setup
 from incipient.turbulence.fields import TurbulenceFields
@@ -32,6 +35,20 @@ CHANNEL = {
 
 def channel(**changes):
     return Scene(**{**CHANNEL, **changes})
+
+
+def stream(reynolds, domain, mesh_size, model="k-omega-sst", **changes):
+    """An open channel of mean velocity 1 in a domain, half of one between walls; by order 2, without error bars."""
+    sections = {
+        "domain": domain,
+        "fluid": Fluid(reynolds=reynolds, scale="flow"),
+        "flow": OpenChannel(),
+        "effects": Effects(turbulence=True),
+        "turbulence": Turbulence(model=model),
+        "numerics": Numerics(mesh_size=mesh_size, order=2, error_bars=False),
+        "output": Output(fields=False),
+    }
+    return Scene(**{**sections, **changes})
 
 
 def inflow_at(scene, heights):

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from ..planning.effects import EffectName, accuracy_asked
 from ..planning.plan import Plan
+from ..results.kinds import FLOW, LOADS, VERDICT
 from ..results.left_out import Omission
-from ..results.of_runs import FLOW, LOADS, VERDICT
 from ..results.quantity import OutputQuantity
 from ..setup.setup import Setup
 from . import omitted

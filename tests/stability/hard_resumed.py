@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,16 +64,3 @@ def resumed(name: str, directory: Path) -> Resumed:
     times = (float(one.trajectory["ended"]["time"]) for one in (end, whole))
     way = np.subtract(end.trajectory["place"], whole.trajectory["place"])
     return Resumed(stopped, kept, *times, float(np.linalg.norm(way)) / end.grain["size"])
-
-
-def rows(directory: Path) -> Iterator[tuple[str, str, str]]:
-    """Case, what was found, outcome: of all cases."""
-    for name, (*_, remedy) in CASES.items():
-        told = resumed(name, directory / str(len(name)))
-        stopped = told.stopped.partition(": ")[0]  # without the remedy
-        found = f"stops: {stopped}; kept t = {told.kept:.4g}, resumed with {', '.join(remedy)}"
-        yield (
-            name,
-            found,
-            f"to t = {told.end:.4g}; place differs by {100 * told.difference:.2g}% from the whole run's",
-        )

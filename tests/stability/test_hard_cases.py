@@ -1,6 +1,6 @@
 """Hard cases: what is computed stays bounded and keeps its order, what cannot be is refused by name.
 
-`make stress` runs more of each and writes results/stress.md. The energy on violently moving meshes is in
+The energy on violently moving meshes is in
 `test_moving_mesh.py`, the order in time for all masses in `tests/convergence/test_coupling.py`, made-up failures in
 `tests/end_to_end/test_resume.py`.
 """

@@ -116,7 +116,7 @@ def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
     """The rounded surface is that of all balls, as defined: max(f, min d) - sqrt(sum max(f - d, 0)^2)."""
     bed = geometry.SphereBed.array(0.1, spacing, "triangular", (0.03, 0.02), 0.3)
     region = SolidRegion(
-        (-2.0, 2.0), (-2.0, 2.0), 2.0, bed, resolved=Resolved((0.0, 0.0), 1.0, 0.2)
+        (-2.0, 2.0), (-2.0, 2.0), 2.0, bed, resolved=Resolved((0.0, 0.0), 1.0, 0.2, 0.3)
     )
     frame = region.frame
     x = np.random.default_rng(1).uniform([-0.9, -0.9, 0.25], [0.6, 0.6, 0.5], (2000, 3))
