@@ -32,7 +32,7 @@ def with_first(coordinates: Floats) -> Floats:
 
 def barycentric_nodes(mesh: Any) -> Floats:
     """Barycentric coordinates (nodes, gdim + 1) of a cell's nodes, vertices first."""
-    return with_first(compat.reference_nodes(mesh))
+    return with_first(shape_functions(mesh).points)
 
 
 def straight_cells(mesh: Any) -> np.ndarray:
