@@ -191,15 +191,6 @@ class TurbulenceFields(Holder):
 
     # -- a steady state, solved together with the flow ------------------------------------------------
 
-    def weights(self) -> Floats:
-        """Fraction (owned nodes,) of the eddy viscosity before its limitation by strain."""
-        k, second = (
-            self.state.x.array[: 2 * self.space.dofmap.index_map.size_local].reshape(-1, 2).T
-        )
-        constant, of_k, of_second = self.closure.eddies
-        eddies = np.exp(np.clip(constant + of_k * k + of_second * second, -100.0, 100.0))
-        return np.asarray(eddies / (self._molecules + eddies))
-
     def impose(self) -> None:
         compat.impose(self.state.x.array, self.conditions)
         self.state.x.scatter_forward()
@@ -297,13 +288,6 @@ class TurbulenceFields(Holder):
             form += flux * self.domain.measure(name)(metadata=flow.measure.metadata())
         return form
 
-    def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:
-        """Set dK/dt = a0 K + a1 K(1) + a2 K(2), with `past` states K(1) and K(2)."""
-        for constant, value in zip(self.rate, rate, strict=True):
-            constant.value = value
-        for function, values in zip((self._before, self._older), past, strict=False):
-            function.x.array[:] = values
-
     def step(self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float) -> float:
         """Solve with dK/dt = a0 K + a1 K(1) + a2 K(2) from the present state; returns the error of Newton's method.
 
@@ -311,7 +295,10 @@ class TurbulenceFields(Holder):
         """
         self.solver = self.solver or self._make_solver()
         fresh = abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
-        self.discretise_time(rate, past)
+        for constant, value in zip(self.rate, rate, strict=True):
+            constant.value = value
+        for function, values in zip((self._before, self._older), past, strict=False):
+            function.x.array[:] = values
         report = newton.solve(self, tolerance, MOST_CORRECTIONS, fresh=fresh)
         if not report.converged:
             self.renew_factors()
@@ -339,11 +326,18 @@ class TurbulenceFields(Holder):
         return float(size)
 
     def usual_change(self, values: np.ndarray) -> float:
-        """Root mean square of a change (owned unknowns,), by the weights of the nodes. Collective."""
+        """Root mean square of a change (owned unknowns,), by weights of the nodes. Collective.
+
+        Weights are the fractions of the eddy viscosity before its limitation by strain.
+        """
         sizes = np.where(np.isfinite(values), np.abs(values), np.inf)
         if not np.isfinite(self.domain.comm.allreduce(sizes.sum())):
             return float("inf")
-        weights = self.weights()
+        owned = self.space.dofmap.index_map.size_local
+        k, second = self.state.x.array[: 2 * owned].reshape(-1, 2).T
+        constant, of_k, of_second = self.closure.eddies
+        eddies = np.exp(np.clip(constant + of_k * k + of_second * second, -100.0, 100.0))
+        weights = eddies / (self._molecules + eddies)
         seen = np.repeat(weights, 2)[: len(sizes)] * np.minimum(sizes, LARGEST_SEEN)
         total, count = (
             self.domain.comm.allreduce(float((seen**2).sum())),
