@@ -53,6 +53,7 @@ class TurbulenceFields(Holder):
         order_of_flow: of the velocity, whose strain limits the SST model's eddy viscosity.
         least: k below which that model destroys none.
         in_layers: whether layers of thin cells lie along curved walls.
+        weighted: whether the equation of k is that of k itself, see `forms.turbulence.FlowFields`.
         order: of the elements of both logarithms.
 
     Attributes:
@@ -76,6 +77,7 @@ class TurbulenceFields(Holder):
         in_layers: bool = False,
         order: int = ORDER,
         surfaces: Sequence[str] = (),
+        weighted: bool = False,
     ):
         super().__init__(domain.comm)
         self.domain, self.order, self._molecules = domain, order, viscosity
@@ -86,7 +88,7 @@ class TurbulenceFields(Holder):
         self.conditions = self._at_inflow(values)
         self.state.interpolate(values)
         self._walls = {name: self.constant(away) for name, away in (walls or {}).items()}
-        self._in_layers = in_layers
+        self._in_layers, self.weighted = in_layers, weighted
         self._distance = dolfinx.fem.Function(compat.space(domain.mesh, ("Lagrange", order)))
         self._distance.x.array[:] = FAR
         self._least = self.constant(least)
@@ -111,7 +113,8 @@ class TurbulenceFields(Holder):
 
         A backward-facing step by k-omega SST diverges with twice as large ones (docs/contribute/defaults.md).
         """
-        return (1.0, 0.1) if isinstance(self.closure, forms.KEpsilon) else (0.5, 0.05)
+        plain = self.weighted or isinstance(self.closure, forms.KEpsilon)
+        return (1.0, 0.1) if plain else (0.5, 0.05)
 
     @property
     def names(self) -> str:
@@ -191,6 +194,26 @@ class TurbulenceFields(Holder):
 
     # -- a steady state, solved together with the flow ------------------------------------------------
 
+    def weights(self) -> Floats:
+        """Fraction (owned nodes,) of the eddy viscosity before its limitation by strain."""
+        k, second = self._at_nodes()
+        constant, of_k, of_second = self.closure.eddies
+        eddies = np.exp(np.clip(constant + of_k * k + of_second * second, -100.0, 100.0))
+        return np.asarray(eddies / (self._molecules + eddies))
+
+    def row_factors(self) -> Floats:
+        """Factors (owned unknowns,) that undo the weights of both equations at their nodes."""
+        factors = np.ones_like(self._at_nodes())
+        if self.weighted:
+            factors[0] = np.exp(-self._at_nodes()[0])
+        return factors.T.ravel()
+
+    def _at_nodes(self) -> Floats:
+        """Both logarithms (2, owned nodes)."""
+        return np.asarray(
+            self.state.x.array[: 2 * self.space.dofmap.index_map.size_local].reshape(-1, 2).T
+        )
+
     def impose(self) -> None:
         compat.impose(self.state.x.array, self.conditions)
         self.state.x.scatter_forward()
@@ -234,9 +257,9 @@ class TurbulenceFields(Holder):
             carrier,
             self.rate[0],
             self._reach,
-            self._across,
             # In 3-D as many steps are needed without, and no more flows converge with it.
-            balanced=self._in_layers and self.domain.gdim == 2,
+            balanced=self._in_layers and not self.weighted,
+            weighted=self.weighted,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         self.form = self._equations(rate, tests, flow)
@@ -263,22 +286,6 @@ class TurbulenceFields(Holder):
         if not self._in_layers:
             return None
         return lambda direction: size_along(self.domain.mesh, direction) / self.order
-
-    @property
-    def _across(self) -> Any:
-        """Square of the change between nodes by a slope, for `forms.turbulence.FlowFields`, in 3-D wakes.
-
-        Not between planes: in long thin cells the bound keeps ln k from becoming steady.
-        """
-        if self.domain.gdim == 2 or not self._in_layers:
-            return None
-        jacobian = ufl.Jacobian(self.domain.mesh)
-
-        def square(slope: Any) -> Any:
-            change = ufl.dot(slope, jacobian)
-            return ufl.inner(change, change) / self.order**2
-
-        return square
 
     def _equations(self, rate: Any, tests: Any, flow: forms.FlowFields) -> Any:
         logarithms = ufl.split(self.state)
@@ -326,18 +333,11 @@ class TurbulenceFields(Holder):
         return float(size)
 
     def usual_change(self, values: np.ndarray) -> float:
-        """Root mean square of a change (owned unknowns,), by weights of the nodes. Collective.
-
-        Weights are the fractions of the eddy viscosity before its limitation by strain.
-        """
+        """Root mean square of a change (owned unknowns,), by the weights of the nodes. Collective."""
         sizes = np.where(np.isfinite(values), np.abs(values), np.inf)
         if not np.isfinite(self.domain.comm.allreduce(sizes.sum())):
             return float("inf")
-        owned = self.space.dofmap.index_map.size_local
-        k, second = self.state.x.array[: 2 * owned].reshape(-1, 2).T
-        constant, of_k, of_second = self.closure.eddies
-        eddies = np.exp(np.clip(constant + of_k * k + of_second * second, -100.0, 100.0))
-        weights = eddies / (self._molecules + eddies)
+        weights = self.weights()
         seen = np.repeat(weights, 2)[: len(sizes)] * np.minimum(sizes, LARGEST_SEEN)
         total, count = (
             self.domain.comm.allreduce(float((seen**2).sum())),
