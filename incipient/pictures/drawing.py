@@ -113,13 +113,14 @@ def render(
         plotter.add_mesh(surface, color=GRAIN, opacity=0.55, culling="back", **looks)
         plotter.add_silhouette(surface, color=INK, line_width=3.0, feature_angle=_SHARP)
     if terrain is not None:
-        # Pieces such as spheres have steep sides, which a height over x and y would show ragged.
-        grid = pyvista.ImageData(dimensions=_GRID, spacing=3 * [2.0 * _BED * size / (_GRID[0] - 1)])
+        # A height over x and y would show steep sides ragged; the distance half a spacing inside keeps spheres apart.
+        spacing = 2.0 * _BED * size / (_GRID[0] - 1)
+        grid = pyvista.ImageData(dimensions=_GRID, spacing=3 * [spacing])
         grid.origin = middle - _BED * size
         pieces = terrain.pieces(middle[:2], 1.5 * _BED * size)
         parts = np.array_split(np.asarray(grid.points), _GRID[2])
         grid["distance"] = np.hstack([pieces.distance_estimate(p).min(axis=0) for p in parts])
-        bed = grid.contour([0.0], scalars="distance", compute_normals=True)
+        bed = grid.contour([-0.5 * spacing], scalars="distance", compute_normals=True)
         bed["away"] = np.linalg.norm(np.asarray(bed.points)[:, :2] - middle[:2], axis=1)
         bed = bed.clip_scalar(scalars="away", value=_BED * size)
         looks["split_sharp_edges"] = False
