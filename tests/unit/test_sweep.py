@@ -344,7 +344,7 @@ def test_random_bytes_give_one_line_or_a_table(tmp_path: Path) -> None:
 def test_the_table_prints_the_first_cases_and_counts_all(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("incipient.commands.tabulate.FIRST", 30)
+    monkeypatch.setattr("incipient.commands.sweep.FIRST", 30)
     path = tmp_path / "sweep.sqlite"
     filled(path, 38)
     assert main(["table", str(path)]) == 0
