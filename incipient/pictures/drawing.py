@@ -125,6 +125,7 @@ def render(
         bed = bed.clip_scalar(scalars="away", value=_BED * size)
         looks["split_sharp_edges"] = False
         plotter.add_mesh(bed, color=GROUND, opacity=0.3, **looks)
+    plotter.add_axes(color=INK, line_width=4, viewport=(0.0, 0.0, 0.25, 0.25))
     toward = sight.directions[2]
     focus = np.array([(x0 + x1) / 2, (y0 + y1) / 2, middle @ toward]) @ sight.directions
     plotter.camera_position = [focus + 10.0 * size * toward, focus, sight.directions[1]]
@@ -134,19 +135,7 @@ def render(
     plotter.close()
     extent = (x0, x1, y0, y1)
     axes.imshow(image, extent=extent, aspect="auto", interpolation="antialiased", zorder=1)
-
-
-def draw_directions(axes: Axes, sight: Sight) -> None:
-    """Draw the coordinate axes in a corner."""
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
-    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
-    line = {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}
-    for name, direction in zip("xyz", 0.07 * (x1 - x0) * sight(np.eye(3)), strict=True):
-        axes.annotate(
-            name, tuple(corner), tuple(corner + direction), fontsize=8, ha="center", va="center",
-            arrowprops=line,
-        )  # fmt: skip
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:
