@@ -44,7 +44,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             traction = Traction(*run.probe.vectors())
             if status == "complete" and grain is None:
                 verdict = judged(run, force, torque)
-            if grain is not None and (grain.part.met or grain.does):
+            if grain is not None and (grain.met or grain.does):
                 from ..effects.moving_grain.landing import landing
 
                 landed = landing(

@@ -7,7 +7,7 @@ lock file admits one writer.
 from __future__ import annotations
 
 import json
-import math
+import re
 import sqlite3
 from collections.abc import Container, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -125,27 +125,20 @@ class Store:
                 if retry:
                     self._base.execute(update, (WAITING, case.identity, FAILED))
 
-    def finish(self, outcomes: Sequence[tuple[str, int, CaseOutcome]]) -> None:
-        now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
+    def finish(self, identity: str, tries: int, outcome: CaseOutcome) -> None:
+        cells = vars(outcome) | {
+            "status": FAILED if outcome.result is None else DONE,
+            # SQLite reads no Infinity.
+            "columns": re.sub(r"\bInfinity\b", "9e999", json.dumps(outcome.columns)),
+            "versions": json.dumps(outcome.versions),
+            "tries": tries,
+            "finished": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
+        }
+        assigned = ", ".join(f"{name} = ?" for name in cells)
         with self._transaction():
-            for identity, tries, outcome in outcomes:
-                cells = {
-                    "status": FAILED if outcome.result is None else DONE,
-                    "columns": _json(outcome.columns),
-                    "result": outcome.result,
-                    "reason": outcome.reason,
-                    "wall": outcome.wall,
-                    "cpu": outcome.cpu,
-                    "peak_mib": outcome.peak_mib,
-                    "tries": tries,
-                    "finished": now,
-                    "versions": json.dumps(outcome.versions),
-                    "log": outcome.log,
-                }
-                assigned = ", ".join(f"{name} = ?" for name in cells)
-                self._base.execute(
-                    f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
-                )
+            self._base.execute(
+                f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
+            )
 
     def write_view(self) -> None:
         with self._reported():
@@ -181,15 +174,6 @@ class Store:
         with self._reported():
             rows = [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
             return [row | {name: dict(json.loads(row[name])) for name in parsed} for row in rows]
-
-
-def _json(columns: dict[str, Any]) -> str:
-    infinite = {math.inf: "9e999", -math.inf: "-9e999"}
-    cells = (
-        f"{json.dumps(key)}: {infinite.get(cell) or json.dumps(cell)}"
-        for key, cell in columns.items()
-    )
-    return f"{{{', '.join(cells)}}}"
 
 
 def _path(*keys: str) -> str:

@@ -944,7 +944,11 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         ),
         (["--field", "pressure"], 2, "--field: needs --animate; add it, or leave --field out"),
         (["--out", "flow.gif"], 2, "--out: needs --animate; add it, or leave --out out"),
-        (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
+        (
+            ["--animate", "flow.gif"],
+            2,
+            "unrecognized arguments: flow.gif; see incipient show --help",
+        ),
     ],
 )
 def test_show_says_what_is_wrong_in_one_line(
