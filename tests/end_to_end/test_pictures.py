@@ -280,25 +280,17 @@ def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture
     assert [path.name for path in drawn.paths] == ["profiles.png", "mesh.png"]
 
 
-def around(columns, rows):
-    """The plane of a made-up run around the disc, with a linear velocity."""
-    points, cells = quadratic_grid(around_disc, columns, rows, closed=True)
+def test_plane_of_a_mesh_with_a_hole():
+    """Its outline, its grain, and a linear velocity sampled on a grid within the fluid."""
+    points, cells = quadratic_grid(around_disc, 48, 24, closed=True)
     linear = np.column_stack([points[:, 0] - 3.0 * points[:, 1], 2.0 * points])
     step = StoredStep(0.0, spatial(points), cells, {"velocity": linear})
-    return StoredRun(Path(), {}, {}, step, None).plane
-
-
-def test_boundary_of_a_mesh_with_a_hole():
-    plane = around(24, 12)
+    plane = StoredRun(Path(), {}, {}, step, None).plane
     (outer, hole), (grain,) = plane.outlines, plane.grains
     assert grain is hole and np.allclose(np.abs(outer).max(axis=1), SIDE / 2)
-    # Sides of 15 degrees, quadratic, in four pieces: their ends are within 2e-5 of the circle.
-    assert np.allclose(np.linalg.norm(hole, axis=1), RADIUS, atol=2e-5) and len(hole) >= 4 * 24
-
-
-def test_fields_are_sampled_on_a_grid_within_the_fluid():
-    plane, view = around(48, 24), (-2.0, 3.0, -1.0, 1.0)
-    x, y, (value, other) = plane.velocities(view, 50)
+    # Sides of 7.5 degrees, quadratic, in four pieces: their ends are within 2e-6 of the circle.
+    assert np.allclose(np.linalg.norm(hole, axis=1), RADIUS, atol=2e-6) and len(hole) >= 4 * 48
+    x, y, (value, other) = plane.velocities((-2.0, 3.0, -1.0, 1.0), 50)
     across, up = np.meshgrid(x, y)
     radius = np.hypot(across, up)
     assert value.mask[radius < 0.99 * RADIUS].all() and not value.mask[radius > RADIUS].any()
