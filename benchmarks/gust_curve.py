@@ -317,9 +317,7 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
         capsize=2,
         label="computed",
     )
-    left.axhline(
-        found["static"], color=PUSH, linewidth=1.0, label="steady flow that begins to move it"
-    )
+    left.axhline(found["static"], color=PUSH, linewidth=1.0, label="threshold of steady flow")
     right.plot(
         lasts / pocket.time,
         impulses / math.sqrt(unit),
@@ -329,14 +327,14 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
         label="computed",
     )
     left.set(
-        xlabel="duration of the gust x shear rate",
-        ylabel="strength of the gust over the flow",
+        xlabel="duration of the gust times the shear rate [-]",
+        ylabel="gust strength [-]",
         xscale="log",
         yscale="log",
     )
     right.set(
-        xlabel="duration over $\\sqrt{mD/W}$",
-        ylabel="impulse on the held grain over $\\sqrt{mWD}$",
+        xlabel="duration of the gust over $\\sqrt{mD/W}$",
+        ylabel="impulse on the fixed grain over $\\sqrt{mWD}$",
         xscale="log",
         yscale="log",
     )

@@ -105,7 +105,7 @@ def with_safety(
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
-    from ..evaluation.contact_verdict import load_of
+    from ..results.contact_verdict import load_of
     from .goal import bar_of_scene  # which loads linear programs, slowly
 
     load = load_of(run.scene.placement, force, torque)

@@ -29,9 +29,7 @@ from .terms import COARSEST_IN_SPACE, is_stream, order_in_space
 
 AIM = 0.6  # fraction of the accuracy aimed at, as a margin
 MOST_MESHES, MOST_RUNS = 12, 6  # steady, unsteady
-# Unknowns per vertex of a large mesh, by dimension and order; expected fraction of the error that the next-higher order
-# leaves on the same mesh.
-UNKNOWNS, GAIN = {2: {2: 9, 3: 22, 4: 41}, 3: {2: 25, 3: 89, 4: 219}}, 0.1
+GAIN = 0.1  # expected fraction of the error that the next-higher order leaves on the same mesh
 # Cells of the first mesh over the default, not coarsened with upwinding; in unsteady flow also the steps.
 COARSEST, COARSEST_UPWINDED, COARSEST_IN_TIME, LONGEST = 4.0, MODEL_MESH, 8.0**0.5, 8.0
 # Work at one `numerics.mesh_size` over that of second order, and its power of the inverse cell size (`make bench`: 0.8
@@ -71,6 +69,11 @@ def first_size(scene: Scene, failures: int = 0) -> float:
     return min(0.5**failures * COARSEST * scene.numerics.mesh_size, most)
 
 
+def unknowns_per_vertex(gdim: int, order: int) -> int:
+    """Unknowns of velocity and pressure per vertex of a large mesh of simplices."""
+    return int(gdim * order**gdim + (order - 1) ** gdim)
+
+
 def next_order(
     order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]
 ) -> tuple[int, float]:
@@ -81,7 +84,9 @@ def next_order(
     """
 
     def unknowns(k: int) -> float:
-        return UNKNOWNS[gdim][k] * max(1.0, excess * GAIN ** (k - order)) ** (0.5 * gdim / k)
+        return unknowns_per_vertex(gdim, k) * max(1.0, excess * GAIN ** (k - order)) ** (
+            0.5 * gdim / k
+        )
 
     best = min((k for k in ORDERS if order <= k <= max(order, highest)), key=unknowns)
     return best, excess * GAIN ** (best - order)

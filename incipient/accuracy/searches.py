@@ -25,20 +25,19 @@ from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at, unit_of
 from . import next_mesh
 from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
-from .dual import GoalErrors
+from .dual import GoalErrors, gathered, resized
 from .goal import relative
 from .next_mesh import (
     AIM,
     COARSEST,
-    UNKNOWNS,
     WORK_POWER,
     coarsest,
     first_size,
     highest_order,
     next_order,
+    unknowns_per_vertex,
 )
 from .search import Attempt, Estimate, Search, computed_loads
-from .sizing import gathered, resized
 from .terms import (
     OF_MESH,
     by_both,
@@ -110,7 +109,7 @@ class DualWeighted(Search):
         # Contributions may cancel: their sum may exceed the error.
         cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
         field, more = resized(shares, order, cancelling / excess, self.comm)
-        more *= UNKNOWNS[gdim][order] / UNKNOWNS[gdim][before]
+        more *= unknowns_per_vertex(gdim, order) / unknowns_per_vertex(gdim, before)
         sizing = partial(coarse_sizes, COARSEST, field)
         unknowns = more * self.trials[-1].unknowns
         work = max(1.0, more) ** TIME_GROWTH

@@ -320,8 +320,8 @@ def probabilities(
     force, laws = inputs[:, :3], replace(cone, coefficient=inputs[:, 6])
     torque = inputs[:, 3:6] + np.cross(errors.arm(load.centre), force)
     surface = contacts.points, contacts.normals
-    known = mass_and_inertia or ()
-    cases = Cases(*surface, force, torque, load.weight, load.centre, laws, *known)
+    acting = force, torque, load.weight, load.centre
+    cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()), areas=contacts.areas)
     paper = [classify(*cases.case(i)[:3]).mode for i in range(samples)]
     exact = judge_many(cases).complete()
     moves = np.array([mode.moves for mode in paper])

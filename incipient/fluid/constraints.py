@@ -136,14 +136,21 @@ class Constraints:
         return conditions
 
     def _pressure_pin(self) -> Any:
-        """Zero at the node with the lowest coordinates, the same on any number of ranks."""
-        points, comm = self.space.pressure.tabulate_dof_coordinates(), self._domain.comm
+        """Zero at the node with the lowest coordinates, the same on any number of ranks.
+
+        That is a corner of the domain: prescribed velocities that do not balance leave a source there.
+        """
+        space, comm = self.space.pressure, self._domain.comm
+        index_map = space.dofmap.index_map
+        points = space.tabulate_dof_coordinates()
         size = comm.allreduce(float(np.abs(points).max(initial=0.0)), op=MPI.MAX)
-        # Rounded against round-off among nodes on a straight side.
-        places = np.round(points / size, 9) + 0.0
-        lowest = [tuple(places[i]) for i in np.lexsort(places.T[::-1])[:1]]
-        first = min(place for some in comm.allgather(lowest) for place in some)
-        own = np.flatnonzero((places == first).all(axis=1)).astype(np.int32)
+        # Rounded against round-off among nodes on a straight side; the owner's number names the node.
+        places = np.round(points[: index_map.size_local] / size, 9) + 0.0
+        start = index_map.local_range[0]
+        lowest = [(*places[i], start + int(i)) for i in np.lexsort(places.T[::-1])[:1]]
+        first = min(one for some in comm.allgather(lowest) for one in some)[-1]
+        local = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        own = np.flatnonzero(index_map.local_to_global(local) == first).astype(np.int32)
         zero = dolfinx.fem.Function(self.space.pressure)
         mixed = self.space.pressure_map[own].astype(np.int32)
         return dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))

@@ -266,6 +266,7 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
         case.centre,
         replace(law, coefficient=columns.get("friction", law.coefficient)),
         *(case.mass_and_inertia() or ()),
+        areas=contacts.areas,
     )
 
 

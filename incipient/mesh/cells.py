@@ -14,6 +14,7 @@ from ..arrays import Floats, Integers
 
 # By how much, relative to its extent, a cell's nodes may be off those of a straight one.
 ROUND_OFF = 1e-10
+NO_VERTEX = np.iinfo(np.int64).max
 CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 
@@ -58,6 +59,24 @@ def cell_facets(mesh: Any, cells: int) -> tuple[np.ndarray, np.ndarray]:
     lacking = [[k for k in range(dimension + 1) if k != corner] for corner in range(dimension + 1)]
     corners = compat.geometry_dofs(mesh)[:cells][:, lacking].reshape(-1, dimension)
     return facets, corners
+
+
+def input_numbers(mesh: Any) -> Integers:
+    """Number in the mesh's input of each row of `mesh.geometry.x`."""
+    return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
+
+
+def vertex_numbers(space: Any) -> Integers:
+    """Numbers (local nodes,) in the mesh's input of the vertices among a Lagrange space's nodes; others: `NO_VERTEX`.
+
+    They do not depend on the number of ranks.
+    """
+    mesh, index_map = space.mesh, space.dofmap.index_map
+    corners = slice(mesh.topology.dim + 1)
+    numbers = np.full(index_map.size_local + index_map.num_ghosts, NO_VERTEX)
+    rows = compat.geometry_dofs(mesh)[:, corners]
+    numbers[compat.cell_dofs(space)[:, corners]] = input_numbers(mesh)[rows]
+    return numbers
 
 
 def is_node_of(space: dolfinx.fem.FunctionSpace, cells: Integers) -> np.ndarray:

@@ -23,7 +23,7 @@ from ..setup.setup import Setup
 from ..thresholds.critical import find_threshold
 from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
 from ..thresholds.gusts import CriticalGust, GustSearch, require_durations
-from ..thresholds.lasting import WeakestGusts
+from ..thresholds.laws import WeakestGusts
 from ..thresholds.outcome import Threshold
 from .ownership import locked, place_scene
 

@@ -30,6 +30,7 @@ _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its f
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 _UPRIGHT = 0.95  # cosine: an axis of turning that is upright
 _ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
+_GRID = (97, 97, 65)  # points at which the distance from the bed is sampled
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
 
 
@@ -112,9 +113,16 @@ def render(
         plotter.add_mesh(surface, color=GRAIN, opacity=0.55, culling="back", **looks)
         plotter.add_silhouette(surface, color=INK, line_width=3.0, feature_angle=_SHARP)
     if terrain is not None:
-        bed = pyvista.Disc(inner=0.0, outer=_BED * size, r_res=100, c_res=360).triangulate()
-        places = np.asarray(bed.points)[:, :2] + middle[:2]
-        bed.points = np.column_stack([places, terrain.height(places)])
+        # Pieces such as spheres have steep sides, which a height over x and y would show ragged.
+        grid = pyvista.ImageData(dimensions=_GRID, spacing=3 * [2.0 * _BED * size / (_GRID[0] - 1)])
+        grid.origin = middle - _BED * size
+        pieces = terrain.pieces(middle[:2], 1.5 * _BED * size)
+        parts = np.array_split(np.asarray(grid.points), _GRID[2])
+        grid["distance"] = np.hstack([pieces.distance_estimate(p).min(axis=0) for p in parts])
+        bed = grid.contour([0.0], scalars="distance", compute_normals=True)
+        bed["away"] = np.linalg.norm(np.asarray(bed.points)[:, :2] - middle[:2], axis=1)
+        bed = bed.clip_scalar(scalars="away", value=_BED * size)
+        looks["split_sharp_edges"] = False
         plotter.add_mesh(bed, color=GROUND, opacity=0.3, **looks)
     toward = sight.directions[2]
     focus = np.array([(x0 + x1) / 2, (y0 + y1) / 2, middle @ toward]) @ sight.directions
@@ -280,7 +288,7 @@ def _draw_motion(
     places: np.ndarray,
     size: float,
 ) -> None:
-    rates = motion.at(places - centre)
+    rates = motion.acceleration + np.cross(motion.angular, places - centre)
     fastest = float(np.linalg.norm(rates, axis=1).max()) or 1.0
     later = sight.outline(places + _MOVED * size / fastest * rates)
     axes.add_artist(

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..arrays import Floats
+from .quantity import labelled
 
 # Change of the shear stress along an edge of a cell at a resolved smooth wall, over the stress, beyond which it is
 # too long; and the fraction of the stress's whole change that may lie along such edges. Behind the crest of a bump the
@@ -154,7 +155,8 @@ class WallReport:
     def lines(self) -> list[str]:
         """Warnings, and a known error of the model in reverse flow."""
         text = self._unsteady + self._coarse
-        lines = [f"{'warning':<20}{text.removesuffix('; ')}"] if text else []
-        if self.backward and (error := OF_MODEL.get(self.model)):
-            lines.append(f"{'model':<20}{error}")
-        return lines
+        error = OF_MODEL.get(self.model) if self.backward else None
+        return [
+            *(labelled("warning", text.removesuffix("; ")) if text else ()),
+            *(labelled("model", error) if error else ()),
+        ]

@@ -66,7 +66,8 @@ class Contact(Section):
 
     friction: NotNegative = key("Coefficient of static friction [-]")
     cohesion: NotNegative = key(
-        "Largest tensile force of each contact, added to the normal force in the friction bound [force]",
+        "Largest tensile force of each contact (coplanar points are one), added to the normal force in the friction "
+        "bound [force]",
         0.0,
     )
     gap: Positive = key(

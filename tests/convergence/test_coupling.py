@@ -118,15 +118,6 @@ def test_second_order_for_every_mass(ratio: float) -> None:
     assert 1.8 < of_places[-1] < 2.6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("ratio", MASS_RATIOS)
-def test_second_order_in_small_steps(ratio: float) -> None:
-    of_velocities, of_places = rates([run(DISC, ratio, count) for count in (80, 160, 320)])
-    # Light bodies are past the next term at these steps, the heaviest come down to two from above.
-    assert of_velocities[-1] == pytest.approx(2.0, abs=0.2)
-    assert of_places[-1] == pytest.approx(2.0, abs=0.2)
-
-
 @pytest.mark.parametrize(("grain", "ratio", "free"), PARTLY_FREE)
 def test_second_order_of_others(grain: Grain, ratio: float, free: tuple[bool, bool, bool]) -> None:
     """Discs that cannot turn or fall, ellipses, one with its centre held."""

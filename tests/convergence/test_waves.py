@@ -83,38 +83,6 @@ def test_a_viscous_mode_is_of_third_order_in_space():
     assert np.log2(coarse / fine) > 3.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("viscosity", "order", "n"), [(0.01, 3, 12), (0.001, 3, 20), (0.0001, 4, 16)]
-)
-def test_frequency_and_decay_within_a_thousandth(viscosity, order, n):
-    from scipy.optimize import least_squares
-
-    mode, amplitude = Mode(viscosity, np.pi), 1e-7
-    row = next(r for r in tabulated_modes() if r["nu"] == viscosity and abs(r["k"] - np.pi) < 1e-6)
-    with tank(
-        curved_box(2, n, min(order, 3)),
-        viscosity,
-        lambda x: amplitude * np.cos(np.pi * x[:, 0]),
-        order=order,
-    ) as made:
-        made.flow(started(mode, amplitude))
-        left, told = int(np.argmin(made.points[:, 0])), []
-        # The decay by the scheme itself is (w dt)^3 w/4: a three-thousandth of that of the smallest viscosity.
-        for step in made.transient.march(4 * mode.period, 0.006 if viscosity < 0.001 else 0.01):
-            told.append((step.time, made.elevation()[left] / amplitude))
-    t, h = np.array(told)[len(told) // 4 :].T
-
-    def missed(p):
-        return np.real((p[0] + 1j * p[1]) * np.exp((p[2] + 1j * p[3]) * t)) - h
-
-    found = least_squares(
-        missed, [1, 0, mode.s.real, mode.s.imag], xtol=1e-14, ftol=1e-14, gtol=1e-14
-    ).x
-    assert found[2] == pytest.approx(row["re_s"], rel=1e-3)
-    assert found[3] == pytest.approx(row["im_s"], rel=1e-3)
-
-
 def error_in_space(n, steps):
     """The largest error, over the amplitude, of waves in two directions within a quarter of a period."""
     mode, amplitude, errors = Mode(0.05, np.sqrt(2.0) * np.pi), 1e-7, []
@@ -245,24 +213,6 @@ def elevations(amplitude, lasting=False, columns=12, steps=200, periods=1.0, ord
             told.append((step.time, *made.elevation()[ends]))
     t, *h = np.array(told).T
     return t, np.array(h).T
-
-
-@pytest.mark.slow
-def test_the_second_order_of_a_wave_released_from_rest():
-    """The mean of both ends has even orders only; what linear and second order leave of one end is of third order."""
-    amplitudes = (0.05, 0.1)
-    t, linear = elevations(1e-5)
-    exact, largest = second_order(t), np.abs(second_order(t)).max()
-    found, rests = [], []
-    for a in amplitudes:
-        _, h = elevations(a)
-        found.append(h.mean(axis=1) / a**2)
-        rests.append(np.abs(h[:, 0] - a / 1e-5 * linear[:, 0] - a**2 * exact).max())
-    small, large = (np.abs(one - exact).max() / largest for one in found)
-    assert small < 0.02 and large < 0.05
-    # Without the fourth order; a backward difference of second order loses (2w dt)^2/3 of the phase, 0.4% of it here.
-    assert np.abs((4.0 * found[0] - found[1]) / 3.0 - exact).max() < 0.01 * largest
-    assert 2.8 < np.log2(rests[1] / rests[0]) < 3.2
 
 
 @pytest.mark.slow

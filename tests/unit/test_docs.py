@@ -38,18 +38,13 @@ def parts(page: str) -> list[str]:
     return [name for name in names if name != "mrow"]
 
 
-def test_a_formula_in_a_line_becomes_a_fraction() -> None:
-    found = parts(r'<span class="arithmatex">\(\frac{k^2}{\epsilon}\)</span>')
-    assert found == ["p", "math", "mfrac", "msup", "mi k", "mn 2", "mi ϵ"]
-
-
-def test_a_formula_by_itself_is_a_block_and_signs_of_html_are_read() -> None:
-    page = '<div class="arithmatex">\n\\[a &lt; b\\]</div>'
-    assert 'display="block"' in mathematics.on_page_content(page)
-    assert parts(page) == ["p", "math", "mi a", "mo <", "mi b"]
-
-
-def test_other_text_stays_as_it_is() -> None:
+def test_formulas_in_a_line_and_by_themselves_become_mathematics() -> None:
+    """Signs of HTML are read; other text stays as it is."""
+    line = r'<span class="arithmatex">\(\frac{k^2}{\epsilon}\)</span>'
+    assert parts(line) == ["p", "math", "mfrac", "msup", "mi k", "mn 2", "mi ϵ"]
+    block = '<div class="arithmatex">\n\\[a &lt; b\\]</div>'
+    assert 'display="block"' in mathematics.on_page_content(block)
+    assert parts(block) == ["p", "math", "mi a", "mo <", "mi b"]
     page = r"<p>f(x) and <code>\(k\)</code></p>"
     assert mathematics.on_page_content(page) == page
 
@@ -122,22 +117,15 @@ def test_no_module_hides_a_public_name() -> None:
 SLOW = re.compile(r"pytest\.mark\.slow\b")
 
 
-def test_every_file_with_slow_tests_is_in_one_part() -> None:
-    found = {
+def test_every_file_with_slow_tests_is_in_one_part_and_each_part_has_its_day() -> None:
+    slow = {
         str(path.relative_to(TESTS))
         for path in TESTS.rglob("test_*.py")
         if SLOW.search(path.read_text())
     }
     named = [name for names in PARTS.values() for name in names]
-    assert len(named) == len(set(named))
-    assert found - {"unit/test_mathematics.py"} == set(named)
-
-
-def test_each_part_has_its_day() -> None:
+    assert len(named) == len(set(named)) and slow - {"unit/test_mathematics.py"} == set(named)
     assert {of_day(day) for day in range(1, 1 + len(PARTS))} == set(PARTS)
-
-
-def test_all_parts_together_are_all_files() -> None:
     assert sorted(files("")) == sorted(one for part in PARTS for one in files(part))
     with pytest.raises(KeyError):
         files("nothing")
@@ -222,28 +210,18 @@ def test_keys_exist(page: Path) -> None:
 
 
 @of_every_page
-def test_linked_files_exist(page: Path) -> None:
-    linked = re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text())
-    assert not [name for name in linked if not (page.parent / name).exists()]
-
-
-@of_every_page
-def test_named_files_exist(page: Path) -> None:
-    """Paths in code that begin with a directory of the repository."""
-    named = re.findall(
-        r"`((?:demos|docs|benchmarks|tests|forms|meshes|incipient)/[\w./-]+)`", page.read_text()
-    )
-    assert not [name for name in named if not (ROOT / name).exists()]
+def test_files_that_are_linked_or_named_exist(page: Path) -> None:
+    """Named ones are paths in code that begin with a directory of the repository."""
+    text = page.read_text()
+    linked = re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", text)
+    named = re.findall(r"`((?:demos|docs|benchmarks|tests|forms|meshes|incipient)/[\w./-]+)`", text)
+    paths = [*(page.parent / name for name in linked), *(ROOT / name for name in named)]
+    assert not [path for path in paths if not path.exists()]
 
 
 def test_the_navigation_names_pages_that_exist() -> None:
-    named = set(
-        re.findall(
-            r"^ *- (?:[^:\n]+: )?([\w/]+\.(?:md|markdown))$",
-            (ROOT / "mkdocs.yml").read_text(),
-            re.M,
-        )
-    )
+    pages = r"(?m)^ *- (?:[^:\n]+: )?([\w/]+\.(?:md|markdown))$"
+    named = set(re.findall(pages, (ROOT / "mkdocs.yml").read_text()))
     assert len(named) > 20 and not {name for name in named if not (ROOT / "docs" / name).exists()}
 
 

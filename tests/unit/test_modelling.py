@@ -18,7 +18,7 @@ from incipient.accuracy.modelling import SMALLEST_GAP, irreducible, remedies, sl
 from incipient.accuracy.search import Attempt, Estimate, Search
 from incipient.accuracy.searches import DualWeighted
 from incipient.accuracy.terms import not_there, of_domain, of_gap, of_the_model
-from incipient.errors import ConvergenceError, SceneError
+from incipient.errors import ConvergenceError
 from incipient.mesh.motion import MeshMotion, Potentials, stretched
 from incipient.meshes import SYMMETRY
 from incipient.progress import Silent
@@ -42,7 +42,6 @@ from incipient.simulation.moved_mesh import moved_meshes
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
 from incipient.simulation.steady import solve_steadily
-from incipient.thresholds.meshes import to_accuracy
 
 # Gap and domain beside an accuracy: what is advised does, and what the run chooses gives the force that it says.
 
@@ -285,17 +284,6 @@ def test_a_budget_is_kept() -> None:
     assert found is not None and not found.met and found.reached is None
     assert "numerics.budget_seconds" in found.reason
     assert result.scene["domain"] == scene.model_dump(mode="json")["domain"]
-
-
-def test_what_it_includes_needs_an_accuracy() -> None:
-    with pytest.raises(SceneError, match=r"numerics\.accuracy_includes: .*add numerics\.accuracy"):
-        on_bed(ALL)
-
-
-def test_a_threshold_does_not_choose_gap_and_domain() -> None:
-    scene = narrow(accuracy=0.01, accuracy_includes="all")
-    with pytest.raises(SceneError, match=r"numerics\.accuracy_includes: .*leave it out"):
-        to_accuracy(scene, MPI.COMM_SELF, Silent(), lambda *found: None)
 
 
 @pytest.mark.slow

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import POCKET, on_bed
+from scenes import IN_STREAM, POCKET, on_bed
 from scenes import on_bed as scene
 from scipy.optimize import brentq, minimize_scalar
 from turbulent import channel, grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
+from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.modelling import SMALLEST_GAP, lessened
 from incipient.accuracy.next_mesh import (
@@ -38,12 +39,12 @@ from incipient.accuracy.next_mesh import (
 )
 from incipient.accuracy.search import LEAST_WORK, Attempt, Estimate, Search
 from incipient.accuracy.searches import COMPARED, DualWeighted, InTime
-from incipient.accuracy.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.accuracy.terms import order_in_space
+from incipient.arrays import spatial
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
+from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
-from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
@@ -53,10 +54,10 @@ from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import meshed
 from incipient.planning.layout import STEEPEST
 from incipient.progress import Silent
-from incipient.results.adaptation import Adaptation, Trial
+from incipient.results.adaptation import Trial
+from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term
 from incipient.results.loads import Forces, Torques
-from incipient.results.quantity import as_stored
 from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads
 from incipient.scene import load as scene_load
 from incipient.scene.example import commented, grain_on_bed
@@ -178,10 +179,25 @@ def test_threshold_of_a_known_load(known: Known) -> None:
     assert bool(found.unsolved) == (known.limit < np.inf)
 
 
-def test_a_search_upwards_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("incipient.thresholds.search.MOST_FLOWS", 2)
-    found = Pretended(lambda f: DRAG * (0.3 + f)).from_rest()
-    assert not found.is_critical and found.reason == "the search did not converge within 40 flows"
+def test_a_search_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From rest, and where a load larger by a tenth has a threshold some percent away from that of another mesh."""
+    before = Pretended(lambda f: DRAG * (0.3 + f)).from_rest()
+    monkeypatch.setattr("incipient.thresholds.search.MOST_FLOWS", 1)
+    flow = Pretended(lambda f: DRAG * (0.3 + f)).from_rest()
+    assert not flow.is_critical and flow.reason == "the search did not converge within 40 flows"
+    with pytest.raises(ConvergenceError, match="did not converge within 40 flows, the last two at"):
+        Pretended(lambda f: 1.1 * DRAG * (0.3 + f)).search().near(before)
+
+
+def mean_flow(
+    monkeypatch: pytest.MonkeyPatch, pretended: Pretended, slowest: float, start: float, gdim: int
+) -> None:
+    """Make a pretended simulation one of a mean flow, searched upwards from the slowest one or from `start`."""
+    bound = slowest, start
+    monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
+    pretended.setup = SimpleNamespace(
+        is_averaged=True, scene=SimpleNamespace(resolves_walls=True, gdim=gdim)
+    )
 
 
 @pytest.mark.parametrize(("start", "first"), [(0.2, [0.2]), (20.0, [20.0, 1e-3])])
@@ -189,36 +205,20 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     monkeypatch: pytest.MonkeyPatch, start: float, first: list[float]
 ) -> None:
     """Where it is not held in the flow to start with the search begins with the slowest one."""
-    bound, said = (1e-3, start), list[str]()
-    monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
-    pretended = Pretended(lambda f: DRAG * (0.3 + f))
-    pretended.setup = SimpleNamespace(
-        is_averaged=True,
-        scene=SimpleNamespace(resolves_walls=True, gdim=3),
-    )
+    pretended, said = Pretended(lambda f: DRAG * (0.3 + f)), list[str]()
+    mean_flow(monkeypatch, pretended, 1e-3, start, gdim=3)
     monkeypatch.setattr(pretended.voice, "say", said.append)
-    found = pretended.from_rest()
+    flow = pretended.from_rest()
     assert said[0] == EXPECTED
-    assert [trial.factor for trial in found.trials[: len(first)]] == first
-    assert found.factor == pytest.approx(pretended.first_loss(20.0), rel=1e-4)
-    assert found.is_critical and len(found.trials) <= 4 + len(first)
-
-
-def mean_flow(
-    monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: tuple[float, float]
-) -> None:
-    """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
-    monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
-    pretended.setup = SimpleNamespace(
-        is_averaged=True,
-        scene=SimpleNamespace(resolves_walls=True, gdim=2),
-    )
+    assert [trial.factor for trial in flow.trials[: len(first)]] == first
+    assert flow.factor == pytest.approx(pretended.first_loss(20.0), rel=1e-4)
+    assert flow.is_critical and len(flow.trials) <= 4 + len(first)
 
 
 def test_a_mean_flow_that_is_not_found_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is sought as a whole: what is left of it is no start, and the way from one to another is not gone in steps."""
     pretended, asked = Pretended(lambda f: 1e-3 * DRAG * (0.3 + f), limit=5.0), list[float]()
-    mean_flow(monkeypatch, pretended, (1e-3, 0.0))
+    mean_flow(monkeypatch, pretended, 1e-3, 0.0, gdim=2)
 
     def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Torques]:
         pretended.fluid.reynolds = (
@@ -239,7 +239,7 @@ def test_a_grain_that_moves_in_the_slowest_mean_flow_is_to_be_heavier(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pretended = Pretended(lambda f: 1e6 * DRAG)
-    mean_flow(monkeypatch, pretended, (1e-3, 0.0))
+    mean_flow(monkeypatch, pretended, 1e-3, 0.0, gdim=2)
     with pytest.raises(
         SceneError,
         match=r"moves in the slowest flow looked at.*heavier grain, or sweep fluid\.reynolds",
@@ -254,7 +254,7 @@ def test_any_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch, avera
     pretended.scene = scene("bed.kind=flat")
     pretended.contacts = find_contacts(pretended.scene)
     if averaged:
-        mean_flow(monkeypatch, pretended, (1e-3, 0.0))
+        mean_flow(monkeypatch, pretended, 1e-3, 0.0, gdim=2)
     found = pretended.from_rest()
     assert found.factor == 0.0 and found.reason == "any flow moves the grain"
     assert len(found.trials) == 1
@@ -283,38 +283,6 @@ def test_the_same_search_on_another_mesh_needs_one_flow() -> None:
     found = finer.search().near(before)
     assert found.factor == pytest.approx(finer.first_loss(100.0), rel=1e-6)
     assert len(found.trials) == 1
-
-
-def path(factors: list[float], load: Callable[[float], np.ndarray]) -> LoadPath:
-    pretended: Any = Pretended(load)
-    centre = np.array([*pretended.scene.placement.centre, 0.0])
-    rest = Load(np.zeros(3), np.zeros(3), np.array([0.0, -13.0, 0.0]), centre)
-    return LoadPath(
-        np.array(factors), np.array([load(f) for f in factors]), rest, pretended.contacts, 0.5
-    )
-
-
-def test_a_search_that_does_not_converge_names_no_critical_flow(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A load larger by a tenth has a threshold some percent away: one flow is not enough to be near it."""
-    monkeypatch.setattr("incipient.thresholds.search.MOST_FLOWS", 1)
-    before = CriticalFlow(2.2, 2.2, path([1e-6, 1.0], lambda f: DRAG * (0.3 + f)), ())
-    with pytest.raises(ConvergenceError, match="did not converge within 40 flows, the last two at"):
-        Pretended(lambda f: 1.1 * DRAG * (0.3 + f)).search().near(before)
-
-
-def test_loads_between_flows_are_those_of_a_parabola() -> None:
-    given = path([1e-6, 1.0, 2.5], lambda f: DRAG * (1.0 + f + f**2))
-    assert given.over_factor(1.7) == pytest.approx(DRAG * (1.0 + 1.7 + 1.7**2))
-
-
-def test_rest_is_doubted_where_the_load_may_bend_that_far() -> None:
-    """A change of the load is harmless where it is small, and not where it might hide a loss in between."""
-    weak = path([1e-6, 1.0], lambda f: DRAG * (0.1 + f))
-    strong = path([1e-6, 1.0], lambda f: 14.0 * DRAG * (1.0 - f))
-    assert weak.loss(1e-6, 1.0) is None and weak.doubtful(1e-6, 1.0, 1.0) is None
-    assert strong.loss(1e-6, 1.0) is None and strong.doubtful(1e-6, 1.0, 1.0) is not None
 
 
 @pytest.mark.parametrize(
@@ -368,6 +336,10 @@ def test_bed_stress(flow: str, slope: float | None, power: int) -> None:
         ),
         ("time={end = 1.0, step = 0.1}", "a threshold needs a steady flow"),
         ("numerics.accuracy=verdict", "numerics.accuracy: .* give"),
+        (
+            "numerics={accuracy=0.01, accuracy_includes='all'}",
+            r"numerics\.accuracy_includes: .*leave it out",
+        ),
     ],
 )
 def test_what_a_threshold_needs(override: str, need: str) -> None:
@@ -567,15 +539,16 @@ def grid(n: int) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def test_equal_shares_refine_evenly() -> None:
-    """Errors that go as h^(2k) fall sixteen times when cells of order two are halved."""
+@pytest.mark.parametrize(("relative", "factor"), [(1 / 16, 0.5), (1e9, LARGEST)])
+def test_equal_shares_change_all_cells_alike(relative: float, factor: float) -> None:
+    """Errors that go as h^(2k) fall sixteen times when cells of order two are halved; cells grow to a bound only."""
     points, triangles = grid(10)
     shares = Shares(points, triangles, np.ones(len(points)))
     assert shares.sizes == pytest.approx(0.1 * np.sqrt(2 / np.sqrt(3)))
-    field, more = resized(shares, order=2, relative=1 / 16, comm=MPI.COMM_SELF)
+    field, more = resized(shares, order=2, relative=relative, comm=MPI.COMM_SELF)
     assert field is not None
-    assert field.sizes == pytest.approx(0.5 * shares.sizes, rel=1e-6)
-    assert more == pytest.approx(4.0, rel=1e-6)
+    assert field.sizes == pytest.approx(factor * shares.sizes, rel=1e-6)
+    assert more == pytest.approx(factor**-2, rel=1e-6)
 
 
 def test_sizes_follow_the_shares_within_bounds() -> None:
@@ -590,14 +563,6 @@ def test_sizes_follow_the_shares_within_bounds() -> None:
     a, b = triangles[:, 0], triangles[:, 1]
     growth = np.abs(np.diff(field.sizes[np.column_stack([a, b])]))[:, 0]
     assert np.all(growth <= STEEPEST * np.linalg.norm(points[a] - points[b], axis=1) + 1e-12)
-
-
-def test_no_error_makes_cells_as_large_as_allowed() -> None:
-    points, triangles = grid(5)
-    shares = Shares(points, triangles, np.ones(len(points)))
-    field, _ = resized(shares, order=2, relative=1e9, comm=MPI.COMM_SELF)
-    assert field is not None
-    assert field.sizes == pytest.approx(LARGEST * shares.sizes)
 
 
 def test_mesh_has_the_sizes_of_the_field() -> None:
@@ -659,48 +624,50 @@ def test_a_smaller_gap_or_a_larger_domain() -> None:
 # -- the quantity -----------------------------------------------------------------------------------
 
 
-def loaded(force: float, torque: float) -> Loads:
-    return Loads(np.array([force, 0.0, 0.0]), np.array([0.0, 0.0, torque]))
-
-
 def wanting(**numerics: object) -> Scene:
     return changed(grain_on_bed(), numerics={"accuracy": 0.01, **numerics})
 
 
-def test_relative_errors() -> None:
-    loads_ = loaded(2.0, -0.5)
+def force_and_torque(force: float, torque: float) -> Loads:
+    return Loads(np.array([force, 0.0, 0.0]), np.array([0.0, 0.0, torque]))
+
+
+@pytest.mark.parametrize(
+    ("quantity", "torque", "error", "goals"),
+    [
+        ("force", -0.5, 0.025, [[0.5, 0, 0], [0, 0.5, 0]]),
+        ("torque", -0.5, 0.02, [[0, 0, 2.0]]),
+        # 1% of force times diameter stands for a torque that is smaller.
+        ("torque", 0.0, 0.5, [[0, 0, 50.0]]),
+    ],
+)
+def test_errors_and_goals_are_relative(
+    quantity: str, torque: float, error: float, goals: list[list[float]]
+) -> None:
+    goal, computed = Goal.of(wanting(accuracy_of=quantity)), force_and_torque(2.0, torque)
     errors = np.array([0.03, 0.04, 0.0]), np.array([0.0, 0.0, 0.01])
-    assert Goal.of(wanting()).error(loads_, *errors) == pytest.approx(0.025)
-    assert Goal.of(wanting(accuracy_of="torque")).error(loads_, *errors) == pytest.approx(0.02)
-    vanishing = loaded(2.0, 0.0)
-    # 1% of force times diameter stands for a torque that is smaller.
-    assert Goal.of(wanting(accuracy_of="torque")).error(vanishing, *errors) == pytest.approx(0.5)
+    assert goal.error(computed, *errors) == pytest.approx(error)
+    assert np.allclose(goal.goals(computed), goals)
 
 
-def test_goals_are_relative() -> None:
-    loads_ = loaded(2.0, -0.5)
-    assert np.allclose(Goal.of(wanting()).goals(loads_), [[0.5, 0, 0], [0, 0.5, 0]])
-    assert np.allclose(Goal.of(wanting(accuracy_of="torque")).goals(loads_), [[0, 0, 2.0]])
+def test_slope_and_range_of_the_safety_factor() -> None:
+    """In a pocket the change that the slope predicts is the change of the logarithm.
 
-
-def test_slope_of_the_safety_factor() -> None:
-    """In a pocket: the change that its slope foretells is the change of its logarithm."""
-    from incipient.arrays import spatial
-    from incipient.contact import Load
-    from incipient.contact.verdict import judged
-
+    Within its error a small force may be none, which is held at any factor: the range has an infinite end.
+    """
     scene = on_bed(*POCKET, "numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")
     goal = Goal.of(scene)
-    (slope,) = goal.goals(loaded(1.0, -0.1))
+    (slope,) = goal.goals(force_and_torque(1.0, -0.1))
     gravity, centre = spatial(scene.gravity_vector), spatial(scene.placement.centre)
     weight = (scene.mass - scene.grain.volume) * gravity  # submerged, by hand
-
-    def factor(force: float) -> float:
-        loads_ = loaded(force, -0.1)
-        load = Load(loads_.force, loads_.torque, weight, centre)
-        return judged(load, goal.contacts, 0.5).safety.value
-
-    assert np.log(factor(1.01) / factor(0.99)) == pytest.approx(0.02 * slope[0], rel=1e-2)
+    low, high = (
+        judged(Load([force, 0, 0], [0, 0, -0.1], weight, centre), goal.contacts, 0.5).safety.value
+        for force in (0.99, 1.01)
+    )
+    assert np.log(high / low) == pytest.approx(0.02 * slope[0], rel=1e-2)
+    small, error = force_and_torque(0.1, 0.0), np.array([0.01, 0.0, 0.0])
+    assert goal.error(small, error, ZERO) == pytest.approx(1.0 / 0.9 - 1.0 / 1.1)
+    assert goal.error(small, 10.0 * error, ZERO) == np.inf
 
 
 def searching(seconds: float = 1.0, **numerics: object) -> tuple[Search, Estimate]:
@@ -759,16 +726,6 @@ def test_corrected_loads_that_agree_need_no_mesh_for_the_load_as_computed(
     assert strategy.target(Estimate(corrected or plain)) == pytest.approx(left)
 
 
-def test_a_range_with_an_infinite_end() -> None:
-    """In a pocket a force that is small may within its error be none, which is held at any factor."""
-    wanted = ("numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")
-    goal = Goal.of(on_bed(*POCKET, *wanted))
-    loads_ = loaded(0.1, 0.0)
-    errors = np.array([0.01, 0.0, 0.0]), np.zeros(3)
-    assert goal.error(loads_, *errors) == pytest.approx(1.0 / 0.9 - 1.0 / 1.1)
-    assert goal.error(loads_, 10.0 * errors[0], errors[1]) == np.inf
-
-
 # -- the loop -----------------------------------------------------------------------------------------
 
 
@@ -821,82 +778,50 @@ def test_a_search_ends_with_the_least_error_that_it_found(
     assert len(search.trials) == len(errors)
 
 
-def test_three_failures_end_a_search() -> None:
-    with pytest.raises(ConvergenceError, match="no flow"):
-        Listed(["no flow"] * 3).result()
-
-
-def test_an_accuracy_in_doubt_is_not_known_to_be_reached() -> None:
-    search = DualWeighted(wanting(), MPI.COMM_SELF, Recorder(), Silent())
-    search.conclude("for a reason")
-    assert (search.reason, search.met) == ("not known to be reached: for a reason", False)
-
-
 # -- what may be asked for ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", ["0", "1", "-0.1", "1e-7", "true", "high"])
-def test_wrong_accuracies(value: str) -> None:
-    with pytest.raises(
-        SceneError, match=r"numerics\.accuracy: is .*give a relative error such as 0\.01"
-    ):
-        on_bed(f"numerics.accuracy={value}")
-
-
-def test_accuracy_without_a_grain() -> None:
-    cavity = '[domain]\nkind="box"\nlength=1\nheight=1\n[fluid]\nreynolds=100\nscale="flow"\n[flow]\nkind="lid"\n'
-    with pytest.raises(
-        SceneError, match=r"numerics\.accuracy: .*there is neither; add a section \[body\]"
-    ) as caught:
-        loads(cavity + "[numerics]\naccuracy=0.01\n")
-    assert "\n" not in str(caught.value)
+ON_BED = commented(grain_on_bed())
+STILL = "\n".join(
+    line for line in ON_BED.splitlines() if not line.startswith(("rate", "datum"))
+).replace('"shear"', '"still"')
+CAVITY = """
+[domain]
+kind = "box"
+length = 1
+height = 1
+[fluid]
+reynolds = 100
+scale = "flow"
+[flow]
+kind = "lid"
+"""
+NEEDS = r"needs a grain that rests on a bed, its density and friction; give body\.x"
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("text", "overrides", "message"),
     [
-        (
-            ("numerics.budget_seconds=5",),
-            r"numerics\.budget_seconds: .*none is requested; add numerics\.accuracy",
+        *(
+            (ON_BED, (f"accuracy={value}",), r"accuracy: is .*give a relative error such as 0\.01")
+            for value in ("0", "1", "-0.1", "1e-7", "true", "high")
         ),
-        (("numerics.accuracy=0.01", "flow={kind='still'}"), r"a fluid at rest exerts no force"),
-        (("numerics.accuracy=0.01", "numerics.accuracy_of=drag"), r'"drag" is not known'),
-        (
-            ("numerics.accuracy=verdict", "time={end=1.0, step=0.1}"),
-            r'"verdict" is for steady flow',
-        ),
+        (ON_BED, ("budget_seconds=5",), "budget_seconds: .*none is requested; add numerics.acc"),
+        (ON_BED, ("accuracy_includes=all",), r"accuracy_includes: .*add numerics\.accuracy"),
+        (ON_BED, ("accuracy=0.01", "accuracy_of=drag"), r'"drag" is not known'),
+        (ON_BED + "[time]\nend = 1.0\nstep = 0.1\n", ("accuracy=verdict",), "is for steady flow"),
+        (STILL, ("accuracy=0.01",), "a fluid at rest exerts no force"),
+        (CAVITY, ("accuracy=0.01",), r"accuracy: .*there is neither; add a section \[body\]"),
+        (IN_STREAM, ("accuracy=verdict",), NEEDS),
+        (IN_STREAM, ("accuracy=0.01", "accuracy_of=safety factor"), NEEDS),
     ],
 )
-def test_contradictions(overrides: tuple[str, ...], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        on_bed(*overrides)
-
-
-@pytest.mark.parametrize(
-    "key", ["accuracy='verdict'", "accuracy=0.01\naccuracy_of='safety factor'"]
-)
-def test_a_verdict_needs_what_a_verdict_needs(key: str) -> None:
-    stream = (
-        '[domain]\nlength=8\nheight=4\n[fluid]\nreynolds=20\nscale="grain"\n[flow]\nkind="uniform"\n'
-        '[body]\nshape="disc"\ndiameter=1\ncentre=[3.0, 2.0]\n'
-    )
-    with pytest.raises(
-        SceneError,
-        match=r"needs a grain that rests on a bed, its density and friction; give body\.x",
-    ):
-        loads(f"{stream}[numerics]\n{key}\n")
-
-
-def test_what_is_said() -> None:
-    trials = (Trial(2, 200, 1000, 0.02, 0.5), Trial(3, 300, 3000, 0.004, 1.0))
-    said = Adaptation(0.01, "force", 0.004, True, "reached", trials)
-    first, *rest = said.lines()
-    assert first.split(None, 1) == [
-        "accuracy",
-        "error of the force 4.0e-03 (of discretisation), requested 0.01: reached",
-    ]
-    assert [line.split()[0] for line in rest] == ["P2", "P3"]
-    assert as_stored(said)["trials"][1]["unknowns"] == 3000
+def test_accuracies_that_a_scene_cannot_have(
+    text: str, overrides: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(SceneError, match=message) as caught:
+        loads(text, overrides=tuple(f"numerics.{key}" for key in overrides))
+    assert "\n" not in str(caught.value)
 
 
 # -- in time -----------------------------------------------------------------------------------------------
@@ -947,14 +872,9 @@ def test_no_choice_is_cheaper(parts: tuple[float, float], q: int) -> None:
 def test_what_does_not_err_stays() -> None:
     """Only what errs is made finer, and a mesh whose error is small is as before."""
     assert cheapest(0.08, 0.0, 0.02, 2, 2) == Refined(0.5, 1.0, 2, 2.0)
-    found = cheapest(0.0, 0.012, 0.01, 2, 2)
-    assert (found.shorter, found.finer) == (1.0, pytest.approx(1.2 ** (-1 / 3)))
+    wanted = cheapest(0.0, 0.012, 0.01, 2, 2)
+    assert (wanted.shorter, wanted.finer) == (1.0, pytest.approx(1.2 ** (-1 / 3)))
     assert cheapest(0.08, 0.001, 0.02, 2, 2).finer == 1.0
-
-
-def test_a_mesh_that_errs_much_gets_a_higher_order() -> None:
-    orders = [cheapest(0.0, excess, 1.0, 2, 2).order for excess in (1.5, 50.0, 1e4)]
-    assert orders == sorted(orders) and orders[0] == 2 and orders[-1] > 2
 
 
 def test_far_ways_are_gone_in_parts() -> None:
@@ -1030,11 +950,3 @@ def test_a_budget_is_spent_on_what_it_allows() -> None:
     assert search.within_budget(Attempt(scene), Estimate(0.6), 0.01) is None
     why = "stopped at numerics.budget_seconds = 700: the next mesh would take about "
     assert search.reason.startswith(why)
-
-
-def test_runs_are_few() -> None:
-    search = InTime(in_time(), MPI.COMM_SELF, Recorder(), Silent())
-    for _ in range(6):
-        search.report(tried(0.02, 0.0))
-    assert search.within_budget(Attempt(in_time()), Estimate(0.02), 0.3) is None
-    assert search.reason == "not reached with 6 meshes"
