@@ -83,7 +83,6 @@ effects: setup ## one scene with its effects switched on one after another: docs
 
 gusts: setup ## the weakest gusts that move a grain out of its pocket, between their limits: docs/explanation/moving.md
 	$(PYTHON) benchmarks/gust_curve.py $(ARGS)
-	$(PYTHON) benchmarks/kick_in_pocket.py $(ARGS)
 	$(PYTHON) benchmarks/rolling_drag.py $(ARGS)
 
 shields: setup ## a natural bed and beads in a fluctuating stream beside flumes and balances of forces: docs/validation/shields.md
@@ -100,8 +99,8 @@ turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, a h
 scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/contribute/defaults.md
 	$(PYTHON) benchmarks/scaling.py $(ARGS)
 
-stress: setup ## hard cases: results/stress.md and the map of what can be solved
-	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress.py
+stress: setup ## the map of where a body's step can be solved: docs/validation/hard_cases.md
+	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress_map.py
 
 surface: setup ## free surfaces against exact solutions, and the demos: the numbers of docs/explanation/surface.md
 	$(PYTHON) -m pytest tests/convergence/test_waves.py tests/stability/test_surface.py tests/end_to_end/test_free_surface.py -m "slow or not slow"

@@ -1,9 +1,8 @@
-"""Beads on substrates of spheres: a figure and tables of what demos/bead_on_substrate.py has found.
+"""Beads on substrates of spheres: a figure of what demos/bead_on_substrate.py has found.
 
 Cost:    seconds; with `--study` all beads are computed before, one or two minutes each.
 Run:     python benchmarks/beads.py [--study] [RESULTS]
-Results: docs/validation/beads.csv, docs/figures/beads_spacing.png, the tables "beads" and "beads with inertia";
-         without RESULTS all are made anew from the first
+Results: docs/validation/beads.csv, docs/figures/beads_spacing.png; without RESULTS it is drawn from the first
 """
 
 from __future__ import annotations
@@ -12,14 +11,13 @@ import csv
 import json
 import subprocess
 import sys
-from math import atan2, ceil, degrees, nan, sqrt
+from math import atan2, degrees, nan, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from tables import publish
 
 import incipient
 
@@ -167,51 +165,8 @@ def _save(figure: Figure, axes: Axes, name: str) -> None:
     figure.savefig(FIGURES / name, dpi=160)
 
 
-# -- the table ----------------------------------------------------------------------------------------------
-
-
-def table(rows: list[Row]) -> str:
-    """Rows of creeping flow for the page."""
-    head = (
-        "substrate",
-        "spacing",
-        "size",
-        "angle of repose",
-        "Shields number",
-        "drag",
-    )
-    rows = [row for row in rows if not row["reynolds"]]
-    lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
-    for row in rows:
-        begins = [row["arrangement"], f"{row['spacing']:g}", f"{row['size']:g}"]
-        cells = [*begins, f"{row['angle']:.2f}°", _with_error(row), f"{row['drag']:.2f}"]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def table_with_inertia(rows: list[Row]) -> str:
-    """Rows of one bead at several Reynolds numbers for the page."""
-    head = ("G d²/ν", "Shields number", "drag", "lift", "couple")
-    lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
-    for row in rows:
-        if row["reynolds"]:
-            loads = [f"{row[name]:.2f}" for name in ("drag", "lift", "couple")]
-            lines.append(
-                "| " + " | ".join([f"{row['reynolds']:.3g}", _with_error(row), *loads]) + " |"
-            )
-    return "\n".join(lines)
-
-
-def _with_error(row: Row) -> str:
-    """The Shields number with its error."""
-    if not np.isfinite(row["error"]):
-        return f"{row['shields']:.4f}"
-    error = ceil(1e4 * row["error"]) / 1e4  # never less than it is
-    return f"{row['shields']:.4f} ± {error:.4f}"
-
-
 def main() -> None:
-    """Gather what there is, draw it, and write the tables between their marks in the page."""
+    """Gather what there is, and draw it."""
     if "--study" in sys.argv:
         for bead in STUDY:
             command = [
@@ -223,10 +178,7 @@ def main() -> None:
     results = [argument for argument in sys.argv[1:] if argument != "--study"]
     if results:
         store(gather(Path(results[0])))
-    rows = stored()
-    figures(rows)
-    publish("beads", table(rows))
-    publish("beads with inertia", table_with_inertia(rows))
+    figures(stored())
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The weakest gusts that move a disc out of its pocket, between their limits: a figure and a table.
+"""The weakest gusts that move a disc out of its pocket, between their limits: a figure.
 
 Physics: demos/scenes/leaving_pocket.toml on coarse cells; for each duration the critical strength, the same gust past
          the grain held in its place (what the flow gives), and the grain that just leaves (where that goes).
@@ -6,8 +6,7 @@ Limits:  long gusts: the steady flow that begins to move it. Short ones: the imp
          without fluid and with the added mass of a cylinder at a wall.
 Cost:    a quarter of an hour of processor time; what is in the results is not computed again.
 Run:     python benchmarks/gust_curve.py [--report]
-Results: benchmarks/gust_curve.json, docs/figures/gust_curve.webp, the table "gust curve"; --report makes these
-         two from the first
+Results: benchmarks/gust_curve.json, docs/figures/gust_curve.webp; --report makes it from the first
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ from matplotlib.figure import Figure
 from PIL import Image
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from tables import publish
 
 import incipient
 from incipient.arrays import Floats
@@ -319,9 +317,7 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
         capsize=2,
         label="computed",
     )
-    left.axhline(
-        found["static"], color=PUSH, linewidth=1.0, label="steady flow that begins to move it"
-    )
+    left.axhline(found["static"], color=PUSH, linewidth=1.0, label="threshold of steady flow")
     right.plot(
         lasts / pocket.time,
         impulses / math.sqrt(unit),
@@ -331,14 +327,14 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
         label="computed",
     )
     left.set(
-        xlabel="duration of the gust x shear rate",
-        ylabel="strength of the gust over the flow",
+        xlabel="duration of the gust times the shear rate [-]",
+        ylabel="gust strength [-]",
         xscale="log",
         yscale="log",
     )
     right.set(
-        xlabel="duration over $\\sqrt{mD/W}$",
-        ylabel="impulse on the held grain over $\\sqrt{mWD}$",
+        xlabel="duration of the gust over $\\sqrt{mD/W}$",
+        ylabel="impulse on the fixed grain over $\\sqrt{mWD}$",
         xscale="log",
         yscale="log",
     )
@@ -356,27 +352,8 @@ def _quiet(axes: Axes) -> None:
     axes.legend()
 
 
-def table(found: Found, pocket: Pocket) -> list[str]:
-    """The rows of the page."""
-    unit = math.sqrt(pocket.mass * pocket.weight * 2.0 * pocket.radius)
-    rows = [
-        "| duration | critical strength | without fluid | with added mass "
-        "| impulse on the held grain | work of the flow | its share |",
-        "| --: | --: | --: | --: | --: | --: | --: |",
-    ]
-    both = [curve(found, pocket, inertia) for inertia in (pocket.inertia, pocket.inertia_in_fluid)]
-    for one in found["gusts"]:
-        dry, wet = (np.interp(one["duration"], row[1][::-1], row[0][::-1]) for row in both)
-        work, lift = one["works"]["flow"], pocket.weight * pocket.reach * (1.0 - pocket.cosine)
-        rows.append(
-            f"| {one['duration']:g} | {math.sqrt(one['held'] * one['leaves']):.3g} | {dry:.2f} | {wet:.2f} "
-            f"| {one['impulse'] / unit:.3g} | {work / lift:.2f} | {work / one['power']:.2f} |"
-        )
-    return rows
-
-
 def report(found: Found) -> None:
-    """Write figure and table."""
+    """Write the figure."""
     pocket = Pocket.of(scene([]))
     with rc_context(STYLE):
         held_image = io.BytesIO()
@@ -384,12 +361,9 @@ def report(found: Found) -> None:
     FIGURE.parent.mkdir(parents=True, exist_ok=True)
     with Image.open(held_image) as image:
         image.convert("RGB").save(FIGURE, "WEBP", quality=85)
-    publish("gust curve", "\n".join(table(found, pocket)))
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument(
-        "--report", action="store_true", help="figure and table from the stored results"
-    )
+    parser.add_argument("--report", action="store_true", help="the figure from the stored results")
     report(json.loads(STORE.read_text()) if parser.parse_args().report else compute())

@@ -1,9 +1,9 @@
-"""The paths of the pebble in the pothole with their errors, in all readings: tables and figures.
+"""The paths of the pebble in the pothole with their errors, in all readings: figures.
 
 Physics: `demos/pothole.py`; steps and meshes are refined, and the end of the path extrapolated.
 Cost:    half an hour on two cores.
 Run:     python benchmarks/pothole.py [--processes 2] [--report]
-Results: benchmarks/pothole.json, docs/figures/pothole*.png, the table "pothole"; --report only rewrites these
+Results: benchmarks/pothole.json, docs/figures/pothole*.png; --report only rewrites these
 """
 
 import argparse
@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tables import publish
 
 ROOT = Path(__file__).parents[1]
 STORE, FIGURES = (
@@ -146,45 +145,6 @@ def extrapolated(store: dict[str, Run], case: int) -> End:
     return End(ends[-1] + added, np.abs(added), np.ptp(meshes, axis=0), order)
 
 
-# -- the page -----------------------------------------------------------------------------------------
-
-
-def tables(store: dict[str, Run]) -> str:
-    """The tables, in Markdown."""
-    return "\n\n".join([_ends(store), _others(store)])
-
-
-def _row(*cells: object) -> str:
-    return "| " + " | ".join(map(str, cells)) + " |"
-
-
-def _head(*heads: str) -> list[str]:
-    return [_row(*heads), _row(":--", *["--:"] * (len(heads) - 1))]
-
-
-def _ends(store: dict[str, Run]) -> str:
-    lines = _head("panel", "x", "y", "angle [rad]", "order in the step")
-    for case in CASES:
-        found = extrapolated(store, case)
-        cells = [
-            f"{v:.{d}f} ± {e:.{d}f}"
-            for v, e, d in zip(found.values, found.error, (3, 3, 4), strict=True)
-        ]
-        lines.append(_row(case, *cells, f"{found.order:.2f}"))
-    return "\n".join(lines)
-
-
-def _others(store: dict[str, Run]) -> str:
-    lines = _head("panel", "reading", "shape", "x", "y", "angle", "distance from printed")
-    for job in (job for job in others() if (job.case, job.reading) not in NEAR_THE_FIRST):
-        base, (x, y, angle) = end(store, Job(job.case)), end(store, job)
-        away = "-" if job.reading == "grain" else f"{np.hypot(x - base[0], y - base[1]):.2f}"
-        lines.append(
-            _row(job.case, job.reading, job.shape, f"{x:.2f}", f"{y:.2f}", f"{angle:.2f}", away)
-        )
-    return "\n".join(lines)
-
-
 # -- the figures --------------------------------------------------------------------------------------
 
 
@@ -270,24 +230,16 @@ def _path(axes: Any, run: Run, shape: Any, colour: str, every: float, label: str
         )
 
 
-def write(store: dict[str, Run]) -> None:
-    """Figures, and the tables between their marks in the page."""
-    figures(store)
-    publish("pothole", tables(store))
-
-
 def main() -> None:
-    """Compute what is missing, and write the page."""
+    """Compute what is missing, and draw."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument(
-        "--report", action="store_true", help="rewrite tables and figures from pothole.json"
-    )
+    parser.add_argument("--report", action="store_true", help="rewrite figures from pothole.json")
     options = parser.parse_args()
     store = json.loads(STORE.read_text()) if STORE.exists() else {}
     if not options.report:
         compute(store, options.processes)
-    write(store)
+    figures(store)
 
 
 def compute(store: dict[str, Run], processes: int) -> None:

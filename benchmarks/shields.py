@@ -8,7 +8,7 @@ Soulsby & Whitehouse's.
 
 Cost:    five minutes; the natural bed's flows an hour (natural_bed.py), the beads' an hour and a half (beads.py).
 Run:     python benchmarks/shields.py
-Results: docs/figures/shields.webp, docs/validation/shields.csv, pockets.csv, tables, incipient/flumes/natural_bed.csv
+Results: docs/figures/shields.webp, docs/validation/shields.csv, incipient/flumes/natural_bed.csv
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 
 import natural_bed
@@ -37,7 +37,6 @@ from natural_bed_curve import (
 )
 from PIL import Image
 from scipy.optimize import brentq
-from tables import publish
 
 from incipient.arrays import Floats
 from incipient.files import csv_text
@@ -60,7 +59,6 @@ NUMBERS, PICTURE = (
     ROOT / "docs/figures/shields.webp",
 )
 OF_BED = ROOT / "incipient/flumes/natural_bed.csv"
-POCKETS = ROOT / "docs/validation/pockets.csv"
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 VISCOSITY, GRAVITY = 1e-6, 9.81  # of water at 20 degrees, of the flumes [m^2/s, m/s^2]
 SAMPLES, SEED = 20_000, 1
@@ -255,52 +253,9 @@ def assumptions(loads: list[FlowLoads]) -> str:
     return "\n".join(lines)
 
 
-def shares_of_pockets(sample: Sample) -> Floats:
-    """Shares of the grains by protrusion and pivot angle."""
-    pivots = np.array([one.pivot for one in sample.grains])
-    return natural_bed.joint(sample.heights, pivots, (np.array(PROTRUSIONS), np.array(PIVOTS)))
-
-
-def table_of_pockets(shares: Floats) -> str:
-    """Percent of the grains by protrusion and pivot angle."""
-    heads = [f"{low:g}-{high:g}°" for low, high in pairwise(PIVOTS)]
-    lines = [f"| protrusion | {' | '.join(heads)} | all |", "|" + " --- |" * (len(heads) + 2)]
-    for (low, high), row in zip(pairwise(PROTRUSIONS), shares, strict=True):
-        cells = [f"{100 * share:.1f}" for share in (*row, row.sum())]
-        lines.append(f"| {low:g} to {high:g} | {' | '.join(cells)} |")
-    cells = [f"{100 * share:.1f}" for share in (*shares.sum(axis=0), shares.sum())]
-    return "\n".join([*lines, f"| all | {' | '.join(cells)} |"])
-
-
-def table_of_bed(rows: list[dict[str, float]]) -> str:
-    """Median, quartiles and outer tenths of the natural bed, with the errors of the median."""
-    lines = [
-        "| u* d/ν | probability | 10% of grains | 25% | median | 75% | 90% | flow | emulator | beds | law |"
-    ]
-    lines.append("|" + " --- |" * 11)
-    for row in rows:
-        values = [_short(row[name]) for name in QUANTILES]
-        values[2] = f"**{values[2]}**"
-        errors = [f"{row[name]:.4f}" for name in OF_ERRORS[:4]]
-        start = f"| {row['shear_reynolds']:g} | {100 * row['probability']:g}%"
-        lines.append(f"{start} | {' | '.join(values + errors)} |")
-    return "\n".join(lines)
-
-
 def _short(value: float) -> str:
     """A Shields number in three digits, or that no flow moves these grains."""
     return f"{value:.3g}" if math.isfinite(value) else "held"
-
-
-def rows_of_pockets(shares: Floats) -> tuple[tuple[str, ...], list[dict[str, float]]]:
-    """Columns and rows of docs/validation/pockets.csv: the share of the grains between protrusions and pivot angles."""
-    names = ("protrusion_from", "protrusion_to", "pivot_from", "pivot_to", "share")
-    rows = [
-        dict(zip(names, (*protrusion, *pivot, round(float(share), 6)), strict=True))
-        for protrusion, row in zip(pairwise(PROTRUSIONS), shares, strict=True)
-        for pivot, share in zip(pairwise(PIVOTS), row, strict=True)
-    ]
-    return names, rows
 
 
 # -- others ---------------------------------------------------------------------------------------------------
@@ -347,33 +302,6 @@ def truncated(
     """Samples of a normal distribution between bounds."""
     drawn = random.normal(mean, deviation, 10 * SAMPLES)
     return drawn[(drawn > low) & (drawn < high)][:SAMPLES]
-
-
-def table(rows: list[dict[str, object]]) -> str:
-    """Shields numbers of all beads by probability."""
-    lines = [
-        "| substrate | spacing | u* d/ν at 1% | 0.1% | 1% | 5% | 50% | steady |",
-        "|" + " --- |" * 8,
-    ]
-    for bead in beads():
-        name, spacing, steady = bead.arrangement, bead.spacing, bead.shields
-        own = [bead.mean(one) for one in PROBABILITIES]
-        errors = []
-        for probability, (shields, _) in zip(PROBABILITIES, own, strict=True):
-            row = next(
-                one
-                for one in rows
-                if (one["arrangement"], one["spacing"], one["probability"], one["shields"])
-                == (name, spacing, probability, shields)
-            )
-            errors.append(float(str(row["flow"])) + float(str(row["law"])))
-        cells = [
-            f"{shields:.4f} ± {error:.4f}" for (shields, _), error in zip(own, errors, strict=True)
-        ]
-        lines.append(
-            f"| {name} | {spacing:g} | {own[1][1]:.2g} | {' | '.join(cells)} | {steady:.4f} |"
-        )
-    return "\n".join(lines)
 
 
 def figure(of_bed: list[dict[str, float]]) -> Figure:
@@ -437,28 +365,20 @@ def draw_bed(axes: Axes, of_bed: list[dict[str, float]]) -> None:
 
 
 def main() -> None:
-    """Write numbers, picture and tables."""
+    """Write numbers and picture; print what other assumptions give."""
     loads = flow_loads()
     rows, sample = computed(), Sample(*natural_bed.sample(), loads)
-    of_bed, shares = natural(sample), shares_of_pockets(sample)
+    of_bed = natural(sample)
     NUMBERS.write_text(csv_text(COLUMNS, rows))
     OF_BED.write_text(
         csv_text(COLUMNS_OF_BED, [{k: f"{v:.4g}" for k, v in row.items()} for row in of_bed])
     )
-    POCKETS.write_text(csv_text(*rows_of_pockets(shares)))
     with style.applied():
         drawn = figure(of_bed)
         with BytesIO() as held:
             drawn.savefig(held, dpi=style.DOTS_PER_INCH, format="png")
             Image.open(held).convert("RGB").save(PICTURE, "WEBP", quality=85)
-    tables = {
-        "pockets": table_of_pockets(shares),
-        "natural bed": table_of_bed(of_bed),
-        "assumptions": assumptions(loads),
-        "shields": table(rows),
-    }
-    for name, made in tables.items():
-        publish(name, made)
+    print(assumptions(loads))
 
 
 if __name__ == "__main__":

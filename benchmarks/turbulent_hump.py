@@ -170,23 +170,6 @@ def tables(found: list[Pressures], shape: np.ndarray) -> str:
     return "\n".join(lines)
 
 
-def table_to_the_wall(found: list[Pressures], shape: np.ndarray) -> str:
-    """Where the flow separates and reattaches, and loads, beside others' SST and measurements."""
-    lines = [
-        "| | cells | separates at | reattaches at | form drag | lift | cells at walls, nu/u* | processor time |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for one in found:
-        drag, lift = one.loads(shape)
-        apart = " | ".join(f"{x:.3f}" for x in one.separated)
-        seconds = f"{one.seconds:.0f} s" if one.seconds else ""
-        numbers = (
-            f"{one.cells or ''} | {apart} | {drag:.4f} | {lift:.3f} | {one.y_plus} | {seconds}"
-        )
-        lines.append(f"| {one.name} | {numbers} |")
-    return "\n".join(lines)
-
-
 def draw(found: Pressures, others: Pressures, measured: Pressures) -> None:
     """Pressure and friction along the hump."""
     import matplotlib as mpl
@@ -229,7 +212,6 @@ def main() -> None:
         to_wall.append(computed(f"k-omega SST, `mesh_size` = {mesh_size:.3g}", asked, "bed"))
         print(to_wall[-1].name, to_wall[-1].separated, to_wall[-1].loads(shape), flush=True)
     draw(to_wall[-1], others, measured)
-    publish("hump to the wall", table_to_the_wall([*to_wall, others, measured], shape))
     found = [measured]
     for distance, mesh_size in RUNS:
         name = f"k-epsilon, the law from {distance:g}"

@@ -28,7 +28,7 @@ INNER, OUTER = (0.85, 0.5, 0.075, 5.0 / 9.0), (1.0, SIGMA_CROSS, 0.0828, 0.44)
 # n of k = c y^n next to a smooth wall.
 EXPONENT = 0.5 + math.sqrt(0.25 + 6.0 * BETA_STAR / INNER[2])
 # The power of omega next to a wall falls from -2 to -1: parts of that, and nu_t/nu where half of each is left. Fitted,
-# as the power 1.5 for k, to the model's developed channel at Re_tau = 5000 (tests/unit/test_k_omega_sst.py).
+# as the power 1.5 for k, to the model's developed channel at Re_tau = 5000 (tests/unit/test_turbulence.py).
 OMEGA_AT_WALL = (0.68, 0.06), (0.32, 17.0)
 LARGEST_ARGUMENT = 5.0  # of a blending function, from which on it is one to round-off
 LEAST_CROSS = 1e-10  # of d^2 grad K . grad W, as a divisor

@@ -26,12 +26,8 @@ from .terms import streamline_time
 MOST_PRODUCED = 10.0
 
 # Steps in time for which upwinding acts at most. With 4 and 16 one of a thousand random steps fails, without a bound
-# six of a thousand random states have no step; 64 and 200 have neither (tests/unit/test_turbulence*.py, slow).
+# six of a thousand random states have no step; 64 and 200 have neither (tests/unit/test_turbulence.py, slow).
 LONGEST_UPWINDING = 100
-
-# Change of ln k from node to node from which on D |grad K|^2 grows no more, where k may have peaks. Smooth fields do
-# not feel it: where the change is half as large the term is 0.1% less.
-STEEPEST = 3.0
 
 
 @dataclass(frozen=True)
@@ -44,10 +40,11 @@ class FlowFields:
     carrier: the velocity less that of the mesh, if moved; None: the velocity
     reach: function of a direction: a cell's size along it over the order of the elements; upwinding then follows
         v - 2 D grad K, the carrier of a change of a logarithm, which next to walls is not v; None: along v
-    across: function of a slope: the square of the change from node to node; where that of ln k is large, D
-        |grad K|^2 is bounded; None: nowhere
     balanced: whether upwinding is limited to the time in which sources change a quantity by its own size: where
         omega of a start is a millionth of its production, upwinding otherwise disturbs other nodes
+    weighted: whether the equation of k is that of k itself, in which D |grad K|^2 is part of its diffusion; as a
+        source it grows with the square of a peak of ln k, which diffusion lowers linearly: on coarse cells k of single
+        nodes became a hundred times the square of the velocity
     per_step: factor of the newest state in its rate, about one over the time step; 0 in a steady flow
     """
 
@@ -60,8 +57,8 @@ class FlowFields:
     carrier: Any = None
     per_step: Any = 0
     reach: Any = None
-    across: Any = None
     balanced: bool = False
+    weighted: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,13 +122,14 @@ def residual(logarithms: Any, rate: Any, tests: Any, flow: FlowFields, closure: 
     known = None if flow.size is None else closure.diffusivities(flow.known, flow)
     form = 0
     for i, diffusivity in enumerate(diffusivities):
-        one, test = logarithms[i], tests[i]
-        slope = ufl.grad(one)
-        square = _square(slope, flow.across if i == 0 else None)
-        strong = ufl.dot(carrier, slope) - (diffusivity * square + sources[i] + flow.added[i])
+        test, slope = tests[i], ufl.grad(logarithms[i])
+        weight, square = weights(logarithms, flow)[i], diffusivity * ufl.inner(slope, slope)
+        strong = ufl.dot(carrier, slope) - (square + sources[i] + flow.added[i])
         if rate is not None:
             strong += rate[i]
-        form += (strong * test + diffusivity * ufl.inner(slope, ufl.grad(test))) * flow.measure
+        tested = strong + square if flow.weighted and i == 0 else strong
+        diffused = diffusivity * ufl.inner(slope, ufl.grad(test))
+        form += weight * (tested * test + diffused) * flow.measure
         if known is not None:
             along, size = carrier, flow.size
             if flow.reach is not None:
@@ -142,18 +140,13 @@ def residual(logarithms: Any, rate: Any, tests: Any, flow: FlowFields, closure: 
                 delta /= ufl.max_value(1, delta * abs(closure.sources(flow.known, flow)[i]))
             # Much longer than a step in time the rate would weigh more along the flow than by itself.
             delta /= ufl.max_value(1, flow.per_step * delta / LONGEST_UPWINDING)
-            form += delta * strong * ufl.dot(along, ufl.grad(test)) * flow.measure
+            form += weight * delta * strong * ufl.dot(along, ufl.grad(test)) * flow.measure
     return form
 
 
-def _square(slope: Any, across: Any) -> Any:
-    """|grad K|^2, bounded where K changes by more than `STEEPEST` from node to node, see `FlowFields`.
-
-    D |grad K|^2 raises a peak with the square of its height, div(D grad K) lowers it linearly: one of ln k above about
-    two would grow for ever. Valleys need the whole term: otherwise omega of a single node stays too small.
-    """
-    square = ufl.inner(slope, slope)
-    return square if across is None else square / (1 + (across(slope) / STEEPEST**2) ** 4) ** 0.25
+def weights(logarithms: Any, flow: FlowFields) -> tuple[Any, Any]:
+    """Factors of both equations: k and one, or one each."""
+    return ufl.exp(logarithms[0]) if flow.weighted else 1, 1
 
 
 def at_walls(logarithms: Any, tests: Any, distance: Any, flow: FlowFields, closure: Any) -> Any:
@@ -168,8 +161,11 @@ def at_walls(logarithms: Any, tests: Any, distance: Any, flow: FlowFields, closu
         closure.powers_at_wall(eddies / flow.viscosity),
         closure.diffusivities(logarithms, flow),
     )
-    fluxes = zip(diffusivities, powers, tests, strict=True)
-    return sum(diffusivity * power / distance * test for diffusivity, power, test in fluxes)
+    fluxes = zip(weights(logarithms, flow), diffusivities, powers, tests, strict=True)
+    return sum(
+        weight * diffusivity * power / distance * test
+        for weight, diffusivity, power, test in fluxes
+    )
 
 
 def shear_velocity(logarithms: Any, closure: Any) -> Any:

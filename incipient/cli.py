@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import atexit
+import difflib
 import gc
 import logging
 import os
@@ -54,6 +55,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse, and refuse unknown options here, where those of the command are known."""
+        chosen, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            option = unknown[0].partition("=")[0]
+            near = difflib.get_close_matches(option, self._option_string_actions, 1)
+            meant = f" (did you mean {near[0]}?)" if near else ""
+            self.error(f"unrecognized arguments: {shortened(' '.join(unknown))}{meant}")
+        return chosen, unknown
+
     def error(self, message: str) -> NoReturn:
         raise SceneError(f"{message}; see {self.prog} --help")
 
@@ -75,8 +86,9 @@ def _parser() -> argparse.ArgumentParser:
         command.add_options(sub)
         levels = ("debug", "info", "warning", "error")
         sub.add_argument("--log-level", choices=levels, default="info", help="how much to report")
-    for name in RETIRED:  # not listed without a help
-        commands.add_parser(name)
+    for name in RETIRED:  # not listed without a help; whatever follows is its own
+        retired = commands.add_parser(name, prefix_chars="\0", add_help=False)
+        retired.add_argument("rest", nargs="*")
     return parser
 
 

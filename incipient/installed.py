@@ -55,20 +55,14 @@ def memory_of_libraries() -> float:
 
 def free_bytes() -> float:
     """Memory available to this process, on its machine or in its container; the page cache counts as free."""
-    free = [float("inf")]
-    with suppress(OSError, StopIteration):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        free.append(
-            1024 * next(float(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
-        )
+    import psutil
+
+    free = psutil.virtual_memory().available
     with suppress(OSError, ValueError):
         groups = Path("/sys/fs/cgroup")
         most, used = (int((groups / name).read_text()) for name in ("memory.max", "memory.current"))
-        free.append(float(most - used))
-    if len(free) == 1:
-        with suppress(OSError, ValueError):
-            free.append(float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")))
-    return min(free)
+        free = min(free, most - used)
+    return float(free)
 
 
 @cache

@@ -14,6 +14,7 @@ STEEPER = (
     1.1  # than wanted: ratio of the thicknesses of neighbouring layers where there is much room
 )
 FEWER = 0.3  # of a layer, for which no further one is made
+MOST_TRIALS = 40  # at layers whose cells are not inside out
 NO_ROOM = "there is no room for layers of cells along the walls: use another numerics.mesh_size"
 
 

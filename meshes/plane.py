@@ -13,7 +13,7 @@ from incipient.arrays import Floats, Integers, Point, planar_cross, unit, unorde
 from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
-from .layers import NO_ROOM, Columns, evened, stacked_by_diagonals
+from .layers import MOST_TRIALS, NO_ROOM, Columns, evened, stacked_by_diagonals
 from .regions import GRID, Frame, Region
 from .session import generate, gmsh, set_background, view_field
 from .simplices import Simplices, kind_of, measures
@@ -24,7 +24,6 @@ ENLARGED = 1.3
 # Rounds: a side made straight can leave too little room to the cell on its other side
 MOST_STRAIGHTENED = 3
 ATTEMPTS, LESS = 4, 0.6  # at layers between which there is a mesh, each thinner
-MOST_TRIALS = 40  # at layers whose cells are not inside out
 # Largest thickness of all layers at a point of a wall, over the radius of the largest circle that touches it there and
 # reaches beyond no other wall.
 ROOM = 0.6

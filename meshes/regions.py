@@ -73,16 +73,18 @@ class PlacedSolid:
 
 @dataclass(frozen=True)
 class Resolved:
-    """Bedforms are meshed within a horizontal `radius` of `centre`; over `passage` they blend into their mean level."""
+    """Bedforms are meshed within a horizontal `radius` of `centre`; over `passage` they blend into a `level`.
+
+    A plane keeps its slope in any case.
+    """
 
     centre: Point
     radius: float
     passage: float
-    # That level; None: the bed's mean height within radius + passage (a plane keeps its slope in any case)
-    level: float | None = None
+    level: float
 
     def share(self, x: Floats) -> Floats:
-        """Weight (n,) of the mean level at points (n, 2): 0 within, 1 beyond, smooth between."""
+        """Weight (n,) of the level at points (n, 2): 0 within, 1 beyond, smooth between."""
         away = np.linalg.norm(x - np.asarray(self.centre), axis=1)
         t = np.clip((away - self.radius) / self.passage, 0.0, 1.0)
         return np.asarray(t * t * t * (10.0 - 15.0 * t + 6.0 * t * t))
@@ -103,10 +105,6 @@ class SolidRegion:
     # and bed are taken to be mirror images of themselves in that plane.
     symmetric: bool = False
     resolved: Resolved | None = None  # where the bed is meshed as it is; None: everywhere
-    # Radius with which the valleys between the balls and the base of a bed, and between the spheres of a clump, are
-    # rounded: touching balls are bridged. The surface changes only where two pieces are nearer than this. 0: a fifth of
-    # the smallest radius.
-    fillet: float = 0.0
 
     @property
     def rectangle(self) -> tuple[Floats, Floats]:

@@ -47,8 +47,7 @@ class SizeMap:
     def of(cls, region: SolidRegion, sizes: Sizes) -> SizeMap:
         frame = region.frame
         bodies = {
-            name: Body(placed, frame, region.symmetric, region.fillet)
-            for name, placed in region.holes.items()
+            name: Body(placed, frame, region.symmetric) for name, placed in region.holes.items()
         }
         return cls(region, sizes, frame, Ground(region, frame), bodies)
 
@@ -78,17 +77,9 @@ class SizeMap:
             placed = self.region.holes[name]
             body = placed.placement.to_body(self.frame.scene(x))
             return np.abs(placed.solid.level(body)) / self.frame.length
-        names = self.region.names
-        if name == names[5]:
+        if name == self.region.names[5]:
             return np.abs(self.ground.distance(x))
-        low, high = self.region.rectangle
-        planes = [(0, low[0]), (0, high[0]), (1, low[1]), (1, high[1]), (2, self.region.ceiling)]
-        places = [
-            np.abs(x[:, axis] - (value - self.frame.origin[axis]) / self.frame.length)
-            for (axis, value), side in zip(planes, names, strict=False)
-            if side == name
-        ]
-        return np.asarray(np.min(places, axis=0))
+        return np.asarray(np.abs(x[:, 2] - 1.0))  # the ceiling, alone of the plane sides
 
     def __call__(self, x: Floats) -> Floats:
         return np.asarray(self.parts(x)[0].min(axis=0))

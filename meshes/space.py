@@ -18,7 +18,7 @@ from incipient.geometry.space.surfaces import (
     joined,
 )
 
-from .layers import NO_ROOM, STEEPER, Columns, evened, stacked
+from .layers import MOST_TRIALS, NO_ROOM, STEEPER, Columns, evened, stacked
 from .regions import SolidRegion
 from .session import generate, gmsh, set_background, view_field
 from .simplices import EDGES, Simplices, measures
@@ -37,7 +37,7 @@ EVENNESS = (
     0.3  # by which the thickness of layers changes along a wall at most, over the length of edges
 )
 # Fraction of their volume of cells that make room; the factor of layers that leave too little
-LEAST_VOLUME, LESS, MOST_TRIALS = 0.2, 0.7, 40
+LEAST_VOLUME, LESS = 0.2, 0.7
 # Of the wall's bend: that where layers end. In 18 meshes of a sphere, an ellipsoid and a rounded box 74 edges did not
 # follow the wall with 0.6, 145 with 0.5, 88 with 0.7, 202 with one, 746 with none; each meshed once, as in
 # `test_layers_follow_a_curved_grain`.

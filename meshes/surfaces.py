@@ -22,12 +22,13 @@ from incipient.geometry.triangles import tree
 
 from .regions import Frame, PlacedSolid, SolidRegion
 
-FILLET = 0.2  # of the smallest radius
+# Of the smallest radius: valleys between balls, base and spheres of a clump are rounded with it, so that touching balls
+# are bridged. The surface changes only where two pieces are nearer than this.
+FILLET = 0.2
 # First triangles along a grain, a ball, a feature of a bed.
 PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
 ON_SURFACE = 1e-12  # of a length of the shape: a point so near a surface is on it
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
-SAMPLES = 200  # along a side of the square over which a bed's mean height is taken
 
 Level = Callable[[Floats], Floats]
 
@@ -39,7 +40,6 @@ class Body(ExactSurface):
     placed: PlacedSolid
     frame: Frame
     symmetric: bool
-    fillet: float
 
     @property
     def sharp(self) -> bool:
@@ -79,9 +79,8 @@ class Body(ExactSurface):
 
     def _clump_level(self, solid: Spheres) -> Level:
         centres, radii = np.array(solid.centres), np.array(solid.radii)
-        fillet = self.fillet or FILLET * min(solid.radii)
         return lambda x: rounded_union(
-            np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], fillet
+            np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], FILLET * radii.min()
         )
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
@@ -132,22 +131,16 @@ class Ground(ExactSurface):
         return np.asarray(resolved.centre, dtype=float), resolved.radius + resolved.passage
 
     @cached_property
-    def _mean(self) -> float:
-        resolved = self.region.resolved
-        if resolved is not None and resolved.level is not None:
-            return resolved.level
-        middle, reach = self._reach
-        t = reach * (2.0 * (np.arange(SAMPLES) + 0.5) / SAMPLES - 1.0)
-        around = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
-        return float(
-            self.region.bed.height(middle + around[np.linalg.norm(around, axis=1) <= reach]).mean()
-        )
-
-    @cached_property
     def _balls(self) -> HalfSpacesAndBalls | None:
         middle, reach = self._reach
         pieces = self.region.bed.pieces(middle, reach)
         return pieces if isinstance(pieces, HalfSpacesAndBalls) and not self.flat else None
+
+    @property
+    def _far(self) -> float:
+        """Level of the planar far bed."""
+        resolved = self.region.resolved
+        return self.region.bed.origin_z if resolved is None else resolved.level
 
     def _share(self, x: Floats) -> Floats:
         resolved = self.region.resolved
@@ -156,7 +149,7 @@ class Ground(ExactSurface):
     def _height(self, x: Floats) -> Floats:
         share = self._share(x)
         own = self.region.bed.height(x[:, :2])
-        return np.asarray(own if not share.any() else (1.0 - share) * own + share * self._mean)
+        return np.asarray(own if not share.any() else (1.0 - share) * own + share * self._far)
 
     def _level(self, x: Floats) -> Floats:
         if self._balls is None:
@@ -164,12 +157,12 @@ class Ground(ExactSurface):
             return np.asarray((x[:, 2] - self._height(x)) / np.sqrt(1.0 + (slope**2).sum(axis=1)))
         own = rounded_union(self._distances(x), self._fillet)
         share = self._share(x)
-        return np.asarray((1.0 - share) * own + share * (x[:, 2] - self._mean))
+        return np.asarray((1.0 - share) * own + share * (x[:, 2] - self._far))
 
     @cached_property
     def _fillet(self) -> float:
         assert self._balls is not None
-        return self.region.fillet or FILLET * float(self._balls.radii.min(initial=np.inf))
+        return FILLET * float(self._balls.radii.min(initial=np.inf))
 
     @cached_property
     def _search(self) -> tuple[Any, int]:
@@ -238,9 +231,9 @@ class Ground(ExactSurface):
         assert self._balls is not None
         balls, base = self._balls, self._balls.origins[:, 2].min()
         step = self.region.bed.feature / (self.finer * PER_RADIUS)
-        low = min(base, self._mean) - 1.37 * step
+        low = min(base, self._far) - 1.37 * step
         high = (
-            max(float((balls.centres[:, 2] + balls.radii).max(initial=base)), self._mean)
+            max(float((balls.centres[:, 2] + balls.radii).max(initial=base)), self._far)
             + 1.29 * step
         )
         zs = np.linspace(low, high, 2 + int((high - low) / step)) - self.frame.origin[2]

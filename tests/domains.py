@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ import dolfinx
 import gmsh
 import numpy as np
 
+from incipient import compat
 from incipient.arrays import Point
 from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
@@ -35,30 +37,32 @@ SIDES = ("left", "right", "bottom", "top", "front", "back")
 
 def unit_box(gdim: int, n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """The unit square or cube with n cells along a side; boundaries `SIDES[: 2 * gdim]`."""
-    if gdim == 2:
-        return build(comm, partial(meshed, rectangle((0.0, 0.0), 1.0, 1.0, n, n)))
-    # Every tetrahedron has an inner edge, without which its pressure would be undetermined; gmsh's have not.
-    mesh = dolfinx.mesh.create_unit_cube(comm, n, n, n)
-    places = [(axis, value) for axis in range(3) for value in (0.0, 1.0)]
-    found = [
-        dolfinx.mesh.locate_entities_boundary(
-            mesh, 2, lambda x, axis=axis, value=value: np.isclose(x[axis], value)
+    return curved_box(gdim, n, 1, comm)
+
+
+def named_by_planes(mesh: Any, planes: Mapping[str, tuple[int, float]], rest: str = "") -> Domain:
+    """Boundaries named by the axis and the place of the plane in which they lie; what is left is the `rest`."""
+    facets, dimension = compat.exterior_facets(mesh), mesh.topology.dim - 1
+    tags = np.full(len(facets), len(planes) + 1, dtype=np.int32)
+    for tag, (axis, place) in enumerate(planes.values(), start=1):
+        there = dolfinx.mesh.locate_entities_boundary(
+            mesh, dimension, lambda x, axis=axis, place=place: np.isclose(x[axis], place, atol=1e-9)
         )
-        for axis, value in places
-    ]
-    facets = np.concatenate(found)
-    tags = np.repeat(np.arange(1, 7, dtype=np.int32), [len(f) for f in found])
+        tags[np.isin(facets, there)] = tag
+    names = {name: tag for tag, name in enumerate((*planes, *filter(None, [rest])), start=1)}
     order = np.argsort(facets)
-    names = {name: tag for tag, name in enumerate(SIDES, start=1)}
-    return Domain(mesh, dolfinx.mesh.meshtags(mesh, 2, facets[order], tags[order]), names)
+    tagged = facets[order].astype(np.int32), tags[order]
+    return Domain(mesh, dolfinx.mesh.meshtags(mesh, dimension, *tagged), names)
 
 
 def curved_box(gdim: int, n: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
-    """The unit square or cube in cells of a geometric order; boundaries as in `unit_box`."""
-    if gdim == 2:
-        grid = rectangle((0.0, 0.0), 1.0, 1.0, n, n)
-        return build(comm, partial(meshed, grid, order=order))
-    return build(comm, partial(_cube_model, n, order))
+    """The unit square or cube in cells of a geometric order; boundaries as in `unit_box`.
+
+    Straight cells have parallel diagonals in 3-D, others such that lead inwards: waves converge faster on these.
+    """
+    ends = (graded_ends(n, 1.0),) * gdim
+    grid = Grid(((0.0, 1.0),) * gdim, ends, SIDES[: 2 * gdim], parallel=order == 1)
+    return build(comm, partial(meshed, grid, order=order))
 
 
 def bent_box(gdim: int, n: int, order: int) -> Any:
@@ -121,32 +125,6 @@ def square_without_a_name(unnamed: int) -> Simplices:
 def spoilt(error: Exception) -> Simplices:
     """A drawing that fails."""
     raise error
-
-
-def _cube_model(n: int, order: int) -> Simplices:
-    with session():
-        model = gmsh.model
-        model.occ.addBox(0, 0, 0, 1, 1, 1)
-        model.occ.synchronize()
-        for dimension, cells in ((1, (n + 1,)), (2, ()), (3, ())):
-            put = (
-                model.mesh.setTransfiniteCurve,
-                model.mesh.setTransfiniteSurface,
-                model.mesh.setTransfiniteVolume,
-            )
-            for _, tag in model.getEntities(dimension):
-                put[dimension - 1](tag, *cells)
-        return drawn(_cube_sides(), 3, order)
-
-
-def _cube_sides() -> dict[str, list[int]]:
-    sides = {}
-    for _, tag in gmsh.model.getEntities(2):
-        centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
-        axis = int(np.argmax(np.abs(centre - 0.5)))
-        # Left and right along the first axis, bottom and top along the second, front and back along the third.
-        sides[SIDES[2 * axis + int(centre[axis] > 0.5)]] = [tag]
-    return sides
 
 
 def _ring_model(radii: tuple[float, float], around: int, order: int) -> Simplices:

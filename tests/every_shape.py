@@ -70,6 +70,7 @@ TERRAINS = {
     "plane": Plane((0.3, -0.2), 0.1),
     "square half-balls": SphereBed.array(0.4, 1.0, "square", (0.1, 0.2), 0.3),
     "triangular overlapping half-balls": SphereBed.array(0.5, 0.8, "triangular"),
+    "balls in disorder": SphereBed.array(0.4, 1.0, "random", (0.1, 0.2), seed=3),
     "heap": SphereBed(
         [[-0.8, 0.2, 0.3], [0.5, -0.4, 0.2], [0.2, 1.1, 0.3], [1.4, 0.3, 0.1]],
         [0.9, 0.5, 0.3, 0.6],
@@ -79,10 +80,18 @@ TERRAINS = {
     "height map": HeightMap(0.2 * np.sin(3.0 * X) * np.cos(2.0 * Y), (0.1, 0.1), (-4.0, -4.0, 0.0)),
 }
 solids = pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
-terrains = pytest.mark.parametrize("bed", TERRAINS.values(), ids=TERRAINS.keys())
 vectors = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
 
 def dense(curves, count=4001):
     """Points all along a chain of curves."""
     return np.vstack([curve.point(np.linspace(0.0, 1.0, count)) for curve in curves])
+
+
+def pebble(count):
+    """Vertices (count, 2) of a smooth outline that is nowhere convex for long."""
+    a = 2.0 * np.pi * np.arange(count) / count
+    r = 0.5 * (
+        1.0 + 0.15 * np.cos(3.0 * a + 1.0) + 0.08 * np.sin(5.0 * a) + 0.02 * np.cos(17.0 * a)
+    )
+    return np.column_stack([r * np.cos(a), r * np.sin(a)])

@@ -1,6 +1,11 @@
 """Scenes to be changed, grains on a bed in shear and one in a cavity, and what a wrong scene is told."""
 
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from incipient.errors import SceneError
 from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear, Sphere, loads
@@ -86,6 +91,12 @@ error_bars = false
 [output]
 fields = false
 """
+
+
+def history_of(directory: Path) -> NDArray[Any]:
+    """The rows of a run's history, columns by name."""
+    path, options = directory / "history.csv", {"names": True, "dtype": None, "encoding": "utf-8"}
+    return np.atleast_1d(np.genfromtxt(path, delimiter=",", **options))
 
 
 def scene(**changes):

@@ -23,6 +23,7 @@ PARTS = {
     ),
     "contact": (
         "unit/test_settle.py",
+        "unit/test_touching.py",
         "stability/test_contact_references.py",
         "stability/test_random_contacts.py",
         "stability/test_siconos.py",
@@ -49,7 +50,6 @@ PARTS = {
     ),
     "running": (
         "end_to_end/test_pictures.py",
-        "unit/test_sweep.py",
         "unit/test_sampling.py",
         "unit/test_survey.py",
         "end_to_end/test_packages.py",
@@ -72,7 +72,7 @@ PARTS = {
     ),
     "sand": (
         "end_to_end/test_sand_in_space.py",
-        "end_to_end/test_moving_sand.py",
+        "end_to_end/test_same_run.py",
     ),
     "space": (
         "unit/test_meshes.py",
@@ -94,7 +94,6 @@ PARTS = {
         "convergence/test_waves.py",
         "end_to_end/test_free_surface.py",
         "end_to_end/test_open_channels.py",
-        "stability/test_surface.py",
     ),
     "turbulence": (
         "end_to_end/test_resolved_channels.py",

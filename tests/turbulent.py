@@ -1,13 +1,11 @@
 """Turbulent channels that tests share, and what they look at in runs of grains that move there."""
 
-import csv
-import textwrap
-
 import dolfinx
 import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from scenes import history_of
 
 import incipient
 from incipient import compat
@@ -18,8 +16,11 @@ from incipient.scene import (
     Effects,
     Flat,
     Fluid,
+    Numerics,
     OpenChannel,
+    Output,
     Scene,
+    Turbulence,
 )
 from incipient.setup.setup import Setup
 from incipient.turbulence.fields import TurbulenceFields
@@ -34,6 +35,31 @@ CHANNEL = {
 
 def channel(**changes):
     return Scene(**{**CHANNEL, **changes})
+
+
+def stream(reynolds, domain, mesh_size, model="k-omega-sst", **changes):
+    """An open channel of mean velocity 1 in a domain, half of one between walls; by order 2, without error bars."""
+    sections = {
+        "domain": domain,
+        "fluid": Fluid(reynolds=reynolds, scale="flow"),
+        "flow": OpenChannel(),
+        "effects": Effects(turbulence=True),
+        "turbulence": Turbulence(model=model),
+        "numerics": Numerics(mesh_size=mesh_size, order=2, error_bars=False),
+        "output": Output(fields=False),
+    }
+    return Scene(**{**sections, **changes})
+
+
+def assert_alike(scene, other, rel):
+    """Runs of both scenes have the same force and torque on the grain; returns those of the first."""
+    found, expected = incipient.run(scene), incipient.run(other)
+    for of in ("force", "torque"):
+        exact = getattr(expected, of).flow
+        assert getattr(found, of).flow == pytest.approx(
+            exact, rel=rel, abs=1e-6 * min(1.0, 100 * rel)
+        )
+    return found
 
 
 def inflow_at(scene, heights):
@@ -95,40 +121,12 @@ def changes_by_new_meshes(directory, run_of, from_row):
     for number, finer in enumerate((1.0, 1.0, 0.5**0.5)):
         run_of(number == 1, finer, directory / str(number))
         names = ("velocity_x", "velocity_y", "force_x", "force_y", "meshes")
-        ends.append([column(directory / str(number), name)[from_row:] for name in names])
+        ends.append([history_of(directory / str(number))[name][from_row:] for name in names])
     (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
     changed, wrong = (np.abs(np.subtract(these, one)) for these in (many, fine))
     found = [np.array([of[:2].max(), of[2:].max()]) for of in (changed, wrong)]
     print(meshes[-1], *found)
     return *found, meshes[-1]
-
-
-def column(directory, name):
-    """A column of a run's history."""
-    with (directory / "history.csv").open(newline="") as file:
-        return np.array([float(row[name]) for row in csv.DictReader(file)])
-
-
-MOVING = """
-    import incipient
-    from mpi4py import MPI
-    from incipient.scene.file import loads
-
-    found = incipient.run(loads(open(NAME).read()))
-    if MPI.COMM_WORLD.rank == 0:
-        print(*map(repr, [*found.force.flow[:2].tolist(), *found.trajectory["velocity"].tolist()]))
-        print(len(found.trajectory["remeshings"]))
-"""
-
-
-def ends_on_ranks(mpirun, path):
-    """Load, velocity and number of new meshes at the end of a scene's run, on one rank and on two."""
-    found = []
-    for ranks in (1, 2):
-        done = mpirun(ranks, textwrap.dedent(MOVING).replace("NAME", repr(str(path))))
-        assert done.returncode == 0, done.stderr
-        found.append([float(word) for word in done.stdout.split()])
-    return found
 
 
 def resumed_and_whole(until, ends, directory, names):
@@ -138,4 +136,4 @@ def resumed_and_whole(until, ends, directory, names):
     resumed = incipient.resume(directory / "cut", [f"time.end={ends[1]!r}"])
     assert len(whole.trajectory["remeshings"]) >= 3
     assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
-    return [[column(directory / run, name) for name in names] for run in ("cut", "whole")]
+    return [[history_of(directory / run)[name] for name in names] for run in ("cut", "whole")]

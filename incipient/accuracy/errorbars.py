@@ -5,7 +5,7 @@ Terms (see `terms`) are added in absolute value: an error bar is not a standard 
 
 from __future__ import annotations
 
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
@@ -14,13 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError
-from ..interrupt import told_where_kept
 from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Forces, Torques
-from ..results.result import Result
 from ..scene import Scene
-from ..simulation.assemble import completed, outcome
-from ..simulation.recorder import Recorder
 from ..simulation.steady import unit_of
 from .coarse_runs import KeptRuns, Solve, coarse, is_coarse, moves_mesh
 from .terms import (
@@ -51,30 +47,6 @@ OF_ALONG = "cells along the walls, which do not resolve their friction"
 OF_MODEL = (
     "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
 )
-
-
-def finished(run: Run, recorder: Recorder) -> Result:
-    """Compute verdict and error bars, and record the result. Collective.
-
-    The result is first recorded without error bars: estimates may take as long as the run. A failed estimate is
-    reported in the result. Raises Interrupted with the directory of the result.
-    """
-    result = outcome(run)
-    estimated = run.scene.numerics.error_bars
-    with told_where_kept(recorder.provisional(result), run.comm) if estimated else nullcontext():
-        result = completed(run, result, *_bars(run, result))
-    recorder.finish(result)
-    return result
-
-
-def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
-    if not run.scene.has_error_bars:
-        return None, run.scene.no_error_bars
-    with run.stage("error bars"):
-        try:
-            return error_bars(run, result.force, result.torque), ""
-        except IncipientError as error:
-            return None, f"not computed: {error}"
 
 
 def error_bars(
@@ -133,7 +105,7 @@ def with_safety(
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
-    from ..evaluation.contact_verdict import load_of
+    from ..results.contact_verdict import load_of
     from .goal import bar_of_scene  # which loads linear programs, slowly
 
     load = load_of(run.scene.placement, force, torque)

@@ -13,7 +13,7 @@ from ..contact import Contacts, Load
 from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.verdict import MassAndInertia, judged
-from ..evaluation.contact_verdict import find_contacts
+from ..results.contact_verdict import find_contacts
 from ..results.errorbars import SafetyBar
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia

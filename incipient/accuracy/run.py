@@ -12,7 +12,7 @@ from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
-from .errorbars import finished
+from .finish import finished
 
 if TYPE_CHECKING:
     from ..restart import Checkpoint

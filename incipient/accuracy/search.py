@@ -32,7 +32,8 @@ from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
 from . import next_mesh
 from .coarse_runs import changed
-from .errorbars import error_bars, finished, loads_of_run
+from .errorbars import error_bars, loads_of_run
+from .finish import finished
 from .goal import Goal, Quantity, relative
 from .modelling import (
     SHARE,

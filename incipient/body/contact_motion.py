@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import Booleans, Floats, Integers, quarter_turned, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
 from ..geometry import statics
-from ..geometry.contacts import ClosestPoints, frame_of
+from ..geometry.contacts import ClosestPoints, frame_of, shares
 from ..geometry.placement import Placement
 from .rigidbody import Motion, RigidBody
 from .state import BodyState
@@ -47,7 +47,8 @@ class ContactLaw:
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
     restitution: fraction of the normal velocity with which the body leaves an impact (Newton's law)
     rolling: largest torque against rolling, over the normal force times half of the body's largest extent
-    cohesion: largest tension of a contact closed before the step [force], which friction and rolling count as pressure
+    cohesion: largest tension of a contact closed before the step [force], which friction and rolling count as
+        pressure; contacts in one plane share it
     """
 
     friction: float
@@ -140,7 +141,10 @@ class _Start:
 
     def tensions(self, touched: ClosestPoints) -> Floats:
         lasts = matches(touched, self.before.places(), self.apart) >= 0
-        return self.tension * lasts
+        tensions = np.zeros(len(touched))
+        if lasts.any():
+            tensions[lasts] = self.tension * shares(touched.points[lasts], touched.normals[lasts])
+        return tensions
 
 
 class ContactMotion:

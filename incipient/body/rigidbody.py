@@ -32,9 +32,6 @@ class Motion:
     end: BodyState
     drive: Floats
 
-    def at(self, time: float) -> BodyState:
-        return self.body.driven(self.start, time, self.drive)
-
     def first(self, distance: Callable[[BodyState], float]) -> BodyState | None:
         """The state in which a function of the state first falls below zero within the step, or None."""
         state = self.body.driven(self.start, self.end.time, self.drive, distance)
@@ -59,13 +56,8 @@ class RigidBody:
     imposed.
     """
 
-    def __init__(
-        self,
-        inertia: Inertia,
-        freedom: Freedom | None = None,
-        tolerances: Tolerances = PATH_TOLERANCES,
-    ) -> None:
-        self.inertia, self.tolerances = inertia, tolerances
+    def __init__(self, inertia: Inertia, freedom: Freedom | None = None) -> None:
+        self.inertia = inertia
         self.freedom = freedom or Freedom.whole(inertia.gdim)
         self.gdim, self.size = inertia.gdim, 3 * (inertia.gdim - 1)
         self.mask = self.freedom.mask
@@ -168,7 +160,7 @@ class RigidBody:
             at = state(t, y)
             return np.concatenate([at.velocity, turning(at.orientation, at.spin)])
 
-        path = Integrator(rate, self.tolerances)
+        path = Integrator(rate, PATH_TOLERANCES)
         path.init(start.time, np.concatenate([start.place, start.orientation]))
         path.advance(time, None if root is None else lambda t, y: root(state(t, y)))
         end = state(path.t, path.y)
@@ -199,7 +191,7 @@ class RigidBody:
         scale, d = np.max([np.abs(state.velocities) for state in states], axis=0), self.gdim
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
         kinds = np.repeat([scale[:d].max(), scale[d:].max()], [d, self.size - d])[self.mask]
-        return bool((np.abs(error) <= np.maximum(self.tolerances.relative * kinds, noise)).all())
+        return bool((np.abs(error) <= np.maximum(PATH_TOLERANCES.relative * kinds, noise)).all())
 
 
 @dataclass(frozen=True, eq=False)

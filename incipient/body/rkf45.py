@@ -35,6 +35,7 @@ FIFTH = np.array([16 / 135, 0.0, 6656 / 12825, 28561 / 56430, -9 / 50, 2 / 55])
 SAFETY, LARGEST_CUT, LARGEST_GROWTH, CUT_WITHOUT_ERROR = 0.9, 0.2, 5.0, 0.25
 PROPORTIONAL, INTEGRAL = 0.7 / 5, 0.4 / 5
 MAX_FAILURES = 40  # of one step
+MAX_STEPS = 10_000  # of one `advance`
 ROUND_OFF = 16 * float(np.finfo(float).eps)
 
 Rate = Callable[[float, Floats], Floats]
@@ -43,54 +44,31 @@ Root = Callable[[float, Floats], float]
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Relative tolerance, and absolute tolerance: a number or one for each component of y (n,)."""
+    """Relative and absolute tolerance."""
 
     relative: float
-    absolute: float | Floats
+    absolute: float
 
     def norm(self, error: Floats, size: Floats) -> float:
         """CVODE's weighted root mean square of errors (n,)."""
-        weight = self.relative * size + self.absolute
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(error == 0.0, 0.0, error / weight)
+        ratio = error / (self.relative * size + self.absolute)
         return float(np.sqrt(np.mean(ratio**2))) if len(ratio) else 0.0
-
-
-@dataclass
-class Statistics:
-    """Counts since `init`, and the length of the next step."""
-
-    steps: int = 0
-    error_test_failures: int = 0
-    evaluations: int = 0
-    next_step: float = 0.0
 
 
 class Integrator:
     """Runge-Kutta-Fehlberg 4(5) with error control, dense output and a root; at time `t` with solution `y` (n,).
 
-    Args:
-        rate: f(t, y) -> (n,). A step in which it is not finite is repeated with a quarter of the length.
-        largest_step: bound of the length of all steps; the first one is tried with the whole interval.
-        max_steps: number of steps of one `advance`.
+    `rate` is f(t, y) -> (n,). A step in which it is not finite is repeated with a quarter of the length.
     """
 
-    def __init__(
-        self,
-        rate: Rate,
-        tolerances: Tolerances,
-        *,
-        largest_step: float = np.inf,
-        max_steps: int = 10_000,
-    ) -> None:
+    def __init__(self, rate: Rate, tolerances: Tolerances) -> None:
         self.rate, self.tolerances = rate, tolerances
-        self.largest_step, self.max_steps = largest_step, max_steps
 
     def init(self, t: float, y: ArrayLike) -> None:
         """Set time and solution (n,). Raises ConvergenceError if the rate is not finite."""
         self.t, self.y = float(t), np.array(y, dtype=float)
-        self.statistics, self._error_before = Statistics(), 1.0
-        self._slope = self._evaluate(self.t, self.y)
+        self._length, self._error = 0.0, 1.0  # of the next step, and the last one's
+        self._slope = np.asarray(self.rate(self.t, self.y), dtype=float)
         if not np.isfinite(self._slope).all():
             raise ConvergenceError(f"the rate of change at the initial time {t:.6g} is not finite")
         self._start = (self.t, self.y, self._slope)
@@ -102,91 +80,69 @@ class Integrator:
         within one step are not seen.
 
         Raises:
-            ConvergenceError: the step becomes too small, or `max_steps` do not suffice; t and y hold the last
-                accepted state.
+            ConvergenceError: the step becomes too small, or steps do not suffice; t and y hold the last accepted state.
         """
-        self.statistics.next_step = self.statistics.next_step or max(end - self.t, 0.0)
+        self._length = self._length or end - self.t
         value = 0.0 if root is None else self._value_ahead(root)
-        for _ in range(self.max_steps):
+        for _ in range(MAX_STEPS):
             if self.t >= end:
                 return False
             self._step(end)
-            if root is None:
-                continue
-            before, value = value, root(self.t, self.y)
-            if before > 0.0 >= value:
-                self._go_back_to(root, before)
-                return True
-        if self.t >= end:
-            return False
+            if root is not None:
+                before, value = value, root(self.t, self.y)
+                if before > 0.0 >= value:
+                    self._go_back_to(root, before)
+                    return True
         raise ConvergenceError(
-            f"{self.max_steps} steps did not reach t = {end:.6g} from t = {self.t:.6g}; "
-            "allow more steps or larger tolerances"
+            f"{MAX_STEPS} steps did not reach t = {end:.6g} from t = {self.t:.6g}; use a smaller time.step"
         )
 
     def interpolate(self, t: float) -> Floats:
         """The solution (n,) at a time within the last step: the step itself, taken to that time."""
         start, y, slope = self._start
-        if not start <= t <= self.t:
-            raise ValueError(f"{t} is not within the last step, from {start} to {self.t}")
-        return (
-            self.y if t == self.t else y + (t - start) * (FIFTH @ self._slopes(start, y, slope, t))
-        )
-
-    def _evaluate(self, t: float, y: Floats) -> Floats:
-        self.statistics.evaluations += 1
-        return np.asarray(self.rate(t, y), dtype=float)
+        if t == self.t:
+            return self.y
+        return y + (t - start) * (FIFTH @ self._slopes(start, y, slope, t))
 
     def _slopes(self, t: float, y: Floats, slope: Floats, end: float) -> Floats:
-        slopes = np.full((6, len(y)), np.nan)
+        slopes, h = np.full((6, len(y)), np.nan), end - t
         slopes[0] = slope
         for i in range(1, 6):
-            h = end - t
-            slopes[i] = self._evaluate(t + NODES[i] * h, y + h * (STAGES[i, :i] @ slopes[:i]))
+            slopes[i] = self.rate(t + NODES[i] * h, y + h * (STAGES[i, :i] @ slopes[:i]))
             if not np.isfinite(slopes[i]).all():
                 break
         return slopes
 
     def _step(self, stop: float) -> None:
-        statistics = self.statistics
         for failures in range(MAX_FAILURES):
-            length = min(statistics.next_step, self.largest_step)
-            lands = stop - self.t <= length * (1 + 1e-10)
-            end = stop if lands else self.t + length
-            if not lands and length <= ROUND_OFF * abs(self.t):
+            lands = stop - self.t <= self._length * (1 + 1e-10)
+            end = stop if lands else self.t + self._length
+            if not lands and self._length <= ROUND_OFF * abs(self.t):
                 break
-            slopes = self._slopes(self.t, self.y, self._slope, end)
-            y = self.y + (end - self.t) * (FIFTH @ slopes)
-            difference = (end - self.t) * ((FIFTH - FOURTH) @ slopes)
+            h, slopes = end - self.t, self._slopes(self.t, self.y, self._slope, end)
+            y = self.y + h * (FIFTH @ slopes)
+            difference = h * ((FIFTH - FOURTH) @ slopes)
             error = self.tolerances.norm(difference, np.maximum(np.abs(self.y), np.abs(y)))
-            slope = self._evaluate(end, y) if error <= 1.0 else slopes[0]
+            slope = np.asarray(self.rate(end, y)) if error <= 1.0 else slopes[0]
             if error <= 1.0 and np.isfinite(slope).all():
-                self._accept(end, y, slope, error, lands, failures > 0)
+                self._start = (self.t, self.y, self._slope)
+                self.t, self.y, self._slope = end, y, slope
+                growth = SAFETY * max(error, 1e-10) ** -PROPORTIONAL * self._error**INTEGRAL
+                following = h * min(max(growth, LARGEST_CUT), 1.0 if failures else LARGEST_GROWTH)
+                # A step cut short to land says nothing against the length that was meant.
+                self._length = max(following, self._length) if lands else following
+                self._error = max(error, 1e-4)
                 return
-            statistics.error_test_failures += 1
             known = np.isfinite(error) and error > 1.0
             cut = max(LARGEST_CUT, SAFETY * error**-0.2) if known else CUT_WITHOUT_ERROR
-            statistics.next_step = (end - self.t) * min(cut, SAFETY)
+            self._length = h * min(cut, SAFETY)
         raise ConvergenceError(
-            f"the step at t = {self.t:.6g} became too small ({statistics.next_step:.3g}): the solution "
+            f"the step at t = {self.t:.6g} became too small ({self._length:.3g}): the solution "
             "is singular there, or the tolerances cannot be met"
         )
 
-    def _accept(
-        self, end: float, y: Floats, slope: Floats, error: float, lands: bool, failed: bool
-    ) -> None:
-        h, statistics = end - self.t, self.statistics
-        self._start = (self.t, self.y, self._slope)
-        self.t, self.y, self._slope = end, y, slope
-        growth = SAFETY * max(error, 1e-10) ** -PROPORTIONAL * self._error_before**INTEGRAL
-        following = h * float(np.clip(growth, LARGEST_CUT, 1.0 if failed else LARGEST_GROWTH))
-        # A step cut short to land says nothing against the length that was meant.
-        statistics.next_step = max(following, statistics.next_step) if lands else following
-        statistics.steps += 1
-        self._error_before = max(error, 1e-4)
-
     def _value_ahead(self, root: Root) -> float:
-        h = 8 * ROUND_OFF * max(abs(self.t), min(self.statistics.next_step, self.largest_step))
+        h = 8 * ROUND_OFF * max(abs(self.t), self._length)
         return root(self.t + h, self.y + h * self._slope)
 
     def _go_back_to(self, root: Root, before: float) -> None:
@@ -199,4 +155,4 @@ class Integrator:
 
         t = float(brentq(value, start, self.t, xtol=tiny))
         self.y, self.t = self.interpolate(t), t
-        self._slope = self._evaluate(self.t, self.y)
+        self._slope = np.asarray(self.rate(self.t, self.y), dtype=float)

@@ -1,4 +1,4 @@
-"""Batches of contact problems; frictionless, coincident and unconverged cases are evaluated one by one."""
+"""Batches of contact problems; frictionless and unconverged cases are evaluated one by one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from incipient.contact.acceleration import MODES, Mode, ReleaseProblem, inertia_
 from incipient.contact.conic import FAILED as UNANSWERED
 from incipient.contact.conic import HELD
 from incipient.contact.friction import FrictionCone, Rows
-from incipient.contact.problem import SAME_PLACE, ContactProblem, Load
+from incipient.contact.problem import ContactProblem, Load
 from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia, judged
 from incipient.errors import ConvergenceError, SceneError, shortened
@@ -35,6 +35,7 @@ class Cases:
     weight, centre: (n, 3), all other forces, which act at the centre of mass, and that centre
     law: contact law, or coefficients of friction, one or (n,)
     mass: (n,), inertia: (n, 3, 3) about the centre; NaN if unknown
+    areas: (n, k), as in `Contacts`, zero at points
     """
 
     points: Floats
@@ -46,12 +47,15 @@ class Cases:
     law: FrictionCone
     mass: Floats = field(default_factory=lambda: np.array(np.nan))
     inertia: Floats = field(default_factory=lambda: np.full((3, 3), np.nan))
+    areas: Floats | None = None
 
     def __post_init__(self) -> None:
         contacts = np.shape(self.points)[-2:]
         shapes = {"points": contacts, "normals": contacts, "mass": (), "inertia": (3, 3)}
+        shapes["areas"] = contacts[:1]
         for item in fields(self):
             value, inner = getattr(self, item.name), shapes.get(item.name, (3,))
+            value = 0.0 if value is None else value
             if item.name == "law" and not isinstance(value, FrictionCone):
                 value = FrictionCone(np.asarray(value, dtype=float))
             rows: Any
@@ -84,7 +88,8 @@ class Cases:
         """Arguments of `judged` for a single case; raises SceneError."""
         acting = [getattr(self, name)[number] for name in ("force", "torque", "weight", "centre")]
         count = int(self.contacts[number])
-        contacts = Contacts(self.points[number, :count], self.normals[number, :count])
+        surface = self.points, self.normals, np.asarray(self.areas)
+        contacts = Contacts(*(table[number, :count] for table in surface))
         mass, inertia = float(self.mass[number]), self.inertia[number]
         known = None if np.isnan(mass) and np.isnan(inertia).all() else (mass, inertia)
         return Load(*acting), contacts, self.law.part(number), known
@@ -157,7 +162,9 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
         loads = some.force, some.torque, some.weight
-        problem = ContactProblem.of_rows(arms, normals, loads, some.law)
+        problem = ContactProblem.of_rows(
+            arms, normals, loads, some.law, np.asarray(some.areas)[:, :count]
+        )
         axes, planar = problem.planes(some.inertia)
         for rows, plane in ((planar, axes[planar]), (~planar, None)):
             if rows.any():
@@ -167,15 +174,9 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
     acting = cases.force + cases.torque + cases.weight
-    one, other = np.triu_indices(arms.shape[1], 1)
-    apart = np.maximum(
-        np.abs(arms[:, one] - arms[:, other]).max(axis=2) / reach[:, None],
-        np.abs(normals[:, one] - normals[:, other]).max(axis=2),
-    )
     faults = np.any([*inertia_faults(cases.mass, cases.inertia).values()], axis=0)
     unknown = np.isnan(cases.mass) & np.isnan(cases.inertia).all(axis=(1, 2))
     rules = (
-        (apart > 2.0 * SAME_PLACE).all(axis=1),
         np.isfinite(acting.sum(axis=1) + reach) & (reach > 0.0),
         (np.abs(np.linalg.norm(normals, axis=2) - 1.0) <= UNIT_TOLERANCE).all(axis=1),
         cases.law.is_usual,

@@ -26,7 +26,7 @@ class FrictionCone:
     """Forces N >= 0, |T| <= coefficient N, where N is the normal force plus cohesion.
 
     `coefficient`: a number, possibly infinite, or (n,), all zero, all infinite or neither.
-    `cohesion`: largest pull of a contact [force], same shape.
+    `cohesion`: largest pull of a contact [force], same shape; the points of a patch share it.
     """
 
     coefficient: Floats

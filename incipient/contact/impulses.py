@@ -11,10 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain, product
+from itertools import chain
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from incipient.arrays import Floats
 from incipient.contact.friction import INFINITE, FrictionCone
@@ -105,9 +104,6 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
     weight[:, 1:] = (coefficients / most if most > 0.0 else np.zeros(count))[:, None]
     scale = weight.ravel()
     w, b, unit = scale[:, None] * gain * scale / size, scale * free / speed, speed / size
-    local = _by_cases(CoulombLaw.of(w, b, most))
-    if local is not None:
-        return np.asarray(unit * weight * local)
     w += REGULAR * np.eye(3 * count)
     law = CoulombLaw.of(w, b, most)
     sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b).reshape(-1, 3)
@@ -143,24 +139,6 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
     gain[torques], gain[:, torques], free[torques] = 0.0, 0.0, 0.0
     gain[torques, torques], gain[torques, pressures] = size, -size
     return contact_impulses(gain, free, np.concatenate([friction, np.full(count, rolling)]))
-
-
-def _by_cases(law: CoulombLaw) -> Floats | None:
-    """Smallest impulses (k, 3) of one or two 2-D contacts, by cases (stick, slide, open), or None."""
-    count = len(law.free) // 3
-    if count > 2 or law.gain[2::3].any() or law.free[2::3].any():
-        return None
-    sticks = np.eye(2, 3)
-    slides = [np.array([[1.0, way * law.friction, 0.0]]) for way in (1.0, -1.0)]
-    # Friction between two sticking contacts may hold any load, which is the last resort.
-    each = (sticks, *slides, np.zeros((0, 3)))
-    for cases in product(each if count == 1 else each[::-1], repeat=count):
-        pushes, zero = block_diag(*cases), block_diag(*(sticks[: len(case)] for case in cases))
-        sizes = np.linalg.lstsq(zero @ law.gain @ pushes.T, -zero @ law.free, rcond=RANK)[0]
-        local = (sizes @ pushes).reshape(-1, 3)
-        if law.residual(local) <= EXACT * max(1.0, float(np.abs(local).max())):
-            return np.asarray(local)
-    return None
 
 
 # Kernels compiled by numba (`kernels.Kernel`).

@@ -16,7 +16,7 @@ from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.friction import FrictionCone, Law, Rows
 from incipient.errors import SceneError
 from incipient.files import plain as of_numbers
-from incipient.geometry.contacts import Contacts, freeze
+from incipient.geometry.contacts import Contacts, freeze, shares
 
 PLANAR = 1e-12  # dimensionless distance from a coordinate plane below which a case is planar
 SAME_PLACE = 1e-12  # relative to the longest arm: closer contacts with equal normals coincide
@@ -67,8 +67,9 @@ class ContactProblem:
 
     `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward
     normals. `wrenches` (n, 2, 6): unit wrenches of flow and weight, or zero; `sizes` (n, 2): their
-    magnitudes. `plane` (n, 3, 3): two in-plane axes and the normal of planar cases. `copy`,
-    `fraction` (j,): the distinct contact of each input contact, and its fraction of the force.
+    magnitudes. `pull` (n, k): cohesion. `plane` (n, 3, 3): two in-plane axes and the normal of
+    planar cases. `copy`, `fraction` (j,): the distinct contact of each input contact, and its
+    fraction of the force.
     """
 
     arms: Floats
@@ -77,6 +78,7 @@ class ContactProblem:
     wrenches: Floats
     sizes: Floats
     law: FrictionCone
+    pull: Floats
     plane: Floats | None
     copy: Integers
     fraction: Floats
@@ -91,29 +93,41 @@ class ContactProblem:
         kept, copy, fraction = _distinct(arms, contacts.normals)
         loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
         surface = arms[None, kept], contacts.normals[None, kept]
-        problem = cls.of_rows(*surface, loads, FrictionCone.of(law).rows(1))
+        areas = None
+        if contacts.areas is not None:
+            areas = np.bincount(copy, contacts.areas).astype(float)[None]
+        problem = cls.of_rows(*surface, loads, FrictionCone.of(law).rows(1), areas)
         axes, planar = problem.planes(None if inertia is None else inertia[None])
         return replace(problem, plane=axes if planar[0] else None, copy=copy, fraction=fraction)
 
     @classmethod
     def of_rows(
-        cls, arms: Floats, normals: Floats, loads: tuple[Floats, Floats, Floats], law: FrictionCone
+        cls,
+        arms: Floats,
+        normals: Floats,
+        loads: tuple[Floats, Floats, Floats],
+        law: FrictionCone,
+        areas: Floats | None,
     ) -> ContactProblem:
-        """Build non-planar cases from arms and unit normals (n, k, 3) and force, torque and weight, (n, 3) each."""
+        """Build non-planar cases from arms and unit normals (n, k, 3), force, torque and weight, (n, 3) each, and
+        areas (n, k) by which the points of a contact share its cohesion.
+        """
         count, k, _ = arms.shape
         reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
         reach[reach == 0.0] = 1.0
         wrenches = np.zeros((count, 2, 6))
         wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
         wrenches[:, 0, 3:] = loads[1] / reach[:, None]
-        # Cone forces include cohesion, which pulls the grain to the bed.
-        pull = law.cohesion[:, None]
-        wrenches[:, 1, :3] += pull * normals.sum(axis=1)
-        wrenches[:, 1, 3:] = pull * np.cross(arms, normals).sum(axis=1) / reach[:, None]
+        pull = np.zeros((count, k))
+        if law.is_cohesive:  # cone forces include cohesion, which pulls the grain to the bed
+            pull = law.cohesion[:, None] * shares(arms, normals, areas)
+            pulls = pull[:, :, None] * normals
+            wrenches[:, 1, :3] += pulls.sum(axis=1)
+            wrenches[:, 1, 3:] = np.cross(arms, pulls).sum(axis=1) / reach[:, None]
         sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
         wrenches /= np.maximum(sizes, TINY)[:, :, None]
         scaled = arms / reach[:, None, None], -normals, reach, wrenches, sizes
-        return cls(*scaled, law, None, np.arange(k), np.ones(k))
+        return cls(*scaled, law, pull, None, np.arange(k), np.ones(k))
 
     def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
         """Coordinate planes (n, 3, 3), two axes and the normal, and a mask (n,) of planar cases.
@@ -135,7 +149,7 @@ class ContactProblem:
 
     def part(self, rows: Rows) -> ContactProblem:
         """The cases of some rows."""
-        names = ("arms", "inward", "reach", "wrenches", "sizes")
+        names = ("arms", "inward", "reach", "wrenches", "sizes", "pull")
         changes: dict[str, Any] = {name: getattr(self, name)[rows] for name in names}
         plane = None if self.plane is None else self.plane[rows]
         return replace(self, **changes, law=self.law.part(rows), plane=plane)
@@ -206,7 +220,7 @@ class ContactProblem:
 
     def forces(self, local: Floats) -> Floats:
         """Forces (j, 3) on the grain at the input contacts from local forces (k, 3) of a single case."""
-        local = local - [self.law.cohesion.item(), 0.0, 0.0]
+        local = local - self.pull[0, :, None] * [1.0, 0.0, 0.0]
         return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames[0])[self.copy, 0])
 
 

@@ -123,14 +123,16 @@ def follow(
 ) -> Rocking | None:
     """Continue the rest of a grain from its weight alone until it leaves its pocket.
 
-    None if it has no rest at `start`, and with cohesion, for which other rests are not computed.
-    The load acts at the grain's centroid, not `load.centre`. Without mass and inertia the mode is
-    unknown. `resolved` is the relative tolerance of the critical factor.
+    None if it has no rest at `start`. The load acts at the grain's centroid, not `load.centre`.
+    Without mass and inertia the mode is unknown. `resolved` is the relative tolerance of the
+    critical factor. A contact opens once its pull exceeds the cohesion, and then pulls no more: the
+    law of Raous, Cangemi and Cocu (1999, Comput. Methods Appl. Mech. Eng. 177, 383) without energy
+    of decohesion.
 
     Raises SceneError if grain and bed differ in dimension, or friction is invalid.
     """
     pocket = _Pocket(grain, bed, load, FrictionCone.of(law), resolved)
-    first = None if pocket.law.is_cohesive else pocket.rest(0.0, start)
+    first = pocket.rest(0.0, start)
     if first is None:
         return None
     rests = tuple(pocket.rests(first))
@@ -186,6 +188,7 @@ class _Pocket:
             float(self.law.coefficient),
             2.0 * POCKET,
             MOST_WAY,
+            float(self.law.cohesion),
         )
         placement, contacts = settled.placement, settled.contacts
         if not settled.stable or contacts is None or self._far(start, placement):

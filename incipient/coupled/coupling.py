@@ -12,6 +12,7 @@ from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
+from ..fluid.transient import Interface
 from ..mesh.motion import MeshMotion, MeshQuality
 from .part import Part, Stage
 
@@ -36,7 +37,7 @@ class InterfaceReport(NewtonReport):
         return max(len(self.residuals) - 1, 0)
 
 
-class Coupling:
+class Coupling(Interface):
     """Moving parts in a fluid with a moving mesh (see `fluid.transient.Interface`). Every method is collective.
 
     Args:
@@ -53,7 +54,8 @@ class Coupling:
         max_iterations: int = 12,
         stage: Stage = lambda name: nullcontext(),
     ):
-        self.fluid, self.parts, self.motion, self._stage = fluid, tuple(parts), motion, stage
+        super().__init__(fluid)
+        self.parts, self.motion, self._stage = tuple(parts), motion, stage
         self._given, self.tolerance = tolerance, tolerance or 0.0
         self.max_iterations, self._order, self._first_residual = max_iterations, 0, 0.0
         for part in self.parts:

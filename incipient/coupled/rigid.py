@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from mpi4py import MPI
@@ -156,7 +157,7 @@ class RigidPart(Part):
         self.state = self.end.state
         self.past = [self.state, *self.past[:2]]
 
-    def take_over(self, was: RigidPart) -> None:
+    def take_over(self, was: Self) -> None:
         self.mean_load, self.end, self.past = was.mean_load, was.end, list(was.past)
 
     def restore(self) -> None:

@@ -15,7 +15,7 @@ import ufl
 from mpi4py import MPI
 
 from .. import compat
-from ..arrays import Floats, extrapolated
+from ..arrays import Floats, Integers, extrapolated
 from ..compat import petsc
 from ..errors import ConvergenceError
 from ..fluid import Fluid
@@ -43,16 +43,14 @@ class SurfacePart(Part):
     Args:
         fluid: with a `FreeSurface` condition.
         elevation: (local nodes,) at the fluid's time, zero off the surface.
-        depths: (local nodes,) from the still level to bed or grain, the boundary named `below`.
+        depths: (local nodes,) from the still level to the boundary named `below`.
 
     Attributes:
         past: last and earlier elevations at `times`, newest first.
     """
 
     name = "free surface"
-    folded = (
-        "the cells below the free surface fold over: use a smaller time.step or numerics.mesh_size"
-    )
+    folded = "the cells below the free surface fold over: use a smaller time.step or mesh_size, or deeper water"
 
     def __init__(
         self,
@@ -82,7 +80,7 @@ class SurfacePart(Part):
             potential(load.elevation, load.place, n, load.gravity, load.origin) * measure
         )
         self._area = compat.form(dolfinx.fem.Constant(fluid.domain.mesh, 1.0) * measure)
-        self._steepness = _Steepness(displacement)
+        self._pairs = _neighbours(displacement)
         self._drift: Drift | None = None
         if fluid.constraints.crossings:
             self._drift = fluid.holding(Drift(fluid, displacement))
@@ -173,8 +171,10 @@ class SurfacePart(Part):
 
     def ends(self) -> str:
         """Reason and remedy if the run must stop: steep or touching surface; otherwise ""."""
-        slope, nodes = self._steepness(self.elevation), self.mesh.nodes
-        left = float((self._depths + self.elevation)[nodes].min(initial=np.inf))
+        one, other, ways = self._pairs
+        rises = np.abs(self.elevation[one] - self.elevation[other]) / ways
+        slope = self.fluid.domain.comm.allreduce(float(rises.max(initial=0.0)), op=MPI.MAX)
+        left = float((self._depths + self.elevation)[self.mesh.nodes].min(initial=np.inf))
         if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest():
             return TOUCHING.format(below=self._below)
         return "" if slope <= STEEPEST else STEEP.format(slope=slope)
@@ -203,22 +203,11 @@ class SurfacePart(Part):
         return float(self.fluid.domain.comm.allreduce(mine))
 
 
-class _Steepness:
-    def __init__(self, displacement: RisingDisplacement):
-        space, domain = displacement.space, displacement.domain
-        cells = compat.cell_dofs(space)
-        on = np.isin(cells, displacement.nodes)
-        points = space.tabulate_dof_coordinates()[:, : domain.gdim - 1]
-        pairs = [np.empty((0, 2), dtype=np.int64)]
-        for row, chosen in zip(cells, on, strict=True):
-            nodes = row[chosen]
-            if len(nodes) > 1:
-                first, second = np.triu_indices(len(nodes), 1)
-                pairs.append(np.column_stack([nodes[first], nodes[second]]))
-        self._pairs = np.unique(np.concatenate(pairs), axis=0)
-        self._ways = np.linalg.norm(points[self._pairs[:, 0]] - points[self._pairs[:, 1]], axis=1)
-        self._comm = domain.comm
-
-    def __call__(self, elevation: Floats) -> float:
-        rises = np.abs(elevation[self._pairs[:, 0]] - elevation[self._pairs[:, 1]])
-        return float(self._comm.allreduce(float((rises / self._ways).max(initial=0.0)), op=MPI.MAX))
+def _neighbours(displacement: RisingDisplacement) -> tuple[Integers, Integers, Floats]:
+    """Pairs of surface nodes in the same cell, and their distances across."""
+    cells, space = compat.cell_dofs(displacement.space), displacement.space
+    one, other = (cells[:, k] for k in np.triu_indices(cells.shape[1], 1))
+    both = np.isin(one, displacement.nodes) & np.isin(other, displacement.nodes)
+    across = space.tabulate_dof_coordinates()[:, : displacement.domain.gdim - 1]
+    ways = np.linalg.norm(across[one[both]] - across[other[both]], axis=1)
+    return one[both], other[both], ways

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import dolfinx
@@ -140,8 +141,6 @@ class TractionProbe:
         owned = space.dofmap.index_map.size_local
         blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
-        self._surface_form: Any = None
-        self._mass_form: Any = None
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
@@ -155,34 +154,33 @@ class TractionProbe:
         return self._sum(-residual[self._unknowns()])
 
     def surface_resultant(self) -> Resultant:
-        space = self.fluid.space.velocity
-        if self._surface_form is None and self.boundary in self.fluid.constraints.rubbing:
-            w = ufl.TestFunction(space)
-            self._surface_form = compat.form(
-                self.fluid.walls.power(self.fluid.state, w, self.boundary, held=False)
-            )
-        elif self._surface_form is None:
-            v, p = ufl.split(self.fluid.state)
-            w = ufl.TestFunction(space)
-            n = -ufl.FacetNormal(self.fluid.domain.mesh)
-            traction = surface_traction(v, p, n, self.fluid.viscosity, self.fluid.reference_map)
-            ds = self.fluid.domain.measure(self.boundary)
-            self._surface_form = compat.form(ufl.inner(traction, w) * ds)
-        return self._with_enclosed(self._integrated(self._surface_form))
+        """Integral of the stress at the boundary."""
+        fluid, w = self.fluid, ufl.TestFunction(self.fluid.space.velocity)
+        if self.boundary in fluid.constraints.rubbing:
+            return self._integrated(fluid.walls.power(fluid.state, w, self.boundary, held=False))
+        v, p = ufl.split(fluid.state)
+        traction = surface_traction(v, p, self._normal(), fluid.viscosity, fluid.reference_map)
+        return self._integrated(ufl.inner(traction, w) * fluid.domain.measure(self.boundary))
 
     def viscous_resultant(self) -> Resultant:
         """Part of `surface_resultant` due to viscous stress or wall friction."""
         _, p = ufl.split(self.fluid.state)
-        w, n = ufl.TestFunction(self.fluid.space.velocity), -ufl.FacetNormal(self.fluid.domain.mesh)
-        pressure = -p * surface_vector(n, self.fluid.reference_map)
-        ds = self.fluid.domain.measure(self.boundary)
-        part = self._with_enclosed(self._integrated(compat.form(ufl.inner(pressure, w) * ds)))
-        whole = self.surface_resultant()
+        pressure = -p * surface_vector(self._normal(), self.fluid.reference_map)
+        w, ds = (
+            ufl.TestFunction(self.fluid.space.velocity),
+            self.fluid.domain.measure(self.boundary),
+        )
+        part, whole = self._integrated(ufl.inner(pressure, w) * ds), self.surface_resultant()
         return Resultant(whole.force - part.force, whole.torque - part.torque, self.about)
 
-    def _integrated(self, form: Any) -> Resultant:
-        forces = compat.owned_entries(form).reshape(-1, self.fluid.space.gdim)
-        return self._sum(forces[self._blocks])
+    def _normal(self) -> Any:
+        """Into the fluid."""
+        return -ufl.FacetNormal(self.fluid.domain.mesh)
+
+    def _integrated(self, power: Any) -> Resultant:
+        """Resultant of a power on the boundary, linear in a test function."""
+        forces = compat.owned_entries(compat.form(power)).reshape(-1, self.fluid.space.gdim)
+        return self._with_enclosed(self._sum(forces[self._blocks]))
 
     def _with_enclosed(self, exposed: Resultant) -> Resultant:
         if self.enclosed is None:
@@ -259,12 +257,12 @@ class TractionProbe:
         return place.x.array.reshape(-1, gdim)[self._blocks]
 
     def _boundary_mass(self) -> Any:
-        if self._mass_form is None:
-            space = self.fluid.space.velocity
-            t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
-            n = ufl.FacetNormal(self.fluid.domain.mesh)
-            normal = surface_vector(n, self.fluid.reference_map)
-            scale = ufl.sqrt(ufl.inner(normal, normal))
-            ds = self.fluid.domain.measure(self.boundary)
-            self._mass_form = compat.form(scale * ufl.inner(t, w) * ds)
         return compat.matrix_of(self._mass_form)
+
+    @cached_property
+    def _mass_form(self) -> Any:
+        space = self.fluid.space.velocity
+        t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+        normal = surface_vector(self._normal(), self.fluid.reference_map)
+        ds = self.fluid.domain.measure(self.boundary)
+        return compat.form(ufl.sqrt(ufl.inner(normal, normal)) * ufl.inner(t, w) * ds)

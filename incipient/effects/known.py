@@ -1,28 +1,24 @@
-"""The effects of a run: their terms, their parts, and their output quantities."""
+"""The effects of a run: their terms and their output quantities."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..body.state import BodyState
 from ..planning.effects import EffectName, accuracy_asked
 from ..planning.plan import Plan
+from ..results.kinds import FLOW, LOADS, VERDICT
 from ..results.left_out import Omission
-from ..results.of_runs import FLOW, LOADS, VERDICT
 from ..results.quantity import OutputQuantity
 from ..setup.setup import Setup
 from . import omitted
-from .effect import Effect, Solved, Stage
+from .effect import Effect, Solved
 from .moving_grain import QUANTITIES as OF_PATH
 from .turbulence import QUANTITIES as QUANTITIES
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..restart import Checkpoint
     from ..simulation.state import Run
-    from .moving_grain.part import MovingGrain
-    from .moving_surface import MovingSurface
 
 
 def add_base_flow(model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
@@ -67,32 +63,7 @@ CELL_REYNOLDS = OutputQuantity(
 )
 
 
-def moving_surface(setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
-    """The part of a free surface, or None. Collective."""
-    if not setup.scene.has_surface:
-        return None
-    from .moving_surface import MovingSurface
-
-    return MovingSurface(setup, stage)
-
-
-def moving_grain(setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
-    """The part of a moving grain, at the start or in the state of a checkpoint, or None. Collective."""
-    if not setup.scene.moves:
-        return None
-    body = None if kept is None else kept.body
-    state = None if body is None else BodyState.unpacked(body.made_for)
-    assert setup.scene.body is not None
-    if setup.scene.body.touches:
-        from .moving_grain.on_bed import GrainOnBed
-
-        return GrainOnBed(setup, stage, state)
-    from .moving_grain.part import MovingGrain
-
-    return MovingGrain(setup, stage, state)
-
-
-# In the order of plans, results, and solution of the parts of a run.
+# In the order of plans and results.
 EFFECTS: tuple[Effect, ...] = (
     Effect(
         EffectName.INERTIA,
@@ -108,17 +79,8 @@ EFFECTS: tuple[Effect, ...] = (
     Effect(EffectName.CONTACT, VERDICT, left_out=omitted.without_contact),
     Effect(EffectName.FLOW, FLOW, add_base_flow),
     Effect(EffectName.MOVING_MESH, terms=add_mesh_motion),
-    Effect(
-        EffectName.FREE_BODY,
-        OF_PATH,
-        part_in_time=moving_grain,
-        left_out=omitted.without_motion,
-    ),
-    Effect(
-        EffectName.FREE_SURFACE,
-        part_in_time=moving_surface,
-        left_out=omitted.without_free_surface,
-    ),
+    Effect(EffectName.FREE_BODY, OF_PATH, left_out=omitted.without_motion),
+    Effect(EffectName.FREE_SURFACE, left_out=omitted.without_free_surface),
     Effect(EffectName.TURBULENCE, QUANTITIES, left_out=omitted.without_turbulence),
 )
 

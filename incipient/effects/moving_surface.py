@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
-from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, spatial
@@ -16,7 +15,6 @@ from ..errors import ConvergenceError, MeshError
 from ..fluid import Fluid
 from ..fluid.transient import TimeStep, Transient
 from ..geometry.placement import Placement
-from ..mesh.domain import Domain
 from ..mesh.elevation import RisingDisplacement
 from ..mesh.motion import MeshMotion
 from ..mesh.sampling import Locator, sample
@@ -33,72 +31,65 @@ if TYPE_CHECKING:
 # Distances of a moving grain, in its size: from the surface, counting as contact; from the still level, below which a
 # new mesh has its top at the mean surface above the grain.
 TOUCHING, NEAR = 0.05, 0.25
-OUTLINE = 65  # points on each curve of a grain's outline
 
 
-class MovingSurface(RunPart):
+class MovingSurface(SurfacePart, RunPart):
     """Free surface above a fluid on a mesh with a level top. Every method is collective.
 
-    Attributes: `part`, set by `joined`; `readings` of elevations.
+    readings: of elevations
     """
 
     effect = EffectName.FREE_SURFACE
-    part: SurfacePart
 
-    def __init__(self, setup: Setup, stage: Stage):
-        self._setup, self._scene, self._stage = setup, setup.scene, stage
-        self.readings: list[ElevationReading] = []
-
-    def joined(self, fluid: Fluid, before: MovingSurface | None = None) -> None:
-        """Enter a fluid; the surface of the previous mesh continues with the same volume."""
+    def __init__(self, setup: Setup, fluid: Fluid, motion: MeshMotion, stage: Stage):
         assert fluid.surface is not None
-        self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
-        setup = self._setup
+        self._setup, self._scene, self._motion = setup, setup.scene, motion
+        space, condition = fluid.surface.space, fluid.surface.condition
         body = () if setup.scene.grain is None else ("body",)
-        held, pinned = (setup.sides.bottom, *body), condition.pinned
         self._up = fluid.domain.gdim - 1
         rising = RisingDisplacement(
-            fluid.domain, space, condition.boundary, held, pinned, condition.origin[self._up]
+            *(fluid.domain, space, condition.boundary, (setup.sides.bottom, *body)),
+            condition.pinned,
+            condition.origin[self._up],
         )
         self._stations = _Stations(rising, setup)
         elevation, room = np.zeros((2, len(fluid.surface.elevation.x.array)))
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
         self._places[:, self._up] -= rising.raised
         elevation[rising.nodes] = setup.surface.height(self._places.T)
-        room[rising.nodes], below = _depths(setup.scene, self._places)
-        self.part = SurfacePart(fluid, rising, elevation, room, below, self._stage)
+        room[rising.nodes] = _depths(setup.scene, self._places)
+        below = "the bottom" if setup.scene.bed is None else "the bed"
+        super().__init__(fluid, rising, elevation, room, below, stage)
         self._energy = EnergyBudget(fluid)
-        if before is not None:
-            self.readings = before.readings
-            self._take_over(before)
+        self.readings: list[ElevationReading] = []
 
-    def moving(self, motion: MeshMotion) -> tuple[SurfacePart, ...]:
-        self._motion = motion
-        return (self.part,)
-
-    def on(self, domain: Domain) -> MovingSurface:
-        return MovingSurface(self._setup, self._stage)
+    def on(self, fluid: Fluid, motion: MeshMotion) -> MovingSurface:
+        """The surface above a fluid on its original mesh, with the same volume."""
+        new = MovingSurface(self._setup, fluid, motion, self._stage)
+        new.readings = self.readings
+        new._take_over(self)
+        return new
 
     def _take_over(self, old: MovingSurface) -> None:
         mesh = old.fluid.domain.mesh
         comm, now = mesh.comm, mesh.geometry.x.copy()
-        everywhere = comm.allgather(self._places + old.part.mesh.raised * np.eye(3)[self._up])
+        everywhere = comm.allgather(self._places + old.mesh.raised * np.eye(3)[self._up])
         mesh.geometry.x[:] = old._motion.reference
-        part, function = self.part, dolfinx.fem.Function(old.part.mesh.space)
-        part.times, part.past = list(old.part.times), []
-        for elevation in old.part.past:
+        function = dolfinx.fem.Function(old.mesh.space)
+        self.times, self.past = list(old.times), []
+        for elevation in old.past:
             function.x.array[:] = elevation
             values = sample(function, np.concatenate(everywhere))[:, 0]
             mine = np.split(values, np.cumsum([len(one) for one in everywhere])[:-1])[comm.rank]
             nodal = np.zeros_like(self.fluid.surface.elevation.x.array)
-            nodal[part.mesh.nodes] = mine
-            part.past.append(part.mesh.with_volume(nodal, old.part.mesh.mean(elevation)))
-        part.restore()
+            nodal[self.mesh.nodes] = mine
+            self.past.append(self.mesh.with_volume(nodal, old.mesh.mean(elevation)))
+        self.restore()
         mesh.geometry.x[:] = now
 
     def check(self, step: TimeStep, placement: Placement | None) -> None:
         """Raise ConvergenceError for a surface that is too steep or touches the bed or the grain's placement."""
-        why = self.part.ends()
+        why = self.ends()
         if not why and placement is not None and self._room_above(placement) <= 0.0:
             why = "the grain touches the free surface: use an earlier time.end, a heavier grain or deeper water"
         if why:
@@ -109,55 +100,43 @@ class MovingSurface(RunPart):
 
         Raises MeshError if the grain reaches it.
         """
-        grain, domain = self._scene.grain, self._scene.domain
-        assert grain is not None
-        upwards = np.eye(domain.gdim)[self._up]
-        top = float(self._setup.surroundings.extreme(placement, upwards)[self._up])
-        unit = TOUCHING * grain.size
-        raised = 0.0
-        if top > domain.ceiling - NEAR * grain.size:
-            raised = unit * round(self._mean_above(placement, grain.size) / unit)
-        if top > domain.ceiling + raised - unit:
+        level, size = self._scene.domain.ceiling, self._scene.grain.size
+        top, unit, raised = self._top_of(placement), TOUCHING * size, 0.0
+        if top > level - NEAR * size:
+            raised = unit * round(self._mean_above(placement) / unit)
+        if top > level + raised - unit:
             raise MeshError(
                 "the grain has risen to the free surface, where the domain cannot be remeshed: use an "
                 "earlier time.end, a heavier grain or deeper water"
             )
         return height + raised
 
-    def _mean_above(self, placement: Placement, size: float) -> float:
-        own = slice(0, self.part.mesh.owned)
+    def _room_above(self, placement: Placement) -> float:
+        """Distance of the grain from the mean surface above it, less the contact tolerance."""
+        surface = self._scene.domain.ceiling + self._mean_above(placement)
+        return surface - self._top_of(placement) - TOUCHING * self._scene.grain.size
+
+    def _top_of(self, placement: Placement) -> float:
+        upwards = np.eye(self._up + 1)[self._up]
+        return float(self._setup.surroundings.extreme(placement, upwards)[self._up])
+
+    def _mean_above(self, placement: Placement) -> float:
+        own = slice(0, self.mesh.owned)
         away = self._places[own, : self._up] - np.asarray(placement.centre)[: self._up]
-        near = self.part.elevation[self.part.mesh.nodes[own]][
-            np.linalg.norm(away, axis=1) <= 0.5 * size
-        ]
+        above = np.linalg.norm(away, axis=1) <= 0.5 * self._scene.grain.size
+        near = self.elevation[self.mesh.nodes[own]][above]
         total, count = self.fluid.domain.comm.allreduce(np.array([near.sum(), len(near)]))
         return float(total / max(count, 1.0))
-
-    def _room_above(self, placement: Placement) -> float:
-        """Distance of the grain from the surface nodes, less the contact tolerance."""
-        grain, nodes = self._scene.grain, self.part.mesh.nodes
-        assert grain is not None
-        gdim, points = self._up + 1, self._places[:, : self._up + 1].copy()
-        points[:, gdim - 1] += self.part.elevation[nodes]
-        if gdim == 2:
-            outline = placement.to_scene(grain.chain.points(OUTLINE))
-            distances = np.linalg.norm(points[:, None] - outline, axis=2)
-        else:
-            distances = (
-                np.linalg.norm(points - np.asarray(placement.centre), axis=1) - 0.5 * grain.size
-            )
-        nearest = self.fluid.domain.comm.allreduce(float(distances.min(initial=np.inf)), op=MPI.MIN)
-        return float(nearest - TOUCHING * grain.size)
 
     def accept_step(self, step: TimeStep) -> None:
         self.begin()
 
     def change(self, depth: float) -> float:
-        return self.part.risen() / depth
+        return self.risen() / depth
 
     def begin(self) -> None:
-        values = self._stations.values(self.part.elevation)
-        self.readings.append(ElevationReading(self.fluid.time, values, self.part.largest()))
+        values = self._stations.values(self.elevation)
+        self.readings.append(ElevationReading(self.fluid.time, values, self.largest()))
 
     @property
     def elevations(self) -> Elevations | None:
@@ -165,16 +144,16 @@ class MovingSurface(RunPart):
 
     def columns(self, step: TimeStep) -> dict[str, float]:
         with self._stage("free surface"):
-            elevations = self._stations.values(self.part.elevation)
+            elevations = self._stations.values(self.elevation)
             by_station = {
                 f"elevation_{number}": value for number, value in enumerate(elevations, 1)
             }
             return by_station | {
                 **self._discharge(),
-                "volume_above_level": self.part.volume(),
-                "through_surface": self.part.crossed(),
+                "volume_above_level": self.volume(),
+                "through_surface": self.crossed(),
                 "energy_fluid": self._energy.kinetic(),
-                "energy_potential": self.part.energy(),
+                "energy_potential": self.energy(),
                 "dissipation": self._energy.dissipation(),
             }
 
@@ -183,7 +162,7 @@ class MovingSurface(RunPart):
             one[0] if len(one) == 1 else one
             for one in stations_of(self._scene.surface, self._scene.domain)
         ]
-        surface = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
+        surface = {"stations": stations, "elevations": self._stations.values(self.elevation)}
         return {"surface": surface | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
@@ -192,26 +171,25 @@ class MovingSurface(RunPart):
 
     @property
     def unknowns(self) -> int:
-        return int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))
+        return int(self.fluid.domain.comm.allreduce(self.mesh.owned))
 
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
         from ..restart import StoredSurface, numbered_nodes
 
-        part, nodes = self.part, numbered_nodes(self.fluid.domain.mesh)
-        elevations = np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)
-        return {"surface": StoredSurface(nodes.joined(elevations), np.array(part.times))}
+        nodes = numbered_nodes(self.fluid.domain.mesh)
+        elevations = np.stack([self.mesh.on_nodes(x) for x in self.past], axis=1)
+        return {"surface": StoredSurface(nodes.joined(elevations), np.array(self.times))}
 
-    def restore(self, kept: Checkpoint) -> None:
+    def resume(self, kept: Checkpoint) -> None:
         from ..restart import spread_nodes
 
         assert kept.surface is not None
-        part, mesh = self.part, self.fluid.domain.mesh
-        elevations = spread_nodes(mesh, kept.surface.elevations).T.copy()
-        part.past = [part.mesh.from_nodes(one) for one in elevations]
-        part.times = kept.surface.times.tolist()
-        part.restore()
+        elevations = spread_nodes(self.fluid.domain.mesh, kept.surface.elevations).T.copy()
+        self.past = [self.mesh.from_nodes(one) for one in elevations]
+        self.times = kept.surface.times.tolist()
+        self.restore()
 
 
 class _Stations:
@@ -237,23 +215,14 @@ class _Stations:
         return total
 
 
-def _depths(scene: Scene, places: Floats) -> tuple[Floats, str]:
-    """Depth (n,) below the still level at positions (n, 3), down to bed or resting grain, and which in words.
+def _depths(scene: Scene, places: Floats) -> Floats:
+    """Depth (n,) of the bed below the still level at positions (n, 3).
 
-    A 3-D grain does not count: the mesh above it folds before the surface touches it.
+    A grain does not count: the mesh above it folds before the surface touches it.
     """
     domain, bed = scene.domain, scene.bed_shape
-    floor = np.full(len(places), domain.bottom)
-    if bed is not None:
-        floor = bed.height(places[:, 0] if scene.gdim == 2 else places[:, :2])
-    below = "the bed" if bed is not None else "the bottom"
-    grain, placement = scene.grain, scene.placement
-    if scene.gdim == 3 or grain is None or placement is None or scene.moves:
-        return domain.ceiling - floor, below
-    outline = placement.to_scene(grain.chain.points(OUTLINE))
-    low, high = outline[:, 0].min(), outline[:, 0].max()
-    for row, x in enumerate(places[:, 0]):
-        if low <= x <= high:
-            near = outline[np.abs(outline[:, 0] - x) <= (high - low) / len(outline) * 8.0]
-            floor[row] = max(floor[row], near[:, 1].max(initial=floor[row]))
-    return domain.ceiling - floor, f"{below} or the grain"
+    if bed is None:
+        return np.full(len(places), domain.height)
+    return np.asarray(
+        domain.ceiling - bed.height(places[:, 0] if scene.gdim == 2 else places[:, :2])
+    )

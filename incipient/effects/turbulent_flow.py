@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
@@ -32,7 +32,7 @@ from ..results.wall_report import LARGEST_CHANGE, WallReport
 from ..setup.setup import Setup
 from ..turbulence.continuation import Continued, continued
 from ..turbulence.fields import ORDER, TurbulenceFields
-from ..turbulence.in_time import InTime, Moving
+from ..turbulence.in_time import InTime
 from .effect import RunPart, Stage
 
 if TYPE_CHECKING:
@@ -68,6 +68,8 @@ class TurbulentFlow(RunPart):
             walls.least_k,
             in_layers=walls.is_resolved and not walls.plane,
             surfaces=walls.surfaces,
+            # In 2-D, and between planes, ln k is as smooth as cells follow.
+            weighted=setup.scene.gdim == 3 and not walls.plane,
         )
 
     def _distances(self) -> dict[str, float]:
@@ -81,7 +83,8 @@ class TurbulentFlow(RunPart):
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
         return replace(model, solver="direct", **eddies)
 
-    def joined(self, fluid: Fluid, before: TurbulentFlow | None = None) -> None:
+    def joined(self, fluid: Fluid) -> None:
+        """Enter a fluid on the mesh, whose model is that of `within`."""
         fluid.holding(self.fields)
         velocity, _ = ufl.split(fluid.state)
         self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
@@ -173,8 +176,7 @@ class TurbulentFlow(RunPart):
         fluid.let_in(new)
 
     def around(self, interface: Interface | None) -> InTime:
-        moving = cast("Moving | None", interface)
-        self.in_time = InTime(self._fluid, self.fields, self._timed, moving)
+        self.in_time = InTime(self._fluid, self.fields, self._timed, interface)
         return self.in_time
 
     def on(self, domain: Domain) -> TurbulentFlow:
@@ -207,7 +209,7 @@ class TurbulentFlow(RunPart):
         points = space.tabulate_dof_coordinates()
         return {"turbulence": stored_field(space, points, self.in_time.past)}
 
-    def restore(self, kept: Checkpoint) -> None:
+    def resume(self, kept: Checkpoint) -> None:
         assert kept.turbulence is not None and self.in_time is not None
         self.fields.follow()
         space = self.fields.space

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import ufl
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from .. import compat
+from ..mesh.cells import cell_facets, input_numbers, local_cells, vertex_numbers
 from ..mesh.domain import Domain
-from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
@@ -131,22 +130,27 @@ def _along(fluid: Fluid, boundary: str, velocity: Any, shear_velocity: Any) -> A
     means = [compat.owned_entries(one).reshape(-1, gdim)[nodes] for one in compiled]
     columns = np.hstack([space.tabulate_dof_coordinates()[nodes, :gdim], *means])
     whole = np.concatenate(domain.comm.allgather(columns))
-    whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
+    numbers = np.concatenate(domain.comm.allgather(vertex_numbers(space)[nodes]))
+    order = np.lexsort(whole[:, :gdim].T[::-1])
+    whole = whole[order]
     inner = ~_at_ends(domain, whole[:, 0])
-    edges = _edges(domain, boundary, whole[:, :gdim])
+    edges = _edges(domain, boundary, numbers[order])
     edges = np.cumsum(inner)[edges[inner[edges].all(axis=1)]] - 1
     places, lengths, *sums = np.split(whole[inner], 5, axis=1)
     normals, velocities, shears = (one / lengths[:, :1] for one in sums)
     return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0], edges)
 
 
-def _edges(domain: Domain, boundary: str, corners: np.ndarray) -> np.ndarray:
-    """Edges (m, 2) of a boundary between corners (n, gdim). Collective."""
-    gdim = domain.gdim
-    ends = places_on_facets(domain, [boundary])[:, [0, -1] if gdim == 2 else [0, 1, 2]]
-    numbers = cKDTree(corners).query(ends)[1]
+def _edges(domain: Domain, boundary: str, numbers: np.ndarray) -> np.ndarray:
+    """Edges (m, 2) of a boundary between its vertices, whose `numbers` (n,) are those of the input. Collective."""
+    mesh, gdim = domain.mesh, domain.gdim
+    facets, rows = cell_facets(mesh, local_cells(mesh))
+    mine = input_numbers(mesh)[rows[np.isin(facets, domain.facets_of(boundary))]]
+    ascending = np.argsort(numbers)
+    corners = np.concatenate(domain.comm.allgather(mine))
+    places = ascending[np.searchsorted(numbers, corners, sorter=ascending)]
     pairs = [[0, 1]] if gdim == 2 else [[0, 1], [1, 2], [2, 0]]
-    return np.unique(np.sort(numbers[:, pairs].reshape(-1, 2), axis=1), axis=0)
+    return np.unique(np.sort(places[:, pairs].reshape(-1, 2), axis=1), axis=0)
 
 
 def _at_ends(domain: Domain, x: np.ndarray) -> np.ndarray:

@@ -12,8 +12,7 @@ from petsc4py import PETSc
 
 from ..arrays import cross, quarter_turned
 from ..forms.kinematics import rigid_velocity
-from ..forms.terms import impermeable
-from ..forms.wall_friction import friction, layer, speed
+from ..forms.terms import friction, impermeable, layer, speed
 from ..mesh.domain import Domain
 from .conditions import Friction
 from .space import TaylorHood, size_along
@@ -60,20 +59,19 @@ class WallLoad:
         self._normal = ufl.FacetNormal(domain.mesh)
         self._held = HELD * flow.order**2 / size_along(domain.mesh, self._normal)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
-        self._walls = [(one, flow.constant(one.distance)) for one in walls]
+        self._walls = {one.boundary: (one, flow.constant(one.distance)) for one in walls}
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
 
     def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:
         """Wall terms of the residual, tested with w and q, in UFL; `rate` is None in steady flow."""
         return sum(
-            self._of(wall, distance, (v, p, rate), (w, q))
-            * self._measure(self._names[wall.boundary])
-            for wall, distance in self._walls
+            self._of(name, (v, p, rate), (w, q)) * self._measure(self._names[name])
+            for name in self._walls
         )
 
     def stand(self, distances: Mapping[str, float]) -> None:
         """Set the distances of the law of the wall at body-fitted walls, by name."""
-        for wall, held in self._walls:
+        for wall, held in self._walls.values():
             if wall.axis is None:
                 held.value = distances[wall.boundary]
 
@@ -100,7 +98,7 @@ class WallLoad:
             ufl.inner(self.relative(v, wall.boundary) if own else v, n)
             * q
             * self._measure(self._names[wall.boundary])
-            for wall, _ in self._walls
+            for wall, _ in self._walls.values()
             if wall.axis is None
         )
 
@@ -116,30 +114,24 @@ class WallLoad:
         without the impermeability term.
         """
         v, p = ufl.split(state)
-        v = self.relative(v, boundary)
-        (wall, distance), n = self._at(boundary), self._normal
-        of_molecules, whole = self._viscosity
-        along = v - ufl.inner(v, n) * n
-        rubbing = friction(
-            along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance)
-        )
+        v, n, whole = self.relative(v, boundary), self._normal, self._viscosity[1]
+        rubbing = self._rubbing(boundary, v - ufl.inner(v, n) * n, w)
         normal = p - 2 * whole * ufl.inner(ufl.dot(ufl.grad(v), n), n)
         if held:
             normal += (speed(v) + self._held * whole) * ufl.inner(v, n)
         return (rubbing + normal * ufl.inner(w, n)) * self._measure(self._names[boundary])
 
-    def _at(self, boundary: str) -> tuple[Friction, Any]:
-        return next(one for one in self._walls if one[0].boundary == boundary)
+    def _rubbing(self, boundary: str, along: Any, w: Any) -> Any:
+        wall, distance = self._walls[boundary]
+        drag = wall.drag(speed(along), self._shear_velocity, self._viscosity[0], distance)
+        return friction(along, w, drag)
 
-    def _of(self, wall: Friction, distance: Any, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
-        (v, p, rate), (w, q) = flow, tests
-        v = self.relative(v, wall.boundary)
-        of_molecules, whole = self._viscosity
-        n, beside = self._normal, wall.axis is not None
-        along = v if beside else v - ufl.inner(v, n) * n
-        rubbing = friction(
-            along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance)
-        )
-        if beside:
-            return rubbing + layer(p, rate, w, distance)
-        return rubbing + impermeable(v, p, w, q, n, whole, speed(v) + self._held * whole)
+    def _of(self, boundary: str, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
+        (v, p, rate), (w, q), n = flow, tests, self._normal
+        wall, distance = self._walls[boundary]
+        v = self.relative(v, boundary)
+        if wall.axis is not None:
+            return self._rubbing(boundary, v, w) + layer(p, rate, w, distance)
+        whole, along = self._viscosity[1], v - ufl.inner(v, n) * n
+        resistance = speed(v) + self._held * whole
+        return self._rubbing(boundary, along, w) + impermeable(v, p, w, q, n, whole, resistance)

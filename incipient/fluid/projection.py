@@ -31,7 +31,7 @@ class Projection(Holder):
             compat.form(inertia(v, v, fluid.reference_map) * fluid.quadrature()) for v in velocities
         ]
         self._matrix = self.holding(petsc.create_matrix(self._left))
-        self._vector = self.holding(compat.create_vector(self._right, fluid.space.mixed))
+        self._vector = self.holding(compat.vector_of(self._right))
         self._view = self.holding(compat.vec_view(self._correction))
         self._solver = self.holding(fluid.another_solver(self._matrix))
 
@@ -40,14 +40,6 @@ class Projection(Holder):
 
         Prescribed values are kept and, in a closed domain, need zero net flux.
         """
-        self._solve()
-        comm = self.fluid.domain.comm
-        change, whole = (comm.allreduce(dolfinx.fem.assemble_scalar(one)) for one in self._norms)
-        velocities = self.fluid.space.velocity_map
-        self.fluid.state.x.array[velocities] += self._correction.x.array[velocities]
-        return float(np.sqrt(change / whole)) if whole else 0.0
-
-    def _solve(self) -> None:
         conditions, vector = self.fluid.constraints.dirichlet, self._vector
         compat.matrix_of(self._left, conditions, self._matrix)
         compat.vector_of(self._right, vector)
@@ -55,6 +47,11 @@ class Projection(Holder):
         compat.set_zero(vector, conditions)
         self._solver.solve(vector, self._view, rtol=1e-12)
         self._correction.x.scatter_forward()
+        comm = self.fluid.domain.comm
+        change, whole = (comm.allreduce(dolfinx.fem.assemble_scalar(one)) for one in self._norms)
+        velocities = self.fluid.space.velocity_map
+        self.fluid.state.x.array[velocities] += self._correction.x.array[velocities]
+        return float(np.sqrt(change / whole)) if whole else 0.0
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -44,30 +44,42 @@ def of_steps(tolerance: float | Literal["auto"]) -> float | ShareOfError:
     return ShareOfError() if tolerance == "auto" else max(tolerance, LEAST)
 
 
-class Interface(Protocol):
-    """Moving parts solved together with the flow; all methods are collective."""
+class Interface:
+    """What is solved together with the flow, such as moving parts; here nothing. All methods are collective."""
+
+    def __init__(self, fluid: Fluid):
+        self.fluid = fluid
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
         """Solve a step from the last state, including the fluid's, to an algebraic `tolerance`."""
-        ...
+        return self.fluid.solve(tolerance)
+
+    def again(
+        self, length: float, order: int, tolerance: float, before: NewtonReport
+    ) -> NewtonReport:
+        """Solve the step again after other changes of the flow, from its end with the report `before`."""
+        return self.fluid.solve(tolerance)
 
     def allowed(self, length: float) -> float:
         """Admissible length of the attempted step: shorter if a part makes contact."""
-        ...
+        return length
 
-    def accept(self) -> None: ...
+    def accept(self) -> None:
+        """Take the attempted step."""
 
-    def restore(self) -> None: ...
+    def restore(self) -> None:
+        """Return to the last step."""
 
-    def forget(self) -> None: ...
+    def forget(self) -> None:
+        """Discard factorisations and convergence data."""
 
     def velocities(self) -> np.ndarray:
         """Velocities (n,) of the moving parts, whose error also limits the steps."""
-        ...
+        return np.empty(0)
 
     def complaint(self) -> str:
         """Reason and remedy of a failed attempt; empty if the fluid failed."""
-        ...
+        return ""
 
 
 @dataclass(frozen=True)
@@ -123,7 +135,7 @@ class Transient:
         interface: Interface | None = None,
     ):
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
-        self.interface = interface
+        self.interface = interface or Interface(fluid)
         self._past: list[Past] = []
         self.number, self.next_length = 0, 0.0
         self.last_error: float | None = None
@@ -169,12 +181,12 @@ class Transient:
             self._restore()
             del self._past[0]
             raise
-        if self.interface is not None:
-            self.interface.accept()
+        self.interface.accept()
         return taken
 
     def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
-        self.fluid, self.interface, self._past = fluid, interface, list(past)
+        self.fluid, self._past = fluid, list(past)
+        self.interface = interface or Interface(fluid)
         self._new_mesh = fluid.time
 
     def resume(
@@ -196,8 +208,7 @@ class Transient:
     def forget(self) -> None:
         """Discard factorisations and convergence data, so that a resumed run is identical."""
         self.fluid.renew_factors()
-        if self.interface is not None:
-            self.interface.forget()
+        self.interface.forget()
 
     @property
     def past(self) -> tuple[Past, ...]:
@@ -208,9 +219,7 @@ class Transient:
             report = self._attempt(length)
             error = self._error(length) if report.converged else None
             good = report.converged and (error or 0.0) <= 1.5 * (self.accuracy or np.inf)
-            allowed = 0.5 * length
-            if good:
-                allowed = length if self.interface is None else self.interface.allowed(length)
+            allowed = self.interface.allowed(length) if good else 0.5 * length
             if allowed >= length:
                 allowance, self.last_error = self._tolerance(), self._credible(error)
                 self.number += 1
@@ -223,7 +232,6 @@ class Transient:
             if not good and allowed < self._shortest:
                 break
             length = allowed
-        why = "" if self.interface is None else self.interface.complaint()
         implicit = self.fluid.model.convection == "implicit"
         linear = ', numerics.convection = "extrapolated"' if implicit else ""
         remedy = (
@@ -231,15 +239,12 @@ class Transient:
         )
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (why or report.failure or remedy)
+            + (self.interface.complaint() or report.failure or remedy)
         )
 
     def _remember(self) -> None:
-        velocities = np.empty(0) if self.interface is None else self.interface.velocities()
-        self._past = [
-            Past(self.fluid.time, self.fluid.state.x.array.copy(), velocities),
-            *self._past[:2],
-        ]
+        state, velocities = self.fluid.state.x.array.copy(), self.interface.velocities()
+        self._past = [Past(self.fluid.time, state, velocities), *self._past[:2]]
 
     def _attempt(self, length: float) -> NewtonReport:
         """Solve a step; an impulsive start begins, if necessary, with a much shorter step."""
@@ -257,9 +262,7 @@ class Transient:
         return self._solved(length)
 
     def _solved(self, length: float) -> NewtonReport:
-        if self.interface is not None:
-            return self.interface.attempt(length, self._order, self._tolerance())
-        return self.fluid.solve(self._tolerance())
+        return self.interface.attempt(length, self._order, self._tolerance())
 
     @property
     def _order(self) -> int:
@@ -287,8 +290,7 @@ class Transient:
     def _restore(self) -> None:
         self.fluid.time = self._past[0].time
         self.fluid.state.x.array[:] = self._past[0].state
-        if self.interface is not None:
-            self.interface.restore()
+        self.interface.restore()
 
     def _error(self, length: float) -> float | None:
         order = self._order
@@ -307,8 +309,6 @@ class Transient:
         parts = missed(values, [p.state for p in past]), values
         squares, whole = map(self.fluid.squared_velocities, parts)
         error = float(np.sqrt(squares / whole)) if whole else 0.0
-        if self.interface is None:
-            return error
         velocities = self.interface.velocities()
         change = float(np.linalg.norm(missed(velocities, [p.velocities for p in past])))
         size = max(float(np.linalg.norm(velocities)), self.fluid.speed())

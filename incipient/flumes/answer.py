@@ -20,7 +20,6 @@ from .thresholds import (
     soulsby_whitehouse,
     zanke,
 )
-from .water import density_of_water, require_liquid, viscosity_of_water
 
 # The least fraction of observed beds that move, and the answer.
 ANSWERS = (
@@ -31,7 +30,7 @@ ANSWERS = (
     (0.0, "To an observer the bed stays at rest"),
 )
 SLOWEST, FASTEST = 1e-6, 1e2  # u* [m/s]
-# Numbers that are accepted, in SI units: all flumes and rivers, far from overflow.
+# Numbers that are accepted, in SI units: all flumes and rivers, far from overflow. Water is liquid from 0 to 100 °C.
 RANGES = {
     "diameter": (1e-6, 10.0),
     "density": (1.0, 3e4),
@@ -42,6 +41,7 @@ RANGES = {
     "viscosity": (1e-8, 1.0),
     "fluid_density": (0.1, 2e4),
     "gravity": (1e-3, 1e3),
+    "temperature": (0.0, 100.0),
 }
 ROUGHNESS = 1.0  # k_s of the bed over the grains' diameter, as of the natural bed
 
@@ -223,10 +223,10 @@ def flume(
     Raises:
         SceneError: a number is outside `RANGES`, or the flow is given twice or not at all.
     """
-    require_liquid(temperature)
     flow = {"shear_velocity": shear_velocity, "velocity": velocity, "slope": slope}
     others = {"viscosity": viscosity, "fluid_density": fluid_density, "gravity": gravity}
-    _require_usual({"diameter": diameter, "density": density, "depth": depth, **flow, **others})
+    grain = {"diameter": diameter, "density": density}
+    _require_usual({**grain, "depth": depth, **flow, **others, "temperature": temperature})
     _require_one_flow(flow, depth)
     viscosity = viscosity or viscosity_of_water(temperature)
     fluid_density = fluid_density or density_of_water(temperature)
@@ -251,7 +251,8 @@ def _require_usual(numbers: dict[str, float | None]) -> None:
     for name, value in numbers.items():
         low, high = RANGES[name]
         if value is not None and not low <= value <= high:
-            raise SceneError(f"{name}: is {value:g}; give {low:g} to {high:g} in SI units")
+            units = "°C, of liquid water" if name == "temperature" else "in SI units"
+            raise SceneError(f"{name}: is {value:g}; give {low:g} to {high:g} {units}")
 
 
 def _require_one_flow(flow: dict[str, float | None], depth: float | None) -> None:
@@ -292,3 +293,20 @@ def _bounded(fraction: float, low: float, high: float) -> str:
 
 def _or_outside(value: float | None, words: str, outside: str) -> str:
     return outside if value is None else f"{value:.4f}{words}"
+
+
+def density_of_water(temperature: float) -> float:
+    """Density [kg/m^3] at a temperature [degrees Celsius] (Kell 1975, J. Chem. Eng. Data 20, 97)."""
+    t = temperature
+    upper = 999.83952 + t * (
+        16.945176 - t * (7.9870401e-3 + t * (46.170461e-6 - t * (105.56302e-9 - t * 280.54253e-12)))
+    )
+    return upper / (1.0 + 16.879850e-3 * t)
+
+
+def viscosity_of_water(temperature: float) -> float:
+    """Kinematic viscosity [m^2/s] at a temperature [degrees Celsius] (IAPWS R12-08, equation 37 at 0.1 MPa)."""
+    ratio = (temperature + 273.15) / 300.0
+    terms = ((280.68, -1.9), (511.45, -7.7), (61.131, -19.6), (0.45903, -40.0))
+    dynamic = 1e-6 * sum(factor * ratio**power for factor, power in terms)
+    return dynamic / density_of_water(temperature)

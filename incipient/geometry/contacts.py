@@ -10,8 +10,11 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, cross, unit
 from incipient.errors import SceneError
 
-UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal may be from one
+UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal or quaternion may be from one
 SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one place
+SAME_PLANE = (
+    1e-6  # height above a plane, relative to the largest distance of contacts, that counts as none
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +141,20 @@ class ClosestPoints:
     def _tables(self) -> dict[str, np.ndarray]:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def shares(points: Floats, normals: Floats, areas: Floats | None = None) -> Floats:
+    """Fraction (..., k) that each point (..., k, d) is of its contact, by areas (..., k) or equal.
+
+    Points of one plane with one normal are one contact, such as the corners of a patch.
+    """
+    apart = points[..., :, None, :] - points[..., None, :, :]
+    turned = np.abs(normals[..., :, None, :] - normals[..., None, :, :]).max(axis=-1)
+    height = np.abs((apart * normals[..., None, :]).sum(axis=-1))
+    size = np.abs(apart).max(axis=(-3, -2, -1), keepdims=True)[..., 0]
+    same = (turned <= SAME_NORMAL) & (height <= SAME_PLANE * size)
+    weights = np.ones(points.shape[:-1]) if areas is None else np.maximum(areas, 1e-300)
+    return np.asarray(weights / (same @ weights[..., None])[..., 0])
 
 
 def frame_of(normals: Floats) -> tuple[Floats, Floats]:

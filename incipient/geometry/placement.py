@@ -10,13 +10,12 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats
 from incipient.errors import SceneError
+from incipient.geometry.contacts import UNIT_TOLERANCE
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 Quaternion = tuple[float, float, float, float]
-
-UNIT_TOLERANCE = 1e-6  # how far the length of a unit quaternion may be from one
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from incipient.arrays import Floats, cross, planar_cross, quarter_turned, spatial
 from incipient.errors import SceneError
 from incipient.geometry.closest import proximity
-from incipient.geometry.contacts import ClosestPoints, Contacts
+from incipient.geometry.contacts import ClosestPoints, Contacts, shares
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.grains import Grain
@@ -96,10 +96,12 @@ def settle_under(
     friction: float,
     reach: float = 10.0,
     max_steps: int = 2000,
+    cohesion: float = 0.0,
 ) -> Settled:
     """The rest from `start` under a dead load of fixed direction; otherwise as `settle`.
 
-    `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio matters.
+    `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio and that to
+    `cohesion`, the largest pull of a contact, matter. An open contact does not pull, and to tear it takes no energy.
     """
     if not friction >= 0.0:
         why = f"friction {friction} is not a coefficient"
@@ -107,8 +109,10 @@ def settle_under(
     if start.gdim != grain.gdim:
         why = f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}"
         raise SceneError(f"{why}; give one in {grain.gdim}")
-    load = np.append(force, np.asarray(torque) / grain.size) / float(np.linalg.norm(force))
-    return _Descent(grain, bed, load, float(friction)).run(start, reach * grain.size, max_steps)
+    size = float(np.linalg.norm(force))
+    load, pull = np.append(force, np.asarray(torque) / grain.size) / size, cohesion / size
+    descent = _Descent(grain, bed, load, float(friction), pull)
+    return descent.run(start, reach * grain.size, max_steps)
 
 
 def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Floats:
@@ -138,6 +142,7 @@ class _Descent:
     bed: Bed | Terrain
     load: Floats  # of unit force, with the torque about the centre over the size
     friction: float
+    cohesion: float = 0.0
 
     @cached_property
     def _proximity(self) -> Proximity:
@@ -209,12 +214,21 @@ class _Descent:
 
     def _hold(self, placement: Placement, near: ClosestPoints) -> Hold:
         arms = self._arms(placement, near)
-        return hold(self.load, near.normals, arms, self.friction, self.size)
+        return hold(self._pulled(arms, near), near.normals, arms, self.friction, self.size)
+
+    def _pulled(self, arms: Floats, near: ClosestPoints) -> Floats:
+        """The load with the largest pulls of contacts, which the forces within friction cones have to balance."""
+        if self.cohesion == 0.0 or not len(near):
+            return self.load
+        pulls = self.cohesion * shares(near.points, near.normals)[:, None] * near.normals
+        return np.asarray(self.load - wrenches(pulls, arms, self.size).sum(axis=0))
 
     def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
         closing = self._proximity.rates(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
-        wish = self.load / max(float(np.linalg.norm(held.remainder)), 1e-6)
+        # The load with the pulls of contacts.
+        load = held.remainder - held.factors @ held.rows if self.cohesion else self.load
+        wish = load / max(float(np.linalg.norm(held.remainder)), 1e-6)
         if self.friction == 0.0:
             motion = length * nearest_motion(closing, -gaps / length, wish)
             return motion / max(1.0, 0.5 * float(np.linalg.norm(motion)) / length)
@@ -236,7 +250,8 @@ class _Descent:
 
     def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
         held = self._hold(placement, touching)
-        return touching.only(np.unique(held.owner[held.factors > USED]))
+        used = np.unique(held.owner[held.factors > USED])
+        return touching if self.cohesion else touching.only(used)
 
     def _constraints(self, placement: Placement, carrying: ClosestPoints) -> Floats:
         held = self._hold(placement, carrying)
@@ -350,8 +365,9 @@ class _Descent:
     def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
         moved = self._proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
-        factors = np.linalg.lstsq(rows.T, self.load, rcond=1e-9)[0]
-        return np.concatenate([moved.gaps / self.size, self.load - factors @ rows])
+        load = self._pulled(self._arms(placement, moved), moved)
+        factors = np.linalg.lstsq(rows.T, load, rcond=1e-9)[0]
+        return np.concatenate([moved.gaps / self.size, load - factors @ rows])
 
     def _derivative(self, placement: Placement, carrying: ClosestPoints) -> Floats:
         h, columns = 1e-6, []

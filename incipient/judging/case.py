@@ -112,7 +112,9 @@ class CaseContacts(Section):
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
     friction: NotNegative = key("coefficient of static friction")
-    cohesion: NotNegative = key("largest tensile force of each contact, in the unit of force", 0.0)
+    cohesion: NotNegative = key(
+        "largest tensile force of each contact (coplanar points are one)", 0.0
+    )
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
 

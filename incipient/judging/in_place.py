@@ -87,7 +87,9 @@ class ForcesContact(Section):
     """The contact of grain and bed."""
 
     friction: NotNegative = key("Coefficient of static friction")
-    cohesion: NotNegative = key("Largest tensile force of each contact, in the unit of force", 0.0)
+    cohesion: NotNegative = key(
+        "Largest tensile force of each contact (coplanar points are one)", 0.0
+    )
     tolerance: Positive = key("Distance that counts as contact, over the grain's size", 1e-6)
 
 

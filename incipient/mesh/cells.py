@@ -31,7 +31,7 @@ def with_first(coordinates: Floats) -> Floats:
 
 def barycentric_nodes(mesh: Any) -> Floats:
     """Barycentric coordinates (nodes, gdim + 1) of a cell's nodes, vertices first."""
-    return with_first(compat.reference_nodes(mesh))
+    return with_first(shape_functions(mesh).points)
 
 
 def straight_cells(mesh: Any) -> np.ndarray:
@@ -58,6 +58,20 @@ def cell_facets(mesh: Any, cells: int) -> tuple[np.ndarray, np.ndarray]:
     lacking = [[k for k in range(dimension + 1) if k != corner] for corner in range(dimension + 1)]
     corners = compat.geometry_dofs(mesh)[:cells][:, lacking].reshape(-1, dimension)
     return facets, corners
+
+
+def input_numbers(mesh: Any) -> Integers:
+    """Number in the mesh's input of each row of `mesh.geometry.x`."""
+    return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
+
+
+def vertex_numbers(space: Any) -> Integers:
+    """Numbers (local nodes,) in the mesh's input of the nodes of a first-order space, on any ranks the same."""
+    mesh, index_map = space.mesh, space.dofmap.index_map
+    numbers = np.empty(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
+    rows = compat.geometry_dofs(mesh)[:, : mesh.topology.dim + 1]
+    numbers[compat.cell_dofs(space)] = input_numbers(mesh)[rows]
+    return numbers
 
 
 def is_node_of(space: dolfinx.fem.FunctionSpace, cells: Integers) -> np.ndarray:

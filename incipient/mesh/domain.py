@@ -16,7 +16,7 @@ from ..arrays import Integers, unordered_keys
 from ..errors import MeshError
 from ..meshes import SYMMETRY
 from ..parallel import collectively
-from .cells import cell_facets, local_cells
+from .cells import cell_facets, input_numbers, local_cells
 
 if TYPE_CHECKING:
     from ..meshes.simplices import Simplices
@@ -99,9 +99,7 @@ def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
     numbers, wanted = np.unique(corners, return_inverse=True)
     wanted = unordered_keys(wanted.reshape(-1, dimension), len(numbers))
     order = np.argsort(wanted, kind="stable")
-    position = _positions(numbers, np.asarray(mesh.geometry.input_global_indices, dtype=np.int64))[
-        rows
-    ]
+    position = _positions(numbers, input_numbers(mesh))[rows]
     among = (position >= 0).all(axis=1)
     matched = _positions(wanted[order], unordered_keys(position[among], len(numbers)))
     named, first = np.unique(facets[among][matched >= 0], return_index=True)

@@ -17,15 +17,15 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..arrays import Floats
-from ..compat import petsc
 from ..forms.surface import below
+from ..parallel import Owner
 from .domain import Domain
 
 LEVEL = 1e-9  # of heights: nodes whose heights differ by less are on one level
 LEVELLING = 0.04  # weight of the horizontal slopes of the rise against the vertical one
 
 
-class RisingDisplacement:
+class RisingDisplacement(Owner):
     """The displacement of a mesh by the elevation of its surface. Holds PETSc objects; all is collective.
 
     Args:
@@ -50,6 +50,7 @@ class RisingDisplacement:
         pinned: tuple[str, ...] = (),
         still: float | None = None,
     ):
+        super().__init__()
         self.domain, self.space, self.boundary = domain, space, boundary
         facets = domain.facets_of(boundary)
         self.nodes = np.sort(compat.nodes_on(space, facets))
@@ -61,23 +62,25 @@ class RisingDisplacement:
         self._fixed = np.unique(np.concatenate([self.nodes, *fixed])).astype(np.int32)
         u, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         self._work, self._values = dolfinx.fem.Function(space), dolfinx.fem.Function(space)
-        self._views = [compat.vec_view(function) for function in (self._work, self._values)]
+        self._views = [self.holding(compat.vec_view(one)) for one in (self._work, self._values)]
         slopes = [u.dx(axis) * q.dx(axis) for axis in range(domain.gdim)]
-        self._stiffness = _assembled((LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx)
+        levelling = (LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx
+        self._stiffness = self.holding(compat.matrix_of(compat.form(levelling)))
         spread = self._stiffness.copy()
         spread.zeroRowsColumns(self._numbers(self._fixed), diag=1.0)
-        self._spread = _factorised(spread, symmetric=True)
+        self._spread = self.holding(_factorised(spread, symmetric=True))
         spread.destroy()
         measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(
             domain.names[boundary]
         )
-        self.area = _assembled(below(u, q, ufl.FacetNormal(domain.mesh)) * measure)
+        area = below(u, q, ufl.FacetNormal(domain.mesh)) * measure
+        self.area = self.holding(compat.matrix_of(compat.form(area)))
         ends = [compat.nodes_on(space, domain.facets_of(name)) for name in pinned]
         own = self.nodes[: self.owned]
         self._free = np.setdiff1d(own, np.concatenate([np.empty(0, dtype=np.int32), *ends])).astype(
             np.int32
         )
-        self._averaged = self.factors(self.area, symmetric=True)
+        self._averaged = self.holding(self.factors(self.area, symmetric=True))
         level = np.zeros_like(self._values.x.array)
         level[self.nodes] = 1.0
         self._level = self._nearest(level) if pinned else level
@@ -154,10 +157,6 @@ class RisingDisplacement:
         elevation[self._rows] = values
         return elevation
 
-    def destroy(self) -> None:
-        for held in (self._spread, self._averaged, self._stiffness, self.area, *self._views):
-            held.destroy()
-
     def _raised_above(self, still: float) -> float:
         heights = self.space.tabulate_dof_coordinates()[self.nodes, self.domain.gdim - 1]
         level = self.domain.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
@@ -173,12 +172,6 @@ class RisingDisplacement:
         return (own + index_map.local_range[0]).astype(PETSc.IntType)
 
 
-def _assembled(integral: Any) -> Any:
-    matrix = petsc.assemble_matrix(compat.form(integral))
-    matrix.assemble()
-    return matrix
-
-
 def _factorised(matrix: Any, symmetric: bool) -> Any:
     solver, mumps = PETSc.KSP().create(matrix.comm), PETSc.Sys.hasExternalPackage("mumps")
     if symmetric:
@@ -192,25 +185,22 @@ def _factorised(matrix: Any, symmetric: bool) -> Any:
     return solver
 
 
-class SurfaceFactors:
+class SurfaceFactors(Owner):
     """Factors of a submatrix, given by global numbers of rows and columns.
 
     Holds PETSc objects; every method is collective.
     """
 
     def __init__(self, matrix: Any, numbers: Any, symmetric: bool):
+        super().__init__()
         chosen = PETSc.IS().createGeneral(numbers, comm=matrix.comm)
         part = matrix.createSubMatrix(chosen, chosen)
-        self._solution, self._right_side = part.createVecs()
-        self._solver = _factorised(part, symmetric)
-        for held in (chosen, part):
-            held.destroy()
+        self._solution, self._right_side = map(self.holding, part.createVecs())
+        self._solver = self.holding(_factorised(part, symmetric))
+        for lent in (chosen, part):
+            lent.destroy()
 
     def solve(self, right_side: Floats) -> Floats:
         self._right_side.array[:] = right_side
         self._solver.solve(self._right_side, self._solution)
         return np.array(self._solution.array_r)
-
-    def destroy(self) -> None:
-        for held in (self._solver, self._solution, self._right_side):
-            held.destroy()

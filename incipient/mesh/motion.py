@@ -208,8 +208,7 @@ class Potentials:
         return values
 
     def _solve(self, conditions: list[Any], potential: Any) -> None:
-        matrix = petsc.assemble_matrix(self._stiffness, conditions)
-        matrix.assemble()
+        matrix = compat.matrix_of(self._stiffness, conditions)
         right = petsc.assemble_vector(self._zero)
         petsc.apply_lifting(right, [self._stiffness], [conditions])
         right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)

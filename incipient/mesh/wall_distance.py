@@ -53,10 +53,10 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     pieces = np.array(PIECES)
     if domain.gdim == 2:
         pieces = np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]
-    return places_on_facets(domain, walls)[:, pieces].reshape(-1, domain.gdim, domain.gdim)
+    return _on_facets(domain, walls)[:, pieces].reshape(-1, domain.gdim, domain.gdim)
 
 
-def places_on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
+def _on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
     """Ends of the pieces (facets, n, gdim) of the facets of walls, on all ranks. Collective."""
     mesh, gdim = domain.mesh, domain.gdim
     t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)

@@ -52,11 +52,19 @@ OF_RUN: tuple[tuple[str, Callable[[StoredRun], Figure], Callable[[StoredRun], An
     ("flow", partial(flow.picture, shown=flow.SPEED), bool),
     ("pressure", partial(flow.picture, shown=flow.PRESSURE), bool),
     ("vorticity", partial(flow.picture, shown=flow.VORTICITY), lambda run: not run.in_space),
-    ("elevation", surfaces.elevation, lambda run: run.in_space and run.has_free_surface),
+    (
+        "elevation",
+        surfaces.elevation,
+        lambda run: run.in_space and run.setting("domain", "top") == "free-surface",
+    ),
     ("traction", surfaces.traction, lambda run: run.surface is not None),
     ("verdict", verdict.of_run, _has_verdict),
     ("walls", flow.along_walls, lambda run: (run.result.get("turbulence") or {}).get("along")),
-    ("profiles", flow.profiles, lambda run: run.is_box and not (run.in_space or run.moves)),
+    (
+        "profiles",
+        flow.profiles,
+        lambda run: run.setting("domain", "kind") == "box" and not (run.in_space or run.moves),
+    ),
     ("mesh", flow.mesh, bool),
 )
 
@@ -80,7 +88,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
                 makers = {kind.name: partial(CHARTS[kind], parsed_json(record), directory)}
         for name, make in makers.items():
             path = directory / f"{name}.png"
-            with _failures_in(path if kind is RUN else record, failures), style.applied():
+            with _failures_in(record, failures, path), style.applied():
                 style.save(make(), path)
                 written.append(path)
                 announce(path)
@@ -94,13 +102,13 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
 
 
 @contextmanager
-def _failures_in(path: Path, failures: list[str]) -> Iterator[None]:
+def _failures_in(record: Path, failures: list[str], picture: Path | None = None) -> Iterator[None]:
     try:
         yield
     except IncipientError as error:
         failures.append(str(error))
     except KeyError as error:
-        failures.append(f"{path}: holds no {error.args[0]}; compute it again")
+        failures.append(f"{record}: holds no {error.args[0]}; compute it again")
     except Exception as error:
         why = " ".join(f"{type(error).__name__}: {error}".split())
-        failures.append(f"{path}: cannot be drawn: {why}")
+        failures.append(f"{picture or record}: cannot be drawn: {why}")

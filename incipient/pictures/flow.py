@@ -21,11 +21,6 @@ _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: vorticity is greatest in thin
 _AROUND = (0, 3, 1, 4, 2, 5)  # nodes of a quadratic triangle in order
 
 
-def from_zero(seen: np.ndarray) -> Normalize:
-    """Colour limits of non-negative values."""
-    return Normalize(0.0, float(seen.max(initial=0.0)) or 1.0)
-
-
 def _without_extremes(seen: np.ndarray) -> Normalize:
     low, high = np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))
     return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
@@ -52,7 +47,13 @@ class Shown:
         return stored if stored.ndim == 1 else stored[:, 1]
 
 
-SPEED = Shown("speed", "velocity", "viridis", from_zero, "neither")
+SPEED = Shown(
+    "speed",
+    "velocity",
+    "viridis",
+    lambda seen: Normalize(0.0, float(seen.max(initial=0.0)) or 1.0),
+    "neither",
+)
 PRESSURE = Shown("pressure", "pressure", "RdYlBu_r", _without_extremes)
 VORTICITY = Shown("vorticity", "vorticity", "RdBu_r", _symmetric)
 

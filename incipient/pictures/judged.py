@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..contact import Contacts, Load, incipient_motion
-from ..errors import ConvergenceError, OutputError, SceneError
+from ..contact.problem import ContactProblem
+from ..contact.safety import forces_that_balance
+from ..errors import ConvergenceError
 
 _NO_FORCE = 1e-8  # of the largest contact force
 _ON_EDGE = 1e-6  # of the force along the surface that friction allows
@@ -18,15 +19,11 @@ _BEYOND = 1e-4  # how much more than the critical load shows the motion
 _PAPER = "; by the paper's criteria"
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnMotion:
+class DrawnMotion(NamedTuple):
     """Incipient accelerations: of the centre of mass (3,), and angular (3,)."""
 
     acceleration: np.ndarray
     angular: np.ndarray
-
-    def at(self, arms: np.ndarray) -> np.ndarray:
-        return self.acceleration + np.cross(self.angular, arms)
 
 
 class Marked(NamedTuple):
@@ -127,21 +124,8 @@ class Judged:
         return f"contact force on the grain{when}"
 
 
-def judged(verdict: dict[str, Any], where: Path) -> Judged:
-    """A stored verdict, with the contact forces at the actual load. Raises OutputError naming the file `where`."""
-    try:
-        return _judged(verdict)
-    except KeyError as error:
-        raise OutputError(
-            f"{where}: its verdict holds no {error.args[0]}; make it again"
-        ) from error
-    except (AttributeError, TypeError, ValueError, SceneError) as error:
-        raise OutputError(
-            f"{where}: its verdict cannot be understood: {error}; make it again"
-        ) from error
-
-
-def _judged(verdict: dict[str, Any]) -> Judged:
+def judged(verdict: dict[str, Any]) -> Judged:
+    """A stored verdict, with the contact forces at the actual load. Raises KeyError for an incomplete one."""
     paper, exact = verdict["judges"]["criteria"], verdict["judges"]["equilibrium"]
     load = Load(
         **{name: paper["load"][name] for name in ("flow_force", "flow_couple", "weight", "centre")}
@@ -194,20 +178,13 @@ def _forces(
     motion, safety = exact["motion"], exact["safety"]
     if motion is not None:
         return np.array(motion["contact_forces"]), tuple(motion["contact_states"]), 1.0
-    held = _balancing(load, contacts, friction) if safety["held"] else None
-    if held is not None:
-        return held, _states(held, contacts, friction), 1.0
+    if safety["held"]:
+        problem = ContactProblem.of(load, contacts, friction)
+        if (held := forces_that_balance(problem, 1.0)) is not None:
+            forces = problem.forces(held[0])
+            return forces, _states(forces, contacts, friction), 1.0
     share = math.nan if safety["factor"] is None else float(safety["factor"])
     return np.array(safety["contact_forces"]), tuple(safety["contact_states"]), share
-
-
-def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | None:
-    reach = float(np.linalg.norm(contacts.points - load.centre, axis=1).max())
-    try:
-        rest = incipient_motion(load, contacts, friction, 1.0, reach**2 * np.eye(3))
-    except ConvergenceError:
-        return None
-    return None if rest.moves else rest.first.contact_forces
 
 
 def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:
@@ -227,13 +204,8 @@ def pressed(forces: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def sentence(words: str) -> str:
-    """Words with a capital, a full stop, and the paper's signs as printed."""
-    words = quoted(words.strip().rstrip("."))
-    return f"{words[:1].upper()}{words[1:]}."
-
-
-def quoted(words: str) -> str:
-    """Words with the paper's quotation marks and symbols as printed."""
+    """Words with a capital, a full stop, and the paper's quotation marks and symbols as printed."""
+    words = words.strip().rstrip(".")
     for typed, printed in (
         ("``", "“"),
         ("''", "”"),
@@ -242,4 +214,4 @@ def quoted(words: str) -> str:
         ("+-", "±"),
     ):
         words = words.replace(typed, printed)
-    return words
+    return f"{words[:1].upper()}{words[1:]}."

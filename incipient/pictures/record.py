@@ -96,14 +96,6 @@ class StoredRun:
     def moves(self) -> bool:
         return self.setting("body", "motion") in ("free", "prescribed", "released")
 
-    @property
-    def has_free_surface(self) -> bool:
-        return bool(self.setting("domain", "top") == "free-surface")
-
-    @property
-    def is_box(self) -> bool:
-        return bool(self.setting("domain", "kind") == "box")
-
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value

@@ -29,7 +29,7 @@ from .style import GRAIN, INK, View
 
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
-_SEGMENTS, _BED_PIECES = 3000, 800  # of the path, and of the bed; more cannot be distinguished
+_BED_PIECES = 800  # more cannot be distinguished
 _MOMENTS, _APART = 21, 0.45  # at which the grain may be drawn; their least distance [grain sizes]
 _NEAR = 0.5  # of the domain: a path of smaller extent is also shown enlarged
 _SHOWN = {
@@ -112,9 +112,7 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> Non
     place, label = history.at(first), f"grain at t = {first:.4g}"
     _draw_grain(axes, grain, place, 5.0, ec=INK, lw=1.3, fc="none", ls=(0, (3, 1.5)), label=label)
     axes.lines[-1].set_label("first body axis")
-    count = len(history.times)
-    kept = np.unique(np.linspace(0, count - 1, min(count, _SEGMENTS)).astype(int))
-    points, times = history.centres[kept], history.times[kept]
+    points, times = history.centres, history.times
     pieces = np.stack([points[:-1], points[1:]], axis=1)
     path = LineCollection(
         pieces, array=(times[:-1] + times[1:]) / 2, cmap=_COLOURS, norm=norm, lw=1.6, zorder=6

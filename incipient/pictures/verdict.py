@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from matplotlib.figure import Figure
 
 from ..arrays import spatial
 from ..contact import Load
-from ..errors import OutputError, SceneError
+from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..judging.case import Case
 from ..scene import Scene
@@ -23,7 +25,6 @@ from .drawing import (
     Sight,
     draw_bed,
     draw_case,
-    draw_directions,
     draw_grain,
     draw_pieces,
     render,
@@ -32,9 +33,8 @@ from .drawing import (
 from .flow import draw_streamlines
 from .judged import Judged, Marked, at_onset, judged, pressed, sentence
 from .outlines import Solid, bed_line, grain_outline, hull, placed_surface, sketched
-from .record import StoredRun, scene_of
-from .sheet import panel, sheet, write_numbers
-from .style import FLOW, INK, MOTION, explain
+from .record import StoredRun, of_this_version, scene_of
+from .style import FLOW, INK, MOTION, RESULTANT, WEIGHT, Looks, explain
 
 _CRITICAL = {
     "flow over that of the scene": "factor",
@@ -46,6 +46,22 @@ _MOST_CONTACTS = 4
 _LOADED = ("INSIDE", "EDGE", "STICK", "ROLL", "SLIDE")
 _SLOWEST = 1e-3  # of the fastest flow: a trial that is shown
 _PANEL = 1.5  # height of the trials [inches]
+# Colours of numbers that the drawing shows.
+_COLOURS = {
+    "force of the flow": FLOW,
+    "torque about the centre": FLOW,
+    "submerged weight": WEIGHT,
+    "resultant": RESULTANT,
+    "acceleration": MOTION,
+    "angular acceleration": MOTION,
+}
+_WIDTH = 9.4  # inches, as all below
+_MARGIN, _EDGE = 0.78, 0.2
+_ACROSS, _UP = 5.3, 4.4  # the drawing; renderings of space have its proportions
+_COLUMN = 6.36  # where the numbers begin
+_BELOW = 1.3  # axis labels and the legend
+_LINE, _ROW = 0.21, 0.172
+_MOST = 43  # characters of a name and its value in one row
 
 
 @dataclass(frozen=True)
@@ -62,7 +78,7 @@ def of_run(run: StoredRun) -> Figure:
     stored, scene = run.result.get("verdict"), run.model
     assert run.place is not None
     shape = Shape(scene.grain, run.place, scene.bed_shape)
-    case = _unjudged(run) if stored is None else judged(stored, run.directory / "result.json")
+    case = _unjudged(run) if stored is None else judged(stored)
     figure, axes = sheet(*case.sentences, run.headline)
     _show(axes, case, shape)
     if not run.in_space:
@@ -118,7 +134,6 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
     x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if planar else 0.3)
     if not planar:
         render(axes, sight, places, triangles, bed)
-        draw_directions(axes, sight)
     else:
         if bed is not None:
             draw_bed(axes, bed_line(bed, x0, x1))
@@ -157,8 +172,7 @@ def _flow_rows(run: StoredRun) -> dict[str, Any]:
 
 def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
     """Picture of a judged case."""
-    source = directory / "judgement.json"
-    case, shape = judged(stored["verdict"], source), _shape_of_case(stored, source)
+    case, shape = judged(stored["verdict"]), _shape_of_case(stored, directory)
     chances = stored.get("probabilities")
     more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
     subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
@@ -170,16 +184,12 @@ def of_judgement(stored: dict[str, Any], directory: Path) -> Figure:
     return figure
 
 
-def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
-    try:
-        case = None if stored.get("case") is None else Case(**stored["case"])
-    except (SceneError, TypeError) as error:
-        raise OutputError(
-            f"{source}: its case cannot be understood: {error}; judge it again"
-        ) from error
-    if case is None or case.body is None:
+def _shape_of_case(stored: dict[str, Any], directory: Path) -> Shape | None:
+    if stored.get("case") is None:
         return None
-    return Shape(case.body.grain, case.placement)
+    with of_this_version(directory):
+        case = Case(**stored["case"])
+    return None if case.body is None else Shape(case.body.grain, case.placement)
 
 
 def _probability_rows(chances: dict[str, Any] | None) -> dict[str, dict[str, str]]:
@@ -195,7 +205,7 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     scene, again = scene_of(directory), "find the threshold again"
     if scene.grain is None or scene.bed_shape is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
-    case = critical_case(stored, scene, directory / "threshold.json")
+    case = critical_case(stored, scene)
     figure, axes = sheet(
         sentence(f"Threshold: {stored['sentence']}"), case.sentences[1], scene.title
     )
@@ -213,9 +223,9 @@ def of_threshold(stored: dict[str, Any], directory: Path) -> Figure:
     return figure
 
 
-def critical_case(stored: dict[str, Any], scene: Scene, record: Path) -> Judged:
+def critical_case(stored: dict[str, Any], scene: Scene) -> Judged:
     """The verdict at the threshold with the incipient motion, if there is a threshold."""
-    case = judged(stored["verdict"], record)
+    case = judged(stored["verdict"])
     inert = None if scene.body is None else mass_and_inertia(scene.body, scene.placement)
     return at_onset(case, stored["mode"], *inert) if stored["factor"] and inert else case
 
@@ -241,3 +251,58 @@ def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
     axes.set_title(f"Safety factor, flows solved: {len(every)}", fontsize=8.5)
     axes.grid(color="#e2e2e2", lw=0.5)
+
+
+def sheet(first: str, second: str, subject: str) -> tuple[Figure, Axes]:
+    """Sheet of a verdict, sentences above, and the axes of its drawing; `write_numbers` writes beside it."""
+    bold, plain = textwrap.wrap(first, 94), textwrap.wrap(second, 134)
+    about = textwrap.wrap(subject, 76)
+    top = 0.25 + _LINE * (len(bold) + 0.8 * len(plain)) + 0.33 + 0.15 * (len(about) - 1)
+    height = top + _UP + _BELOW
+    figure = Figure(figsize=(_WIDTH, height))
+    left = _MARGIN / _WIDTH
+    figure.text(left, 1 - 0.17 / height, "\n".join(bold), fontsize=11.5, weight="bold", va="top")
+    below = 1 - (0.22 + _LINE * len(bold)) / height
+    figure.text(left, below, "\n".join(plain), fontsize=9, va="top", linespacing=1.3)
+    axes = figure.add_axes((left, _BELOW / height, _ACROSS / _WIDTH, _UP / height))
+    axes.set_title("\n".join(about), fontsize=9, color="#555a61")
+    return figure, axes
+
+
+def write_numbers(axes: Axes, tables: Mapping[str, Mapping[str, Any]], below: float = 0.12) -> None:
+    """Write tables of numbers by label beside the drawing, from a distance [inches] below its top."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    height = figure.get_figheight()
+    row = height * axes.get_position().y1 - below
+    for heading, table in tables.items():
+        looks: Looks = {"fontsize": 8, "va": "center", "weight": "bold"}
+        for name, value in {heading: "", **table}.items():
+            words, colour = _words(value), _COLOURS.get(name, INK)
+            figure.text(_COLUMN / _WIDTH, row / height, name, color=colour, **looks)
+            looks["weight"] = "normal"
+            if len(name) + len(words) > _MOST:
+                row -= _ROW  # the value has a line of its own
+            figure.text(1 - _EDGE / _WIDTH, row / height, words, ha="right", **looks)
+            row -= _ROW
+        row -= 0.5 * _ROW
+
+
+def panel(axes: Axes, height: float) -> Axes:
+    """Axes of a height [inches] at the top of the column of numbers."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    share, left = height / figure.get_figheight(), _COLUMN + 0.42
+    width = (_WIDTH - _EDGE - left) / _WIDTH
+    return figure.add_axes((left / _WIDTH, axes.get_position().y1 - share, width, share))
+
+
+def _words(value: Any) -> str:
+    """A word, a number, or a vector without round-off."""
+    if isinstance(value, str):
+        return value
+    if np.ndim(value) == 0:
+        return "∞" if value == np.inf else f"{value:.4g}".replace("-", "−")
+    size = np.abs(value).max(initial=0.0)
+    shown = (0.0 if abs(part) <= 1e-9 * size else part for part in value)
+    return f"({', '.join(f'{part:.{6 - len(value)}g}' for part in shown)})".replace("-", "−")

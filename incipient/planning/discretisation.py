@@ -9,6 +9,7 @@ preconditioner needs on coarse cells.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -51,28 +52,54 @@ TURBULENT = 1e-4
 IN_WAKES = 10.0
 
 
+# The order of the velocity by the first condition that holds, and why (docs/contribute/defaults.md).
+ORDERS: tuple[tuple[Callable[[Setup], bool], int, str], ...] = (
+    (
+        lambda setup: (
+            _is_steady_in_space(setup)
+            and setup.scene.body is not None
+            and setup.scene.numerics.accuracy is None
+            and not inertia(setup).present
+        ),
+        3,
+        "in creeping 3-D flow its error is far below that of order 2, from which it is computed",
+    ),
+    (
+        lambda setup: (
+            _is_steady_in_space(setup) and setup.scene.is_empty_box and not setup.scene.flow.at_rest
+        ),
+        4,
+        "in a driven 3-D box its error is far below that of order 2 for the same time",
+    ),
+    (
+        lambda setup: setup.scene.gdim == 3,
+        2,
+        "the scene is three-dimensional, where higher orders take long except in creeping flow past a grain",
+    ),
+    (lambda setup: setup.scene.moves, 2, "the grain moves, and the mesh with it"),
+    (
+        lambda setup: setup.scene.numerics.accuracy is not None and not setup.is_averaged,
+        2,
+        "a higher one is taken where it is expected to need fewer unknowns",
+    ),
+    (
+        lambda setup: True,
+        3,
+        "in 2-D, where nothing moves, its error is far below that of order 2 for the same time",
+    ),
+)
+
+
+def _is_steady_in_space(setup: Setup) -> bool:
+    return setup.scene.gdim == 3 and setup.scene.time is None
+
+
 def velocity_order(setup: Setup) -> tuple[int, str]:
-    """The order of the velocity, and why it was chosen (docs/contribute/defaults.md); "" if given."""
-    scene = setup.scene
-    order, steady = scene.numerics.order, scene.time is None
+    """The order of the velocity, and why it was chosen; "" if given."""
+    order = setup.scene.numerics.order
     if order != "auto":
         return order, ""
-    if scene.gdim == 3:
-        past_grain = steady and scene.numerics.accuracy is None and scene.body is not None
-        if past_grain and not inertia(setup).present:
-            why = "in creeping 3-D flow its error is far below that of order 2, from which it is computed"
-            return 3, why
-        if steady and scene.is_empty_box and not scene.flow.at_rest:
-            why = "in a driven 3-D box its error is far below that of order 2 for the same time"
-            return 4, why
-        why = "the scene is three-dimensional, where higher orders take long except in creeping flow past a grain"
-        return 2, why
-    if scene.moves:
-        return 2, "the grain moves, and the mesh with it"
-    if scene.numerics.accuracy is not None and not scene.is_averaged:
-        return 2, "a higher one is taken where it is expected to need fewer unknowns"
-    why = "in 2-D, where nothing moves, its error is far below that of order 2 for the same time"
-    return 3, why
+    return next((number, why) for holds, number, why in ORDERS if holds(setup))
 
 
 def order_of(scene: Scene) -> int:
@@ -108,21 +135,22 @@ def stabilisation_of(setup: Setup, inert: bool, speed: float = 1.0) -> Stabilisa
     if not inert:
         return NO_CONVECTION
     scene, number = setup.scene, speed * cell_reynolds(setup)
-    option, is_steady = scene.numerics.stabilisation, scene.time is None
-    text = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
-    # Not in a box with a grid: it does harm, and the block preconditioner does not converge.
-    wanted = option == "on" or (option == "auto" and not scene.is_empty_box)
-    if scene.gdim == 3 and is_steady and wanted:
+    option, text = (
+        scene.numerics.stabilisation,
+        f"the Reynolds number of cells, V h/(k nu), is {number:.3g}",
+    )
+    # Upwinding does harm in a box with a grid, and the block preconditioner does not converge.
+    upwind = _is_steady_in_space(setup) and (option == "on" or not scene.is_empty_box)
+    if upwind and option != "off":
         reason = f"streamline upwinding of steady 3-D flow; {text}"
         return Stabilisation(True, reason, number, upwind=True)
     if option != "auto":
         reason = f'numerics.stabilisation = "{option}"; {text}'
         return Stabilisation(option == "on", reason, number)
     # Where cells are so thin along walls, grad-div makes the flow alternate between them.
-    if setup.is_averaged and setup.walls.is_resolved:
-        walls, along = setup.walls, scene.grain is None and setup.walls.asked.profile
-        if walls.plane or along:
-            return Stabilisation(False, f"cells are stretched along walls; {text}", number)
+    thin = setup.is_averaged and setup.walls.is_resolved
+    if thin and (setup.walls.plane or (scene.grain is None and setup.walls.asked.profile)):
+        return Stabilisation(False, f"cells are stretched along walls; {text}", number)
     bound = f"{text}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
 
@@ -169,30 +197,64 @@ class Method:
     reason: str  # in words
 
 
+@dataclass(frozen=True)
+class Equations:
+    """What the choice of a linear solver depends on."""
+
+    setup: Setup
+    inert: bool
+    unsteady: bool
+    upwind: bool
+
+    @property
+    def creeping(self) -> bool:
+        return not (self.inert or self.unsteady)
+
+
+# The linear solver by the first condition that holds, and why.
+METHODS: tuple[tuple[Callable[[Equations], bool], str, str], ...] = (
+    (
+        lambda e: e.setup.scene.gdim == 2,
+        "direct",
+        "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps",
+    ),
+    (
+        lambda e: (
+            e.creeping and e.setup.scene.time is None and velocity_order(e.setup)[0] > LOWEST_ORDER
+        ),
+        "two-level",
+        "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more",
+    ),
+    (lambda e: e.creeping, "block", f"{DEAR}; Stokes flow needs none"),
+    (lambda e: e.unsteady, "block", f"{DEAR}; time steps need none"),
+    (
+        lambda e: e.setup.scene.is_empty_box,
+        "direct",
+        "the block preconditioner does not converge in a closed box; an LU factorisation takes much time and memory",
+    ),
+    (
+        lambda e: e.upwind and e.setup.is_averaged,
+        "block",
+        "factors of the flow, of low rank, then those of its turbulence",
+    ),
+    (lambda e: e.upwind, "block", f"{DEAR}; with upwinding none is needed"),
+    (
+        lambda e: e.setup.scene.time is None and largest_peclet(e.setup) <= RESOLVED,
+        "block",
+        f"{DEAR}; the cells resolve the flow's convection",
+    ),
+    (
+        lambda e: True,
+        "direct",
+        "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
+    ),
+)
+
+
 def method_of(setup: Setup, inert: bool, unsteady: bool, upwind: bool) -> Method:
     """The linear solver, for the effects and the stabilisation of a flow."""
-    scene = setup.scene
-    if scene.gdim == 2:
-        why = "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps"
-        return Method("direct", why)
-    if not (inert or unsteady):
-        if scene.time is None and velocity_order(setup)[0] > LOWEST_ORDER:
-            why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
-            return Method("two-level", why)
-        return Method("block", f"{DEAR}; Stokes flow needs none")
-    if unsteady:
-        return Method("block", f"{DEAR}; time steps need none")
-    if scene.is_empty_box:
-        why = "the block preconditioner does not converge in a closed box"
-        return Method("direct", f"{why}; an LU factorisation takes much time and memory")
-    if upwind and setup.is_averaged:
-        return Method("block", "factors of the flow, of low rank, then those of its turbulence")
-    if upwind:
-        return Method("block", f"{DEAR}; with upwinding none is needed")
-    if scene.time is None and largest_peclet(setup) <= RESOLVED:
-        return Method("block", f"{DEAR}; the cells resolve the flow's convection")
-    why = "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory"
-    return Method("direct", why)
+    equations = Equations(setup, inert, unsteady, upwind)
+    return next(Method(name, why) for holds, name, why in METHODS if holds(equations))
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:

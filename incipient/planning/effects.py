@@ -15,7 +15,7 @@ from ..scene import Numerics
 from ..scene.grains import DEFAULT_FRICTION, FRICTIONLESS, LEVEL
 from ..scene.symmetry import differences
 from ..setup.base_flow import LogLawFlow
-from ..setup.setup import Numbers, Setup, time_of_change
+from ..setup.setup import Setup, time_of_change
 
 SHARE = 0.1  # of the requested accuracy that an omitted effect may use up
 USUAL_ACCURACY = 0.01
@@ -94,6 +94,15 @@ def percent(share: float) -> str:
     return f"{100 * share:.1g}%" if share < 0.1 else f"{100 * share:.0f}%"
 
 
+def _decided(setup: Setup, name: EffectName, present: bool, reason: str, **more: Any) -> Decision:
+    """The decision, unless the scene forces it."""
+    key = name.replace(" ", "_")
+    option = getattr(setup.scene.effects, key)
+    if present and option is False:
+        return Decision(name, False, f"effects.{key} = false; {reason}", True, **more)
+    return Decision(name, present, reason, option is True, **more)
+
+
 # -- the fluid -------------------------------------------------------------------------------------
 
 
@@ -105,66 +114,47 @@ def inertia(setup: Setup) -> Decision:
     distance grows (Oseen 1910), in 2-D even more slowly. For a sphere that touches a wall in shear G, lift over drag is
     0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), 0.07 Re with the speed at its top: less than Oseen's.
     """
-    scene, numbers, name = setup.scene, setup.numbers, EffectName.INERTIA
-    reynolds = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
-    change = _oseen(scene.flow, numbers)
-    if not scene.fluid.inertia or scene.effects.inertia is False:
-        key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
-        return Decision(name, False, f"{key} = false; {reynolds}", True, change)
-    if scene.effects.inertia is True:
-        return Decision(name, True, f"effects.inertia = true; {reynolds}", True)
-    if scene.has_surface:
-        return Decision(name, True, f"the free surface moves the fluid; {reynolds}")
-    if scene.flow.at_rest and not scene.moves:
-        return Decision(name, False, "the fluid is at rest", expected=0.0)
-    if change > SHARE * accuracy_asked(scene.numerics):
-        return Decision(name, True, reynolds, expected=change)
-    of_grain = numbers.grain_reynolds is not None
-    value = numbers.grain_reynolds if of_grain else numbers.flow_reynolds
-    reason = f"{'grain' if of_grain else 'flow'} Re {value:.2g}"
-    return Decision(name, False, reason, expected=change)
+    scene, name, change = setup.scene, EffectName.INERTIA, _oseen(setup)
+    reason = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
+    if not scene.fluid.inertia:
+        return Decision(name, False, f"fluid.inertia = false; {reason}", True, change)
+    large = change > SHARE * accuracy_asked(scene.numerics)
+    present = scene.has_surface or scene.effects.inertia is True or large
+    return _decided(setup, name, present or scene.effects.inertia is False, reason, expected=change)
 
 
-def _oseen(flow: Any, numbers: Numbers) -> float:
-    estimates = [OSEEN * (numbers.bed_reynolds or 0.0)]
-    if not flow.parallel:  # inertia changes the base flow
-        estimates.append(OSEEN * numbers.flow_reynolds)
+def _oseen(setup: Setup) -> float:
+    flow, numbers = setup.scene.flow, setup.numbers
+    if flow.at_rest and not setup.scene.moves:
+        return 0.0
+    estimates = [numbers.bed_reynolds or 0.0]
+    if not flow.parallel or numbers.grain_reynolds is None:  # inertia changes the base flow
+        estimates.append(numbers.flow_reynolds)
     if numbers.grain_reynolds is not None:
-        estimates.append(OSEEN * numbers.grain_reynolds * max(1.0, numbers.reach))
-    elif not flow.at_rest:
-        estimates.append(OSEEN * numbers.flow_reynolds)
-    return min(max(estimates), 1.0)
+        estimates.append(numbers.grain_reynolds * max(1.0, numbers.reach))
+    return min(OSEEN * max(estimates), 1.0)
 
 
 def unsteadiness(setup: Setup) -> Decision:
     """Present with [time], unless the scene requires a quasi-steady flow."""
     scene, name = setup.scene, EffectName.UNSTEADINESS
-    time = scene.time
-    if time is None:
-        return Decision(
-            name, False, "; ".join(filter(None, ("no [time] section", shedding(setup))))
-        )
-    change = _of_changes(setup)
-    if scene.effects.unsteadiness is False:
-        reason = "effects.unsteadiness = false: quasi-steady flow"
-        return Decision(name, False, reason, True, change)
-    reason = f"until t = {time.end:g}"
-    if time.until_steady is not None:
-        reason += f", or until it changes by {time.until_steady:g} per unit of time"
-    small = SHARE * accuracy_asked(scene.numerics)
-    if change is not None and change < small and not scene.moves:
+    if scene.time is None:
+        reasons = filter(None, ("no [time] section", shedding(setup)))
+        return Decision(name, False, "; ".join(reasons))
+    reason, change = f"until t = {scene.time.end:g}", _of_changes(setup)
+    slow = change is not None and change < SHARE * accuracy_asked(scene.numerics)
+    if slow and not scene.moves and scene.effects.unsteadiness is not False:
         reason += "; effects.unsteadiness = false would do"
-    return Decision(name, True, reason, scene.effects.unsteadiness is True, change)
+    return _decided(setup, name, True, reason, expected=change)
 
 
 def shedding(setup: Setup) -> str:
     """Warning if a steady flow is probably unstable (vortex shedding), or ""."""
-    reynolds, scene = setup.numbers.grain_reynolds, setup.scene
-    clearance = setup.numbers.reach - 0.5
+    reynolds, scene = setup.numbers.grain_reynolds or 0.0, setup.scene
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
-    if reynolds is None or reynolds <= least or clearance < SHEDDING_CLEARANCE:
-        return ""
-    if not scene.fluid.inertia or scene.effects.inertia is False:
+    inert = scene.fluid.inertia and scene.effects.inertia is not False
+    in_the_open = setup.numbers.reach - 0.5 >= SHEDDING_CLEARANCE
+    if reynolds <= least or not inert or not in_the_open:
         return ""
     return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices above {least:g}"
 
@@ -196,47 +186,39 @@ def flow(setup: Setup) -> Decision:
 
 def moving_mesh(setup: Setup) -> Decision:
     """Present with a grain that moves or a free surface."""
-    scene, reason = setup.scene, "nothing moves"
-    if scene.moves:
-        reason = "the mesh follows the grain"
-        if scene.body is not None and scene.body.shape in ("disc", "sphere"):
-            reason += f"; it need not turn with a {scene.body.shape}"
-    elif scene.has_surface:
-        reason = "the mesh rises and falls with the free surface"
-    forced = scene.effects.moving_mesh != "auto"
-    return Decision(EffectName.MOVING_MESH, scene.moves or scene.has_surface, reason, forced)
+    scene = setup.scene
+    surface = "the mesh rises and falls with the free surface" if scene.has_surface else ""
+    reason = "the mesh follows the grain" if scene.moves else surface
+    return _decided(setup, EffectName.MOVING_MESH, bool(reason), reason or "nothing moves")
 
 
 def free_surface(setup: Setup) -> Decision:
     """Present with domain.top = "free-surface"; a rigid lid neglects a rise of Fr^2/2 of the depth (Bernoulli)."""
-    scene, name, froude = setup.scene, EffectName.FREE_SURFACE, setup.numbers.froude
-    reason = f'domain.top = "{scene.top}"'
+    scene, froude, reason = setup.scene, setup.numbers.froude, f'domain.top = "{setup.scene.top}"'
+    change = None
     if scene.has_surface:
-        speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
-        reason += f"; long waves travel at {speed:.3g}"
         if pinned := setup.pinned_sides:
             reason += f"; no slip at {' and '.join(pinned)}, where the surface is pinned"
-        return Decision(name, True, reason + _ends(setup))
-    if scene.top != "slip" or froude is None:
-        return Decision(name, False, reason)
-    reason += f"; Froude number {froude:.2g}, at which a surface would rise"
-    return Decision(name, False, reason, expected=0.5 * froude**2, of="depth")
+        reason += _ends(setup)
+    elif scene.top == "slip" and froude is not None:
+        reason += f"; Froude number {froude:.2g}, at which a surface would rise"
+        change = 0.5 * froude**2
+    more = {"expected": change, "of": "depth"}
+    return _decided(setup, EffectName.FREE_SURFACE, scene.has_surface, reason, **more)
 
 
 def _ends(setup: Setup) -> str:
+    """The level at both ends of a channel with a free surface, and the length of incoming waves."""
     if setup.scene.domain.kind == "box":
         return ""
     from ..setup.waves import wave_of
 
-    surface, wave = setup.surface, wave_of(setup)
-    number = setup.numbers.froude or 0.0
-    text = f"; Froude number {number:.2g}" if number else ""
-    text += f"; the level is {'the still one' if number >= 1.0 else 'free'} at the inflow, "
-    beyond = "that of the still fluid beyond the outflow"
-    text += beyond if surface.outflow == "open" else "and the outflow is closed by a wall"
-    if wave is not None:
-        text += f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
-    return text + (f"; waves are damped over the last {surface.sponge:g}" if surface.sponge else "")
+    wave, froude = wave_of(setup), setup.numbers.froude or 0.0
+    still = "that of the still fluid beyond the outflow"
+    right = still if setup.surface.outflow == "open" else "and the outflow is closed by a wall"
+    waves = "" if wave is None else f"; incoming waves are {2 * math.pi / wave.number:.3g} long"
+    left = "the still one" if froude >= 1.0 else "free"
+    return f"; Froude number {froude:.2g}; the level is {left} at the inflow, {right}{waves}"
 
 
 def third_dimension(setup: Setup) -> Decision:
@@ -244,32 +226,30 @@ def third_dimension(setup: Setup) -> Decision:
     scene, name = setup.scene, EffectName.THIRD_DIMENSION
     if scene.gdim == 2:
         return Decision(name, False, "the scene is two-dimensional")
+    part = f"the whole of it is computed: {next(differences(scene), 'domain.symmetric = false')}"
     if setup.symmetric:
         part = f"half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
-    elif scene.domain.symmetric is False:
-        part = "the whole of it is computed: domain.symmetric = false"
-    else:
-        part = f"the whole of it is computed: {next(differences(scene), '')}"
-    reason = f"the scene is three-dimensional; {part}"
-    return Decision(name, True, reason, scene.effects.third_dimension is True)
+    return _decided(setup, name, True, f"the scene is three-dimensional; {part}")
 
 
 def turbulent(setup: Setup) -> Decision:
     """Present on request; otherwise the plan says where the flow may be turbulent."""
-    scene, name = setup.scene, EffectName.TURBULENCE
+    scene, name, option = setup.scene, EffectName.TURBULENCE, setup.scene.effects.turbulence
     if scene.is_averaged:
         model = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}[setup.turbulence.model]
         reason = f"effects.turbulence = true: {model} model; {setup.walls.text()}"
         return Decision(name, True, reason, True)
-    off, reynolds = scene.effects.turbulence is False, setup.numbers.flow_reynolds
-    reason = "effects.turbulence = false" if off else "only with effects.turbulence = true"
+    reason = (
+        "effects.turbulence = false" if option is False else "only with effects.turbulence = true"
+    )
     if isinstance(setup.base_flow, LogLawFlow):
         reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
-        if reynolds < (least := turbulent_from(scene.flow)):
+        reynolds, least = setup.numbers.flow_reynolds, turbulent_from(scene.flow)
+        if reynolds < least:
             reason += f"; flow Re {reynolds:.3g}, but channels are laminar to {least:g}"
     elif above := transition(setup):
         reason += f"; {above}; {REMEDY}"
-    return Decision(name, False, reason, off)
+    return Decision(name, False, reason, option is False)
 
 
 def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
@@ -278,22 +258,22 @@ def transition(setup: Setup, faster: float = 1.0, where: str = "") -> str:
     A top that moves with the flow represents endless flow, whose depth is not the height of the domain; a uniform flow
     over a bed still has a boundary layer. The mean profile of a turbulent flow does not apply.
     """
-    scene, kind, text = setup.scene, setup.scene.flow.kind, ""
-    if scene.domain.kind != "channel" or kind == "log-law" or scene.is_averaged:
-        return text
-    along = faster * scene.reference_velocity * scene.domain.length / scene.viscosity
-    reynolds, least = faster * setup.numbers.flow_reynolds, turbulent_from(scene.flow)
-    if scene.top != "stream" and reynolds > least:
-        text = f"flow Re {reynolds:.4g}{where}: channels may be turbulent from {least:g} on"
-    if scene.flow.oscillates:
-        of_layer = faster * scene.flow.numbers(1.0, scene.viscosity)["Re_delta"]
-        if of_layer > (least := TURBULENT_STOKES_LAYER):
-            text = (
-                f"Re_delta {of_layer:.4g}{where}: Stokes layers may be turbulent from {least:g} on"
-            )
-    if kind == "uniform" and scene.bed is not None and along > (least := TURBULENT_LAYER):
-        text = f"Re of the length {along:.4g}{where}: boundary layers may be turbulent from {least:g} on"
-    return text
+    scene, flow = setup.scene, setup.scene.flow
+    if scene.domain.kind != "channel" or flow.kind == "log-law" or scene.is_averaged:
+        return ""
+    of_layer = flow.numbers(1.0, scene.viscosity)["Re_delta"] if flow.oscillates else 0.0
+    over_bed = flow.kind == "uniform" and scene.bed is not None
+    along = scene.reference_velocity * scene.domain.length / scene.viscosity if over_bed else 0.0
+    of_depth = 0.0 if scene.top == "stream" else setup.numbers.flow_reynolds
+    flows = (
+        ("Re_delta", of_layer, TURBULENT_STOKES_LAYER, "Stokes layers"),
+        ("Re of the length", along, TURBULENT_LAYER, "boundary layers"),
+        ("flow Re", of_depth, turbulent_from(flow), "channels"),
+    )
+    for name, number, least, what in flows:
+        if (reynolds := faster * number) > least:
+            return f"{name} {reynolds:.4g}{where}: {what} may be turbulent from {least:g} on"
+    return ""
 
 
 def turbulent_from(flow: Any) -> float:
@@ -313,14 +293,9 @@ def traction(setup: Setup) -> Decision:
 
 def gravity(setup: Setup) -> Decision:
     """Present with [gravity]."""
-    scene, name = setup.scene, EffectName.GRAVITY
-    if scene.gravity is None:
-        return Decision(name, False, "no [gravity] section")
-    if scene.effects.gravity is False:
-        return Decision(name, False, "effects.gravity = false", True)
-    reason = "on the free surface; " if scene.has_surface else ""
-    reason += "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
-    return Decision(name, True, reason, scene.effects.gravity is True)
+    there = setup.scene.gravity is not None
+    reason = "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
+    return _decided(setup, EffectName.GRAVITY, there, reason if there else "no [gravity] section")
 
 
 def contact(setup: Setup) -> Decision:
@@ -328,17 +303,15 @@ def contact(setup: Setup) -> Decision:
     scene, body, name = setup.scene, setup.scene.body, EffectName.CONTACT
     if body is None or not scene.rests:
         return Decision(name, False, "no grain rests on a bed")
-    if scene.effects.contact is False:
-        return Decision(name, False, "effects.contact = false: no verdict", True)
     reason = "the grain rests on the bed"
     if body.settle == FRICTIONLESS:
         reason += ", where it settled without friction"
     elif body.settle:
         friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
-        reason += f", where it settled with friction {friction:g}"
         level, other = " on the level bed", ' (settle = "frictionless" gives one rest to compare)'
+        reason += f", where it settled with friction {friction:g}"
         reason += level if body.settle == LEVEL else other
-    return Decision(name, True, reason, scene.effects.contact is True)
+    return _decided(setup, name, True, reason)
 
 
 def free_body(setup: Setup) -> Decision:
@@ -351,7 +324,7 @@ def free_body(setup: Setup) -> Decision:
         reason += f" but for {', '.join(body.locked)}"
     if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
         reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
-    return Decision(name, body.is_free, reason, setup.scene.effects.free_body != "auto")
+    return _decided(setup, name, body.is_free, reason)
 
 
 # The effects in the order in which plans and results show them.

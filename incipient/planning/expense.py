@@ -9,24 +9,14 @@ import numpy as np
 from ..arrays import Integers, unordered_keys
 from ..installed import memory_of_libraries
 from ..setup.setup import Setup
-from .discretisation import LOWEST_ORDER, by_order
+from .discretisation import LOWEST_ORDER
 from .layout import Layout
 from .plan import Estimate
 
-# Bytes per n log2 n of n unknowns; fitted, see docs/validation/performance.md.
-MEMORY_GROWTH = 194.0
-# Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
-# corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted
-# (docs/contribute/defaults.md).
-OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
-DENSER = 1600.0  # extra bytes per unknown of third-order matrices, by blocks
-# Factorisations of higher orders over second-order ones, by peaks of a lid-driven cube (docs/contribute/defaults.md).
-FULLER = by_order(1.0, 1.33, 1.65)
-# MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
-# which a run below one starts; fitted.
-OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
-# Bytes per unknown of a 3-D flow, of both quantities of a model of turbulence and what solves them together with the
-# flow: 2.3 GB of 105,000 unknowns past a grain of a random bed (docs/contribute/defaults.md).
+# Memory of n unknowns: bytes per n log2 n of LU factors in 2-D, per n^(4/3) in 3-D (George 1973, SIAM J. Numer. Anal.
+# 10, 345), per unknown of the order that is assembled by blocks, of a higher order without a matrix, and of a 3-D
+# flow with a model of turbulence. Measured peaks are within a quarter (tests/unit/test_meshing_in_space.py).
+MEMORY_GROWTH, OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS = 194.0, 600.0, 3600.0, 900.0
 OF_TURBULENCE = 17000.0
 
 
@@ -83,32 +73,21 @@ def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> i
 
 
 def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
-    """MiB of a flow with a solver, and of its error bars if `dual`.
-
-    Sparse factors of n unknowns have about c n log n entries in 2-D, c n^(4/3) in 3-D (George 1973); the memory of an
-    iterative method is proportional to n. They were fitted to measured peaks (docs/validation/performance.md).
-    """
+    """MiB of a flow with a solver, and of its error bars if `dual`."""
     orders = range(order, order + 1 + dual)
     if gdim == 2:
         size = MEMORY_GROWTH * sum(unknowns(k) * math.log2(unknowns(k)) for k in orders)
     elif solver == "direct":
-        size = OF_FACTORS * FULLER[order] * sum(unknowns(k) ** (4.0 / 3.0) for k in orders)
-    elif solver == "two-level":
-        of_two = OF_BLOCKS + OF_MOVED * dual
-        size = of_two * unknowns(LOWEST_ORDER) + OF_CORRECTIONS * unknowns(order)
+        size = OF_FACTORS * sum(unknowns(k) ** (4.0 / 3.0) for k in orders)
     else:
-        of_order = OF_BLOCKS + DENSER * (order > LOWEST_ORDER)
-        size = of_order * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
+        assembled = LOWEST_ORDER if solver == "two-level" else order
+        highest = order if solver == "two-level" else order + dual
+        size = OF_BLOCKS * unknowns(assembled)
+        size += OF_CORRECTIONS * unknowns(highest) if highest > assembled else 0.0
     return memory_of_libraries() + size / 2**20
 
 
 def memory_of_parts(setup: Setup, unknowns: int) -> float:
-    """MiB that a free surface or a turbulence model adds to a 3-D flow."""
-    scene = setup.scene
-    if scene.gdim == 2:
-        return 0.0
-    turbulence = OF_TURBULENCE * unknowns / 2**20 if scene.is_averaged else 0.0
-    if not scene.has_surface:
-        return turbulence
-    started = scene.time is not None and scene.time.start != "rest"
-    return OF_SURFACE + unknowns * (OF_RISING + OF_START * started) / 2**20
+    """MiB that a turbulence model adds to a 3-D flow."""
+    added = setup.is_averaged and setup.scene.gdim == 3
+    return OF_TURBULENCE * unknowns / 2**20 if added else 0.0

@@ -17,7 +17,7 @@ from ..meshes import LAYERS_SHARE, Away, Grid, Near, Sizes, WallLayers, graded_e
 from ..scene import Scene
 from ..setup.geometry import point
 from ..setup.setup import Setup
-from .cells import corners
+from .cells import BED_GROWTH, GROWTH, corners
 from .discretisation import velocity_order
 
 if TYPE_CHECKING:
@@ -39,12 +39,11 @@ THICKEST = 2.5
 # Rows and layers at rough walls, over the distance of a smooth wall with the same flow: with 0.5 the velocity over
 # u* k_s/nu = 27 is within 0.1% of the developed flow, with 2.2 it was 8% off.
 ON_ROUGH = 0.5
-WALL_GROWTH, GROWTH, MOST_LAYERS = 0.25, {2: 1.35, 3: 2.0}, 80
+LAYER_GROWTH, MOST_LAYERS = {2: 1.35, 3: 2.0}, 80
 # Cells along walls with such layers: over the depth, a grain's size, and the length over which a bed would rise by its
 # relief at its steepest slope (tests/end_to_end/test_resolved_channels.py).
-ALONG, NEAR_GRAIN, ALONG_RISE, RISE_SAMPLES, GROWTH_ALONG = 0.1, 0.1, 0.1, 4001, 0.3
-# Growth of cells along a bed away from a 2-D grain and a 3-D one; cells at corners that protrude.
-AWAY_GROWTH, CORNER_CELL = {2: 0.05, 3: 0.15}, 0.05
+ALONG, RISE_SAMPLES = 0.1, 4001
+CORNER_CELL = 0.05  # at corners that protrude, over the cells at walls
 PLANE_CELL = 0.2  # of a 3-D grain, along a level bed next to it
 BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the distance of the walls
 
@@ -152,18 +151,18 @@ def cells(setup: Setup, order: int, placement: Placement | None) -> Iterator[Nea
         return
     if walls.is_resolved:
         largest = beyond = ALONG * walls.depth
-        along = ALONG_RISE * rise(scene) if placement is None else NEAR_GRAIN * scene.grain.size
-        size, growth, at_corner = min(largest, along), GROWTH_ALONG, BED_CORNER * walls.smooth
+        along = ALONG * rise(scene) if placement is None else ALONG * scene.grain.size
+        size, growth, at_corner = min(largest, along), GROWTH[3], BED_CORNER * walls.smooth
     else:
         size = beyond = WALL_CELL * coarsening(walls, order) * walls.nearest
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
         largest, growth, at_corner = (
             max(size, LARGEST_ROW * walls.depth),
-            WALL_GROWTH,
+            GROWTH[2],
             CORNER_CELL * size,
         )
     if placement is not None:
-        away = Away(point(placement.centre), AWAY_GROWTH[2], largest)
+        away = Away(point(placement.centre), BED_GROWTH[2], largest)
     for name in walls.names:
         yield Near(size, growth, boundary=name, away=None if name == "body" else away)
     if bed is None or scene.gdim == 3:
@@ -174,7 +173,7 @@ def cells(setup: Setup, order: int, placement: Placement | None) -> Iterator[Nea
     if walls.is_resolved:
         sharp = corners(curves[:-1], curves[1:])
     if sharp:
-        yield Near(at_corner, WALL_GROWTH, points=sharp)
+        yield Near(at_corner, GROWTH[2], points=sharp)
     yield from (lee(corner, drop) for corner, drop in leaving if drop > beyond)
 
 
@@ -182,10 +181,10 @@ def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[N
     walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
     if placement is not None and (bed is None or math.isinf(bed.feature)):
         size = min(PLANE_CELL * setup.scene.grain.size, largest)
-        away = Away(point(placement.centre), AWAY_GROWTH[3], largest)
-        yield Near(size, GROWTH_ALONG, boundary=walls.names[0], away=away)
+        away = Away(point(placement.centre), BED_GROWTH[3], largest)
+        yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
     if setup.sides.top in walls.names:
-        yield Near(largest, GROWTH_ALONG, boundary=setup.sides.top)
+        yield Near(largest, GROWTH[3], boundary=setup.sides.top)
 
 
 def rise(scene: Scene) -> float:
@@ -212,10 +211,10 @@ def layers(setup: Setup, order: int, along: float) -> WallLayers | None:
         first["body"] *= AT_GRAIN
     thickest = THICKEST * walls.unit / (FIRST_LAYER * coarse * walls.smooth)
     if gdim == 2:
-        return WallLayers(first, MOST_LAYERS, GROWTH[2], graded=True, most=thickest)
+        return WallLayers(first, MOST_LAYERS, LAYER_GROWTH[2], graded=True, most=thickest)
     most = LAYERS_SHARE * along / min(first.values())
-    number = math.ceil(math.log(1.0 + (GROWTH[3] - 1.0) * most) / math.log(GROWTH[3]))
-    return WallLayers(first, max(number, 1), GROWTH[3], most=thickest)
+    number = math.ceil(math.log(1.0 + (LAYER_GROWTH[3] - 1.0) * most) / math.log(LAYER_GROWTH[3]))
+    return WallLayers(first, max(number, 1), LAYER_GROWTH[3], most=thickest)
 
 
 def separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:

@@ -69,7 +69,7 @@ def context_of(record: Path) -> Context:
 
 
 def _of_run(stored: Context, record: Path) -> Context:
-    case = None if stored["verdict"] is None else judged(stored["verdict"], record)
+    case = None if stored["verdict"] is None else judged(stored["verdict"])
     bars = stored["error_bars"], stored["without_error_bars"]
     return {
         "planar": gdim_of(stored) == 2,
@@ -184,14 +184,14 @@ def _of_threshold(stored: Context, record: Path) -> Context:
         "planar": scene.gdim == 2,
         "budget": partial(_budget, scene.gdim == 2),
         "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
-        "case": critical_case(stored, scene, record),
+        "case": critical_case(stored, scene),
         "statements": [sentence(stored["sentence"]), *(f"{note}." for note in stored["notes"])],
         "certainty": _certainty_of_threshold(stored),
     }
 
 
 def _of_judgement(stored: Context, record: Path) -> Context:
-    case = judged(stored["verdict"], record)
+    case = judged(stored["verdict"])
     return {"case": case, "statements": _statements(stored, case)}
 
 

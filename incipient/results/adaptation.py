@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from .quantity import labelled
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -58,8 +60,6 @@ class Adaptation:
         reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
         *others, last = self.includes
         of = f"{', '.join(others)} and {last}" if others else last
-        return [
-            f"accuracy            error of the {self.of} {reached} (of {of}), requested {self.asked}: {self.reason}",
-            *(f"{'':<20}{line}" for line in (*self.changes, *self.beside)),
-            *(trial.line() for trial in self.trials),
-        ]
+        said = f"error of the {self.of} {reached} (of {of}), requested {self.asked}: {self.reason}"
+        lines = labelled("accuracy", said, *self.changes, *self.beside)
+        return lines + [trial.line() for trial in self.trials]

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from ..arrays import Floats
 from ..planning.effects import percent
+from .quantity import labelled
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,9 @@ class Omission:
 
     def lines(self) -> list[str]:
         """The omission as a line of text, and a warning if it exceeds the accuracy."""
-        size = "by an unknown amount"
-        if self.relative is not None:
-            size = f"by about {percent(self.relative)}"
-        lines = [f"left out            {self.name}: would change the result {size} ({self.how})"]
-        if self.exceeds:
-            lines.append(
-                f"WARNING             {self.name} may matter at the requested accuracy: {self.remedy}"
-            )
-        return lines
+        about = "an unknown amount" if self.relative is None else f"about {percent(self.relative)}"
+        said = f"{self.name}: would change the result by {about} ({self.how})"
+        warning = f"{self.name} may matter at the requested accuracy: {self.remedy}"
+        return labelled("left out", said) + labelled(
+            "WARNING", *([warning] if self.exceeds else [])
+        )

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from ..arrays import Floats
-from .quantity import AXES, load_words
+from .quantity import AXES, labelled, load_words
 
 
 class _OfFlow:
@@ -93,12 +93,12 @@ class Gap:
     def to_dict(self) -> dict[str, Any]:
         return asdict(self) | {"resolved": self.resolved}
 
-    def line(self) -> str:
+    def lines(self) -> list[str]:
         if self.closed:
-            return f"gap                 closed where it is narrower than {self.width:.4g}"
+            return labelled("gap", f"closed where it is narrower than {self.width:.4g}")
         refine = "NOT resolved: refine with a smaller numerics.mesh_size"
-        state = "resolved" if self.resolved else refine
-        return f"gap                 {self.width:.4g}, {self.cells} cells across: {state}"
+        state = f"{self.cells} cells across: {'resolved' if self.resolved else refine}"
+        return labelled("gap", f"{self.width:.4g}, {state}") if np.isfinite(self.width) else []
 
 
 def apart(load: Floats) -> tuple[Floats, Floats]:

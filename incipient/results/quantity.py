@@ -102,7 +102,12 @@ def screen_lines(
         wanted = quantity.line and (details or not quantity.detail)
         if wanted and quantity.shown(stored) is not None:
             parts.setdefault(quantity.line, []).append(quantity.text(stored))
-    return [f"{line:<20}{'   '.join(texts)}" for line, texts in parts.items()]
+    return [row for line, texts in parts.items() for row in labelled(line, "   ".join(texts))]
+
+
+def labelled(label: str, *lines: str) -> list[str]:
+    """Lines of the terminal output, the first with a label."""
+    return [f"{label if row == 0 else '':<20}{line}" for row, line in enumerate(lines)]
 
 
 def at(stored: Any, key: str) -> Any:

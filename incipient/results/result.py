@@ -18,7 +18,7 @@ from .adaptation import Adaptation
 from .errorbars import ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Elevations, Forces, Gap, Torques, loads_words
-from .quantity import OutputQuantity, as_stored, put, screen_lines, words_of
+from .quantity import OutputQuantity, as_stored, labelled, put, screen_lines, words_of
 from .si import si_lines, with_loads
 from .timing import cost_lines
 from .trajectory import separation_words, trajectory_sentence
@@ -63,14 +63,13 @@ class Steadied:
     change: float
     asked: float
 
-    def line(self) -> str:
+    def lines(self) -> list[str]:
         """The outcome as text."""
+        rate = f"{self.change:.1e} per unit of time"
         if self.reached:
-            return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
-        return (
-            f"NOT steady          at t = {self.time:.6g}: it changes by {self.change:.1e} per unit of time, "
-            f"above the requested {self.asked:.1e}: use a later time.end"
-        )
+            return labelled("steady", f"at t = {self.time:.6g}, changing by {rate}")
+        above = f"above the requested {self.asked:.1e}: use a later time.end"
+        return labelled("NOT steady", f"at t = {self.time:.6g}: it changes by {rate}, {above}")
 
 
 @dataclass(frozen=True, repr=False)
@@ -212,22 +211,16 @@ def _lines(result: Result, details: bool) -> list[str]:
     if bars is not None:
         lines += bars.lines(result.gdim, details)
     elif result.without_error_bars:
-        lines.append(f"error bars          {result.without_error_bars}")
-    if result.adaptation is not None:
-        lines += result.adaptation.lines()
-    if result.turbulence is not None:
-        lines += result.turbulence.lines()
-    if result.steady is not None:
-        lines.append(result.steady.line())
-    if result.gap is not None and np.isfinite(result.gap.width):
-        lines.append(result.gap.line())
+        lines += labelled("error bars", result.without_error_bars)
+    parts = (result.adaptation, result.turbulence, result.steady, result.gap)
+    lines += [line for part in parts if part is not None for line in part.lines()]
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
     if result.surface is not None:
         lines += _levels(result.surface, bars)
     spans = result.separated if result.turbulence is None else result.turbulence.backward or None
     if spans is not None:
         errors = None if bars is None else bars.total.separated
-        lines.append(f"{'separation':<20}{separation_words(spans, errors)}")
+        lines += labelled("separation", separation_words(spans, errors))
     lines += _effects(result.plan, details)
     lines += [line for omission in result.omitted for line in omission.lines()]
     return lines + (cost_lines(result.cost.get("effects", {})) if details else [])
@@ -235,7 +228,7 @@ def _lines(result: Result, details: bool) -> list[str]:
 
 def _verdict(result: Result) -> list[str]:
     path, said = result.trajectory, []
-    lines = [] if path is None else [f"motion              {trajectory_sentence(path)}"]
+    lines = [] if path is None else labelled("motion", trajectory_sentence(path))
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         if "note" in result.verdict:
@@ -246,18 +239,19 @@ def _verdict(result: Result) -> list[str]:
         said = [f"none: {path['ended']['without_verdict']}"]
     if result.error_bars is not None and result.error_bars.safety is not None:
         said.append(result.error_bars.safety.sentence())
-    return lines + [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+    return lines + labelled("verdict", *said)
 
 
 def _effects(plan: Plan, details: bool) -> list[str]:
-    lines = []
-    for heading, present in (("simulated", True), *((("absent", False),) if details else ())):
-        effects = (effect for effect in plan.effects if effect.present is present)
-        lines += [
-            f"{'' if row else heading:<20}{effect.name}: {effect.reason}"
-            for row, effect in enumerate(effects)
+    present, absent = (
+        [
+            f"{effect.name}: {effect.reason}"
+            for effect in plan.effects
+            if effect.present is simulated
         ]
-    return lines
+        for simulated in (True, False)
+    )
+    return labelled("simulated", *present) + labelled("absent", *(absent if details else ()))
 
 
 def _without_rest(settled: Any) -> str:
@@ -277,4 +271,4 @@ def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
         lines = [
             f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors
         ]
-    return lines + ([f"inflow              {surface['inflow']:.6g}"] if "inflow" in surface else [])
+    return lines + (labelled("inflow", f"{surface['inflow']:.6g}") if "inflow" in surface else [])

@@ -10,7 +10,7 @@ import numpy as np
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..setup.setup import Setup
-from .quantity import OutputQuantity, load_words, screen_lines
+from .quantity import OutputQuantity, labelled, load_words, screen_lines
 
 HEADING = "In SI units"
 # The flow and the grain.
@@ -81,9 +81,11 @@ def si_lines(values: Mapping[str, Any] | None) -> list[str]:
     loads = ", ".join(
         f"{name} {words} {unit}" for name, words, unit in si_loads(values) if name in OF_FLOW
     )
-    lines = screen_lines(SI, {"si": values}) + ([f"{'':<20}{loads} of the flow"] if loads else [])
+    lines = screen_lines(SI, {"si": values}) + labelled(
+        "", *([f"{loads} of the flow"] if loads else [])
+    )
     unit = values["units"]["time"]
-    return lines + ([f"{'':<20}one unit of time is {unit:.4g} s"] if "end" in values else [])
+    return lines + labelled("", *([f"one unit of time is {unit:.4g} s"] if "end" in values else []))
 
 
 def _unit(name: str) -> str:

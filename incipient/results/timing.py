@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import EffectName
 from ..planning.plan import Plan
+from .quantity import labelled
 
 if TYPE_CHECKING:
     from ..fluid.steady import Watch
@@ -168,9 +169,12 @@ def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:
     """Cost of each effect as text, the costliest first; fractions below a thousandth are omitted."""
     total = sum(share["wall_time"] for share in effects.values()) or 1.0
     dearest = sorted(effects.items(), key=lambda item: -item[1]["wall_time"])
-    return [
-        f"{'' if row else 'cost by effect':<20}{name:<14}{share['wall_time']:8.2f} s "
-        f"{100 * share['wall_time'] / total:5.1f}% {share['memory_mib']:7.0f} MiB {share['unknowns']:>8} unknowns"
-        for row, (name, share) in enumerate(dearest)
-        if share["wall_time"] >= 1e-3 * total
-    ]
+    return labelled(
+        "cost by effect",
+        *(
+            f"{name:<14}{share['wall_time']:8.2f} s {100 * share['wall_time'] / total:5.1f}% "
+            f"{share['memory_mib']:7.0f} MiB {share['unknowns']:>8} unknowns"
+            for name, share in dearest
+            if share["wall_time"] >= 1e-3 * total
+        ),
+    )

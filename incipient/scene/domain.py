@@ -1,13 +1,12 @@
 """The section [domain]."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from ..arrays import Floats
-from .messages import counted
-from .section import Choice, Positive, Rule, Section, contradiction, key
+from .section import Choice, Positive, Rule, Section, key
 
 Top = Literal["auto", "wall", "slip", "stream", "free-surface"]
 Sides = Literal["slip", "stream", "wall"]
@@ -20,6 +19,8 @@ class Domain(Section):
     rules = (
         Rule("{v}", lambda s: [k for k in ("sides", "symmetric") if s.width is None and getattr(s, k) is not None],
              "needs width, which is not given", "add domain.width or leave it out"),
+        Rule("origin", lambda s: len(s.origin) < s.gdim, "has 2 items", "give three, as in [x, y, z]"),
+        Rule("origin", lambda s: len(s.origin) > s.gdim, "has 3 items", "give two, as in [x, y]"),
     )  # fmt: skip
 
     kind: Literal["channel", "box"] = key(
@@ -52,18 +53,10 @@ class Domain(Section):
         examples=["auto"],
     )
 
-    @field_validator("origin", mode="before")
+    @field_validator("origin")
     @classmethod
-    def _has_as_many_components(cls, value: Any, info: ValidationInfo) -> Any:
-        if not isinstance(value, list | tuple):
-            return value
-        in_space = info.data.get("width") is not None
-        if in_space and tuple(value) == (0.0, 0.0):
-            return (0.0, 0.0, 0.0)
-        if len(value) != (3 if in_space else 2):
-            remedy = "give three, as in [x, y, z]" if in_space else "give two, as in [x, y]"
-            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
-        return value
+    def _in_space(cls, value: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        return (*value, 0.0) if info.data.get("width") and value == (0.0, 0.0) else value
 
     @property
     def gdim(self) -> int:

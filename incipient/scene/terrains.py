@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -117,15 +117,20 @@ class RasterBed(FromFile, TerrainSection):
         tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)
     ] = key("Heights above the base plane, rows of ascending y [length]", ())
 
-    if TYPE_CHECKING:
-        cell: tuple[float, float] | None
-        offset: tuple[float, float]
+    cell: PositivePair | None = key(
+        "Spacing of the heights in x and y; default: that of an .asc file, of a surface 200 along its longer side "
+        "[length]",
+        None,
+        examples=[(0.1, 0.1)],
+    )
+    offset: Pair = key(
+        "x, y of the first height, of a surface those of its origin; default: that of an .asc file [length]",
+        (0.0, 0.0),
+    )
 
     @classmethod
-    def _raster(
-        cls, path: Path, cell: Any, given: Any
-    ) -> tuple[geometry.HeightMap, Sequence[float]]:
-        """The heights of a file, sampled with `cell` if not None, and x, y of the first one."""
+    def raster(cls, path: Path, cell: Any, given: Any) -> tuple[geometry.HeightMap, Any]:
+        """The heights of a file, sampled with `cell` if not None, and x, y of the first one; `given`: other keys."""
         raise NotImplementedError
 
     @classmethod
@@ -134,7 +139,7 @@ class RasterBed(FromFile, TerrainSection):
         # The other keys are validated with a raster of any heights and, if its size is in the file, any size.
         others = {"cell": (1.0, 1.0) if cell is None else cell, "heights": ((0.0, 0.0), (0.0, 0.0))}
         given = cls.model_validate(data | others)
-        raster, offset = cls._raster(path, None if cell is None else given.cell, given)
+        raster, offset = cls.raster(path, None if cell is None else given.cell, given)
         return {"cell": raster.cell, "offset": tuple(offset), "heights": raster.heights.tolist()}
 
     def shape(self, base: float, corner: Sequence[float]) -> Any:
@@ -151,20 +156,10 @@ class HeightMapBed(RasterBed):
     instead = "give the name of a PNG, TIFF, .npy or .asc file"
     kind: Literal["height-map"] = key("Kind of bed", "height-map")
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
-    cell: PositivePair | None = key(
-        "Spacing of the heights in x and y; .asc files have it [length]",
-        None,
-        examples=[(0.1, 0.1)],
-    )
     relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
-    offset: Pair = key(
-        "x, y of the first height; default: that of an .asc file [length]", (0.0, 0.0)
-    )
 
     @classmethod
-    def _raster(
-        cls, path: Path, cell: Any, given: Any
-    ) -> tuple[geometry.HeightMap, Sequence[float]]:
+    def raster(cls, path: Path, cell: Any, given: Any) -> tuple[geometry.HeightMap, Any]:
         raster = geometry.HeightMap.from_file(path, cell)
         return raster, given.offset if "offset" in given.model_fields_set else raster.origin[:2]
 
@@ -175,18 +170,10 @@ class MeshBed(RasterBed):
     instead = "give the name of an STL, PLY or OBJ file"
     kind: Literal["mesh"] = key("Kind of bed", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
-    cell: PositivePair | None = key(
-        "Spacing of the sampled heights; default: 200 along the longer side [length]",
-        None,
-        examples=[(0.1, 0.1)],
-    )
     scale: Positive = key("Factor on the file's coordinates [length]", 1.0)
-    offset: Pair = key("x, y of the file's origin [length]", (0.0, 0.0))
 
     @classmethod
-    def _raster(
-        cls, path: Path, cell: Any, given: Any
-    ) -> tuple[geometry.HeightMap, Sequence[float]]:
+    def raster(cls, path: Path, cell: Any, given: Any) -> tuple[geometry.HeightMap, Any]:
         raster = geometry.HeightMap.from_surface(path, cell, given.scale)
         return raster, np.add(given.offset, raster.origin[:2]).tolist()
 

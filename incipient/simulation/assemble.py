@@ -44,7 +44,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             traction = Traction(*run.probe.vectors())
             if status == "complete" and grain is None:
                 verdict = judged(run, force, torque)
-            if grain is not None and (grain.part.met or grain.does):
+            if grain is not None and (grain.met or grain.does):
                 from ..effects.moving_grain.landing import landing
 
                 landed = landing(
@@ -94,7 +94,7 @@ def with_rests(run: Run, result: Result) -> Result:
     """Add the equilibria of a rocking grain to the verdict. Collective."""
     if result.verdict is None or run.grain is not None:
         return result
-    from ..evaluation.contact_verdict import followed, load_of, may_rock, with_rocking
+    from ..results.contact_verdict import followed, load_of, may_rock, with_rocking
 
     if not may_rock(result.verdict):
         return result
@@ -142,7 +142,7 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
     rocking = (result.verdict or {}).get("rocking")
     if bars is None or rocking is None or bars.safety is None:
         return bars
-    from ..evaluation.contact_verdict import bar_with_rocking
+    from ..results.contact_verdict import bar_with_rocking
 
     assert result.verdict is not None and result.force is not None and run.scene.grain is not None
     apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.torque) / run.scene.grain.size

@@ -56,7 +56,7 @@ def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
         return None
     with run.accounts.ledger.stage("contact"):
         from ..contact.verdict import judge
-        from ..evaluation.contact_verdict import load_of
+        from ..results.contact_verdict import load_of
         from ..scene.mass import mass_and_inertia
 
         load, inert = (

@@ -17,7 +17,6 @@ from ..results.errorbars import Loads, Term
 from ..results.loads import Elevations
 from ..results.timing import Corrections, Ledger
 from ..setup.setup import Setup
-from .steadiness import Steadiness
 
 if TYPE_CHECKING:
     from ..contact import Contacts
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from ..results.result import Result
     from ..results.wall_report import WallReport
     from .march import March
+    from .time_loop import Steadiness
 
 
 @dataclass
@@ -124,7 +124,8 @@ class Run:
         return None if self.surface is None else self.surface.elevations
 
     def part(self, effect: EffectName) -> Any:
-        return part_of(self.parts, effect)
+        """The part of an effect, or None."""
+        return next((part for part in self.parts if part.effect == effect), None)
 
     def wall_report(self) -> WallReport | None:
         """Flow along walls with wall functions, or None. Collective."""
@@ -165,8 +166,3 @@ class Run:
     def stage(self, name: str) -> AbstractContextManager[None]:
         self.voice.begin(name)
         return self.accounts.ledger.stage(name)
-
-
-def part_of(parts: Sequence[RunPart], effect: EffectName) -> Any:
-    """The part of an effect, or None."""
-    return next((part for part in parts if part.effect == effect), None)

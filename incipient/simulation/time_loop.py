@@ -17,15 +17,16 @@ from ..planning.conditions import conditions
 from ..planning.discretisation import of_steady
 from ..planning.effects import EffectName
 from ..results.loads import named, named_torque
+from ..results.result import Steadied
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .march import March
 from .recorder import Recorder, record_fields
 from .state import Run
-from .steadiness import Steadiness
 from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
+    from ..effects.moving_surface import MovingSurface
     from ..fluid.transient import TimeStep
     from ..restart import Checkpoint
 
@@ -212,12 +213,11 @@ class TimeLoop:
         return row
 
     def _keep(self) -> Path | None:
-        from .checkpointing import collected
-
+        march = self._run.march
+        assert march is not None
         with self._run.stage("checkpoint"):
-            assert self._run.time_stepper is not None
-            self._run.time_stepper.forget()
-            return self._recorder.keep(collected(self._run))
+            march.transient.forget()
+            return self._recorder.keep(march.checkpoint())
 
     def _kept_after(self, error: IncipientError) -> IncipientError:
         run = self._run
@@ -232,3 +232,33 @@ class TimeLoop:
                 f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
             )
         return error
+
+
+class Steadiness:
+    """Rate of change of an unsteady flow. Every method is collective.
+
+    `change` per unit time is the larger of the relative change of the velocities and that of the
+    elevations over `depth`, root mean squares; at most `asked` in steady flow.
+    """
+
+    def __init__(self, fluid: Fluid, surface: MovingSurface | None, depth: float, asked: float):
+        self._fluid, self._surface, self._depth, self._asked = fluid, surface, depth, asked
+        self.change = np.inf
+        self._before = fluid.state.x.array.copy()
+
+    @property
+    def reached(self) -> bool:
+        return self.change <= self._asked
+
+    def column(self, step: TimeStep) -> dict[str, float]:
+        now = self._fluid.state.x.array
+        changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
+        self._before = now.copy()
+        relative = np.sqrt(changed / whole) if whole else 0.0
+        if self._surface is not None:
+            relative = max(relative, self._surface.change(self._depth))
+        self.change = float(relative / step.length)
+        return {"change": self.change}
+
+    def result(self) -> Steadied:
+        return Steadied(self.reached, self._fluid.time, self.change, self._asked)

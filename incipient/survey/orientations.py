@@ -9,18 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..arrays import known_percentiles, percentile
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
-from ..geometry.placement import Placement
 from ..output.ownership import locked
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.file import parse
-from ..scene.solids import SolidSection, orientation_of
+from ..scene.solids import SolidSection
 from ..sweep.cases import Source, identity_of
 from ..sweep.table import columns
 from .outcome import SHARES, TOO_FEW, few
@@ -119,8 +118,8 @@ def survey_poses(
 def _settings(
     orientations: int, seeds: int, own: tuple[float, float, float]
 ) -> list[tuple[str, ...]]:
-    random = np.random.default_rng(0)
-    turned = [own, *(random_orientation(random) for _ in range(orientations - 1))]
+    drawn = Rotation.random(orientations, random_state=0).as_euler("xyz", degrees=True).tolist()
+    turned = [own, *drawn[1:]]
     return [
         (
             f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]",
@@ -129,10 +128,3 @@ def _settings(
         for seed in range(seeds)
         for angles in turned
     ]
-
-
-def random_orientation(random: np.random.Generator) -> tuple[float, float, float]:
-    """Angles [degrees] about x, y and z of a uniformly distributed rotation (Shoemake 1992)."""
-    numbers = random.standard_normal(4)
-    w, x, y, z = (numbers / np.linalg.norm(numbers)).tolist()
-    return orientation_of(Placement((0.0, 0.0, 0.0), quaternion=(w, x, y, z)))

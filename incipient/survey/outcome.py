@@ -70,7 +70,7 @@ class EmulatorRecord:
 
     error, bar: root mean square of the cross-validated errors of the drag, over the mean drag; and of the bars of one
         standard deviation
-    within: fraction of the six coefficients within 1.96 bars; mean_bar: relative, of the critical Shields number
+    within: fraction of the six coefficients within 1.96 bars
     to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None: not known
     level: probability with which bars hold
     """
@@ -80,7 +80,6 @@ class EmulatorRecord:
     error: float
     bar: float
     within: float
-    mean_bar: float
     to_halve: int
     flow: float | None
     level: float
@@ -91,25 +90,16 @@ class EmulatorRecord:
         emulator: Emulator,
         runs: Sequence[LoadCoefficients],
         failed: int,
-        thresholds: Sequence[Threshold],
         to_halve: int,
     ) -> EmulatorRecord:
         wrong, bars, of_flow = emulator.errors, emulator.bars, relative_error(runs)
         drag = float(np.mean([abs(run.values[0]) for run in runs]))
-        relative = [
-            0.5 * float(np.ptp(threshold.bar)) / threshold.shields
-            for threshold in thresholds
-            if not threshold.is_computed
-            and threshold.shields > 0.0
-            and np.isfinite([threshold.shields, threshold.bar[1]]).all()
-        ]
         return cls(
             runs=len(runs),
             failed=failed,
             error=float(np.sqrt((wrong[:, 0] ** 2).mean())) / drag,
             bar=float(np.sqrt((bars[:, 0] ** 2).mean())) / drag,
             within=float((np.abs(wrong) <= NINETY_FIVE * bars).mean()),
-            mean_bar=float(np.mean(relative)) if relative else float("nan"),
             to_halve=to_halve,
             flow=float(of_flow[0]) if of_flow.any() else None,
             level=emulator.level,

@@ -166,7 +166,7 @@ def _with_thresholds(
     known = {run.number for run in runs}
     unknown = [place for place, grain in enumerate(grains) if grain.number not in known]
     to_halve = runs_to_halve(emulator, features, unknown)
-    record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve)
+    record = EmulatorRecord.of(emulator, runs, failed, to_halve)
     return replace(outcome, thresholds=critical, emulator=record)
 
 

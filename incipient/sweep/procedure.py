@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import multiprocessing
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -208,9 +209,8 @@ class _Sweep:
         self._store, self._means, self._voice = store, means, voice
         self._began = time.monotonic()
         self._waiting: dict[str, SweepCase] = {}
-        self._running: dict[Any, tuple[SweepCase, float]] = {}  # by future; times of submission
-        self._ended: SimpleQueue[Any] = SimpleQueue()
-        self._outcomes: list[tuple[SweepCase, CaseOutcome]] = []  # not yet in the file
+        self._running: dict[Future[CaseOutcome], tuple[SweepCase, float]] = {}  # since a time
+        self._ended: SimpleQueue[Future[CaseOutcome]] = SimpleQueue()
         self._tries = Counter[str]()
         self._client: Any = None
         self._places, self._counted = 0, -LOOK
@@ -228,7 +228,6 @@ class _Sweep:
 
     def compute(self, refinement: SweepRefinement | None) -> None:
         with ExitStack() as stack:
-            stack.callback(self._write)
             while self._waiting or self._running or self._grows(refinement):
                 if self._client is None:
                     self._client = stack.enter_context(self._connected(refinement is None))
@@ -238,7 +237,13 @@ class _Sweep:
                 if time.monotonic() - self._began > self._means.wall:
                     raise Interrupted(self.left("the time limit is reached"))
                 self._give()
-                self._take()
+                with suppress(Empty):
+                    ended = [self._ended.get(timeout=LOOK)]
+                    ended += [self._ended.get_nowait() for _ in range(self._ended.qsize())]
+                    with self._store.transaction():  # workers need not wait for the disk
+                        for coming in ended:
+                            self._end(coming)
+                        self._give()
 
     def left(self, why: str) -> str:
         finished = f"{self.progress.finished} of {self.progress.total} cases are finished"
@@ -278,33 +283,22 @@ class _Sweep:
             case = self._waiting.pop(identity)
             order = (self._means.limit, RELEASE, case.task, case.text)
             future = self._client.submit(computed_within, *order, pure=False)
-            self._running[future] = case, time.monotonic()
+            # A wait with a time limit, as Dask's futures have it, would lose outcomes that take longer to come.
+            outcome = self._client.gather(future, asynchronous=True)
+            coming = asyncio.run_coroutine_threadsafe(outcome, self._client.loop.asyncio_loop)
+            self._running[coming] = case, time.monotonic()
             self._tries[identity] += 1
-            future.add_done_callback(self._ended.put)
+            coming.add_done_callback(self._ended.put)
 
-    def _take(self) -> None:
-        with suppress(Empty):
-            self._end(self._ended.get(timeout=LOOK))
-            # Futures that come back during this pass wait for the next: time limits are looked at in between.
-            for _ in range(self._ended.qsize()):
-                self._end(self._ended.get_nowait())
-        self._write()
-
-    def _end(self, future: Any) -> None:
+    def _end(self, coming: Future[CaseOutcome]) -> None:
         from distributed import KilledWorker
 
-        if future not in self._running:
-            return
-        case, since = self._running.pop(future)
+        case, since = self._running.pop(coming)
         spent = time.monotonic() - since
         try:
-            outcome = future.result(timeout=LOOK)
+            outcome: CaseOutcome | None = coming.result()
         except KilledWorker as error:
             outcome = self._of_death(case, error.last_worker.address, spent)
-        except TimeoutError:  # the worker has died with the result: another one computes it
-            self._running[future] = case, since
-            future.add_done_callback(self._ended.put)
-            return
         except CancelledError:
             self._voice.say(f"{case.name}: the connection to the scheduler is lost; waiting for it")
             self._tries[case.identity] -= 1
@@ -319,7 +313,7 @@ class _Sweep:
             message = shortened(f"{type(error).__name__}: {error}", 200)
             outcome = CaseOutcome(reason=f"its worker failed: {message}", wall=spent)
         if outcome is not None:
-            self._outcomes.append((case, outcome))
+            self._keep(case, outcome)
 
     def _of_death(self, case: SweepCase, worker: str, spent: float) -> CaseOutcome | None:
         """The outcome of a case whose worker has died; None: it is tried again."""
@@ -335,18 +329,13 @@ class _Sweep:
             return None
         return CaseOutcome(reason=f"{reason} (tried {tries} times)", wall=spent)
 
-    def _write(self) -> None:
-        outcomes, tries = self._outcomes, self._tries
-        if not outcomes:
-            return
-        self._store.finish([(case.identity, tries[case.identity], out) for case, out in outcomes])
-        self._outcomes = []
+    def _keep(self, case: SweepCase, outcome: CaseOutcome) -> None:
+        self._store.finish(case.identity, self._tries[case.identity], outcome)
         progress = self.progress
-        for case, outcome in outcomes:
-            progress.done += outcome.result is not None
-            progress.failed += outcome.result is None
-            status = FAILED if outcome.result is None else DONE
-            row = {"task": case.task, "status": status, "reason": outcome.reason, **outcome.columns}
-            count = f"{progress.finished}/{progress.total}"
-            self._voice.say(f"{count}  {case.name}: {in_words(row)} ({outcome.wall:.1f} s)")
-            self._voice.count("cases", progress.finished, progress.total)
+        progress.done += outcome.result is not None
+        progress.failed += outcome.result is None
+        status = FAILED if outcome.result is None else DONE
+        row = {"task": case.task, "status": status, "reason": outcome.reason, **outcome.columns}
+        count = f"{progress.finished}/{progress.total}"
+        self._voice.say(f"{count}  {case.name}: {in_words(row)} ({outcome.wall:.1f} s)")
+        self._voice.count("cases", progress.finished, progress.total)

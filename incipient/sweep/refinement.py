@@ -1,15 +1,14 @@
 """Cases that a sweep adds: where the mode changes along a key, and where a quantity bends.
 
-One key, or several that vary together, is refined; the others make families. An interval of length h is halved while
-longer than the tolerance if the modes of its ends differ, or f[a, b, c] h^2/4, the estimated deviation from a line, is
-too large (f[a, b, c]: second divided difference of three neighbours of one mode). Lengths and deviations are fractions
-of the ranges. A round is complete before the next one begins, so that a killed sweep resumes with the same cases.
+One key is refined; the others make families. An interval of length h is halved while longer than the tolerance if the
+modes of its ends differ, or f[a, b, c] h^2/4, the estimated deviation from a line, is too large (f[a, b, c]: second
+divided difference of three neighbours of one mode). Lengths and deviations are fractions of the ranges. A round is
+complete before the next one begins, so that a killed sweep resumes with the same cases.
 """
 
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -17,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, decimal
 from ..errors import SceneError, refuse_broken
 from .cases import Axes, Settings, Source, SweepCase, rounded
 
@@ -60,58 +59,49 @@ class Aim:
         return (mode, float(value)) if math.isfinite(value) else (f"{mode}, without bound", None)
 
 
-class _Numbers:
-    """The numbers of a key: as text, and scaled (n, components), by logarithms if their ratios are equal."""
-
-    def __init__(self, numbers: Mapping[tuple[float, ...], str]):
-        self.texts, values = list(numbers.values()), np.array(list(numbers))
-        self.is_logarithmic = values.shape[1] == 1 and _has_equal_ratios(values[:, 0])
-        self.scaled = np.log(values) if self.is_logarithmic else values
-
-    def text(self, position: float, positions: Floats) -> str:
-        given = np.flatnonzero(positions == position)
-        if len(given):
-            return self.texts[given[0]]
-        between = np.array([np.interp(position, positions, part) for part in self.scaled.T])
-        parts = [rounded(x) for x in (np.exp(between) if self.is_logarithmic else between)]
-        return parts[0] if len(parts) == 1 else f"[{', '.join(parts)}]"
-
-
 @dataclass(frozen=True, eq=False)
-class Direction:
-    """Keys refined together, with their numbers at `positions` (n,) from 0 to 1."""
+class RefinedKey:
+    """The refined key, with its values as text by position from 0 to 1, and the numbers at both ends.
 
-    positions: Floats
-    keys: Mapping[str, _Numbers]
+    Between them are equal ratios where the values have equal ratios, otherwise equal differences.
+    """
 
-    def settings(self, position: float) -> Settings:
-        texts = {key: part.text(position, self.positions) for key, part in self.keys.items()}
-        return tuple(f"{key}={text}" for key, text in texts.items())
+    key: str
+    texts: Mapping[float, str]
+    ends: tuple[float, float]
+    is_logarithmic: bool
+
+    @classmethod
+    def of(cls, key: str, texts: Iterable[str]) -> RefinedKey | None:
+        """None if the values are not numbers, or all are equal."""
+        numbers = _numbers(texts)
+        if len(numbers) < 2:
+            return None
+        values = np.array(list(numbers))
+        is_logarithmic = _has_equal_ratios(values)
+        scaled = np.log(values) if is_logarithmic else values
+        positions = ((scaled - scaled[0]) / (scaled[-1] - scaled[0])).tolist()
+        by_position = dict(zip(positions, numbers.values(), strict=True))
+        return cls(key, by_position, (scaled[0], scaled[-1]), is_logarithmic)
+
+    def setting(self, position: float) -> str:
+        first, last = self.ends
+        between = first + position * (last - first)
+        number = math.exp(between) if self.is_logarithmic else between
+        return f"{self.key}={self.texts.get(position) or rounded(number)}"
 
 
-def direction(axes: Axes, together: bool) -> tuple[Direction, Axes]:
-    """The first key with distinct numbers, or all keys that vary together, and the other keys. Raises SceneError."""
-    numbers = {key: _numbers(values) for key, values in axes.items()}
-    if together and len(axes) > 1:
-        for key, values in axes.items():
-            if len(numbers[key]) < len(values):
-                why = "is varied with other keys and takes no distinct numbers"
-                raise SceneError(f"--refine: {key} {why}; give it by --cases")
-        keys = {key: _Numbers(listed) for key, listed in numbers.items()}
-        return Direction(np.linspace(0.0, 1.0, len(next(iter(numbers.values())))), keys), {}
-    first = next((key for key in axes if len(numbers[key]) > 1), None)
-    if first is None:
-        raise SceneError("--refine: no key is varied over numbers; give --over KEY=FIRST,LAST")
-    is_scalar = all(len(number) == 1 for number in numbers[first])
-    listed = _Numbers(dict(sorted(numbers[first].items())) if is_scalar else numbers[first])
-    scale = listed.scaled[:, 0] if is_scalar else np.arange(float(len(listed.texts)))
-    others = {key: values for key, values in axes.items() if key != first}
-    return Direction((scale - scale[0]) / (scale[-1] - scale[0]), {first: listed}), others
+def refined_key(axes: Axes) -> tuple[RefinedKey, Axes]:
+    """The first key with distinct numbers, and the other keys. Raises SceneError without one."""
+    for key, values in axes.items():
+        if refined := RefinedKey.of(key, values):
+            return refined, {name: texts for name, texts in axes.items() if name != key}
+    raise SceneError("--refine: no key is varied over numbers; give --over KEY=FIRST,LAST")
 
 
 @dataclass(eq=False)
 class Family:
-    """Cases that differ along the direction only.
+    """Cases that differ in the refined key only.
 
     cases: by position, None for a refused scene; known: mode and quantity of finished cases
     """
@@ -154,13 +144,13 @@ class Family:
 
 @dataclass(eq=False)
 class SweepRefinement:
-    """The refinement of a sweep's families along a direction.
+    """The refinement of a sweep's families along a key.
 
     resolve: makes the case of a source with settings; raises SceneError
     identities: of all cases
     """
 
-    along: Direction
+    along: RefinedKey
     families: Sequence[Family]
     aim: Aim
     resolve: Resolve
@@ -170,7 +160,7 @@ class SweepRefinement:
 
     def __post_init__(self) -> None:
         for family in self.families:
-            for position in self.along.positions.tolist():
+            for position in self.along.texts:
                 self._put(family, position)
 
     def following(self, results: Mapping[str, Columns]) -> list[SweepCase]:
@@ -196,7 +186,7 @@ class SweepRefinement:
         return new
 
     def _put(self, family: Family, position: float) -> list[SweepCase]:
-        settings = (*family.fixed, *self.along.settings(position))
+        settings = (*family.fixed, self.along.setting(position))
         family.cases[position] = None
         try:
             case = self.resolve(family.source, settings)
@@ -225,7 +215,7 @@ class SweepRefinement:
         lines = [f"{'changes of mode':<20}{within}"]
         for family, ends in changes:
             fixed = f" ({', '.join(family.fixed)})" if family.fixed else ""
-            sides = (f"{family.known[x][0]} at {', '.join(self.along.settings(x))}" for x in ends)
+            sides = (f"{family.known[x][0]} at {self.along.setting(x)}" for x in ends)
             lines.append(f"  {', '.join(sides)}{fixed}")
         if self.is_spent:
             why = f"{self.aim.most} cases are spent before the tolerance is reached"
@@ -236,22 +226,18 @@ class SweepRefinement:
         return lines
 
 
-def _numbers(texts: Iterable[str]) -> dict[tuple[float, ...], str]:
-    numbers: dict[tuple[float, ...], str] = {}
+def _numbers(texts: Iterable[str]) -> dict[float, str]:
+    """Distinct finite numbers, ascending, with their texts; none if one of them is not a finite number."""
+    numbers: dict[float, str] = {}
     for text in texts:
         try:
-            value = tomllib.loads(f"value = {text}")["value"]
-            parts = np.array(value if isinstance(value, list) and value else [value])
-        except (ValueError, RecursionError):
+            numbers.setdefault(decimal(text), text)
+        except ValueError:
             return {}
-        if parts.dtype.kind not in "if" or parts.ndim > 1 or not np.isfinite(parts).all():
-            return {}
-        numbers.setdefault(tuple(parts.astype(float).tolist()), text)
-    return numbers if len({len(row) for row in numbers}) == 1 else {}
+    return dict(sorted(numbers.items())) if all(map(math.isfinite, numbers)) else {}
 
 
 def _has_equal_ratios(values: Floats) -> bool:
-    values = np.sort(values)
     if values[0] <= 0.0:
         return False
     if len(values) == 2:

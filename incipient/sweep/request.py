@@ -16,7 +16,7 @@ from ..progress import Silent
 from ..scene.messages import one_line, problems_of
 from ..scene.section import Section, allowed, key
 from .cases import Axes, Settings, Source, SweepCase, axes_of, combined, resolved, table_of_cases
-from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, direction
+from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, refined_key
 
 _NUMBER_OR_TRUE = allowed(
     lambda value: value is None or isinstance(value, int | float),
@@ -76,7 +76,10 @@ class Request:
         """The refinement between these cases, or None. Raises SceneError if no key with numbers is varied."""
         if self.aim is None:
             return None
-        along, others = direction(self.over, self.together)
+        if self.together and len(self.over) > 1:
+            remedy = "leave out --zip, or give the others by --cases"
+            raise SceneError(f"--refine: refines one key; {remedy}")
+        along, others = refined_key(self.over)
         fixed = combined(others, False, self.table)
         families = [Family(source, setting) for source in self.sources for setting in fixed]
         identities = {case.identity for case in cases}

@@ -7,7 +7,7 @@ lock file admits one writer.
 from __future__ import annotations
 
 import json
-import math
+import re
 import sqlite3
 from collections.abc import Container, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -36,6 +36,7 @@ CREATE TABLE cases (
     log TEXT NOT NULL DEFAULT ''
 )
 """
+_OF_DAMAGE = (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError)
 _REMEDIES = {
     sqlite3.SQLITE_FULL: "free some space",
     sqlite3.SQLITE_IOERR: "free some space, check the disk, or copy the file to another",
@@ -79,10 +80,10 @@ class Store:
         self._open.close()
 
     @contextmanager
-    def _reported(self) -> Iterator[None]:
+    def _reported(self, kinds: tuple[type[Exception], ...] = _OF_DAMAGE) -> Iterator[None]:
         try:
             yield
-        except (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError) as error:
+        except kinds as error:
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
             remedy = _REMEDIES.get(
                 code, "it is damaged; restore a copy, or save it by sqlite3 FILE .recover"
@@ -101,14 +102,15 @@ class Store:
             raise OutputError(f"{self.path}: {why}; give another name, or use that version")
         if not make or self._base.execute("SELECT 1 FROM sqlite_master").fetchone():
             raise OutputError(f"{self.path}: is not the file of a sweep; give another name")
-        with self._transaction():
+        with self.transaction():
             self._base.execute(_TABLE)
             self._base.execute(f"PRAGMA application_id = {APPLICATION}")
             self._base.execute(f"PRAGMA user_version = {FORMAT}")
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        with self._reported(), self._base:  # which commits, or rolls back after an error
+    def transaction(self) -> Iterator[None]:
+        """Changes that are written together, or after an error not at all."""
+        with self._reported((sqlite3.Error,)), self._base:
             self._base.execute("BEGIN IMMEDIATE")
             yield
 
@@ -117,7 +119,7 @@ class Store:
         names = "id, source, task, status, settings, scene"
         insert = f"INSERT OR IGNORE INTO cases ({names}) VALUES (?, ?, ?, ?, ?, ?)"
         update = "UPDATE cases SET status = ?, reason = '' WHERE id = ? AND status = ?"
-        with self._transaction():
+        with self.transaction():
             for case in cases:
                 settings = json.dumps(case.settings)
                 row = (case.identity, case.source, case.task, WAITING, settings, case.text)
@@ -125,27 +127,20 @@ class Store:
                 if retry:
                     self._base.execute(update, (WAITING, case.identity, FAILED))
 
-    def finish(self, outcomes: Sequence[tuple[str, int, CaseOutcome]]) -> None:
-        now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
-        with self._transaction():
-            for identity, tries, outcome in outcomes:
-                cells = {
-                    "status": FAILED if outcome.result is None else DONE,
-                    "columns": _json(outcome.columns),
-                    "result": outcome.result,
-                    "reason": outcome.reason,
-                    "wall": outcome.wall,
-                    "cpu": outcome.cpu,
-                    "peak_mib": outcome.peak_mib,
-                    "tries": tries,
-                    "finished": now,
-                    "versions": json.dumps(outcome.versions),
-                    "log": outcome.log,
-                }
-                assigned = ", ".join(f"{name} = ?" for name in cells)
-                self._base.execute(
-                    f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
-                )
+    def finish(self, identity: str, tries: int, outcome: CaseOutcome) -> None:
+        cells = vars(outcome) | {
+            "status": FAILED if outcome.result is None else DONE,
+            # SQLite reads no Infinity.
+            "columns": re.sub(r"\bInfinity\b", "9e999", json.dumps(outcome.columns)),
+            "versions": json.dumps(outcome.versions),
+            "tries": tries,
+            "finished": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
+        }
+        assigned = ", ".join(f"{name} = ?" for name in cells)
+        with self._reported():
+            self._base.execute(
+                f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
+            )
 
     def write_view(self) -> None:
         with self._reported():
@@ -155,7 +150,7 @@ class Store:
         parts |= {name: f"json_extract(columns, {_path(name)})" for name in names}
         columns = ", ".join(f"{part} AS {_quoted(name)}" for name, part in parts.items())
         own = f"source, task, status, {columns}, reason, {', '.join(COST)}, id"
-        with self._transaction():
+        with self.transaction():
             self._base.execute("DROP VIEW IF EXISTS results")
             self._base.execute(f"CREATE VIEW results AS SELECT {own} FROM cases")
 
@@ -181,15 +176,6 @@ class Store:
         with self._reported():
             rows = [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
             return [row | {name: dict(json.loads(row[name])) for name in parsed} for row in rows]
-
-
-def _json(columns: dict[str, Any]) -> str:
-    infinite = {math.inf: "9e999", -math.inf: "-9e999"}
-    cells = (
-        f"{json.dumps(key)}: {infinite.get(cell) or json.dumps(cell)}"
-        for key, cell in columns.items()
-    )
-    return f"{{{', '.join(cells)}}}"
 
 
 def _path(*keys: str) -> str:

@@ -16,11 +16,11 @@ from ..contact.safety import safety_factor
 from ..contact.verdict import Verdict, judge
 from ..effects.turbulence import threshold_notes
 from ..errors import IncipientError, SceneError
-from ..evaluation.contact_verdict import load_of
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..progress import Silent
 from ..results.adaptation import Adaptation
+from ..results.contact_verdict import load_of
 from ..results.loads import Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
 from ..scene import Scene

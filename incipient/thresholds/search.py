@@ -18,9 +18,9 @@ from ..contact import Load
 from ..contact.safety import SafetyStatus, safety_factor
 from ..effects.turbulence import slowest_flow
 from ..errors import ConvergenceError, SceneError
-from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import from_first
 from ..planning.effects import EffectName
+from ..results.contact_verdict import followed, load_of
 from ..results.loads import Forces, Torques
 from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast

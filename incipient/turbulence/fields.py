@@ -15,8 +15,7 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats
 from ..compat import petsc
-from ..errors import ConvergenceError
-from ..fluid import Fluid
+from ..fluid import Fluid, newton
 from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size, size_along
 from ..forms import turbulence as forms
@@ -35,9 +34,7 @@ ON_SURFACE = math.e / 16.0
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
-# Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
-CONTRACTION, SAME_RATE = 0.3, 0.3
-HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that the step is too long
+SAME_RATE = 0.3  # change of a0 of the difference in time up to which factors are kept
 LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 
@@ -56,6 +53,7 @@ class TurbulenceFields(Holder):
         order_of_flow: of the velocity, whose strain limits the SST model's eddy viscosity.
         least: k below which that model destroys none.
         in_layers: whether layers of thin cells lie along curved walls.
+        weighted: whether the equation of k is that of k itself, see `forms.turbulence.FlowFields`.
         order: of the elements of both logarithms.
 
     Attributes:
@@ -79,6 +77,7 @@ class TurbulenceFields(Holder):
         in_layers: bool = False,
         order: int = ORDER,
         surfaces: Sequence[str] = (),
+        weighted: bool = False,
     ):
         super().__init__(domain.comm)
         self.domain, self.order, self._molecules = domain, order, viscosity
@@ -89,7 +88,7 @@ class TurbulenceFields(Holder):
         self.conditions = self._at_inflow(values)
         self.state.interpolate(values)
         self._walls = {name: self.constant(away) for name, away in (walls or {}).items()}
-        self._in_layers = in_layers
+        self._in_layers, self.weighted = in_layers, weighted
         self._distance = dolfinx.fem.Function(compat.space(domain.mesh, ("Lagrange", order)))
         self._distance.x.array[:] = FAR
         self._least = self.constant(least)
@@ -114,7 +113,8 @@ class TurbulenceFields(Holder):
 
         A backward-facing step by k-omega SST diverges with twice as large ones (docs/contribute/defaults.md).
         """
-        return (1.0, 0.1) if isinstance(self.closure, forms.KEpsilon) else (0.5, 0.05)
+        plain = self.weighted or isinstance(self.closure, forms.KEpsilon)
+        return (1.0, 0.1) if plain else (0.5, 0.05)
 
     @property
     def names(self) -> str:
@@ -196,12 +196,23 @@ class TurbulenceFields(Holder):
 
     def weights(self) -> Floats:
         """Fraction (owned nodes,) of the eddy viscosity before its limitation by strain."""
-        k, second = (
-            self.state.x.array[: 2 * self.space.dofmap.index_map.size_local].reshape(-1, 2).T
-        )
+        k, second = self._at_nodes()
         constant, of_k, of_second = self.closure.eddies
         eddies = np.exp(np.clip(constant + of_k * k + of_second * second, -100.0, 100.0))
         return np.asarray(eddies / (self._molecules + eddies))
+
+    def row_factors(self) -> Floats:
+        """Factors (owned unknowns,) that undo the weights of both equations at their nodes."""
+        factors = np.ones_like(self._at_nodes())
+        if self.weighted:
+            factors[0] = np.exp(-self._at_nodes()[0])
+        return factors.T.ravel()
+
+    def _at_nodes(self) -> Floats:
+        """Both logarithms (2, owned nodes)."""
+        return np.asarray(
+            self.state.x.array[: 2 * self.space.dofmap.index_map.size_local].reshape(-1, 2).T
+        )
 
     def impose(self) -> None:
         compat.impose(self.state.x.array, self.conditions)
@@ -246,9 +257,9 @@ class TurbulenceFields(Holder):
             carrier,
             self.rate[0],
             self._reach,
-            self._across,
             # In 3-D as many steps are needed without, and no more flows converge with it.
-            balanced=self._in_layers and self.domain.gdim == 2,
+            balanced=self._in_layers and not self.weighted,
+            weighted=self.weighted,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         self.form = self._equations(rate, tests, flow)
@@ -264,7 +275,6 @@ class TurbulenceFields(Holder):
         self._matrix = self.holding(petsc.create_matrix(self._jacobian))
         self._vector = self.holding(petsc.assemble_vector(self._residual))
         self._correction = self.holding(self._vector.duplicate())
-        self._view = self.holding(compat.vec_view(self.state))
         return self.holding(Direct(self._matrix))
 
     @property
@@ -277,22 +287,6 @@ class TurbulenceFields(Holder):
             return None
         return lambda direction: size_along(self.domain.mesh, direction) / self.order
 
-    @property
-    def _across(self) -> Any:
-        """Square of the change between nodes by a slope, for `forms.turbulence.FlowFields`, in 3-D wakes.
-
-        Not between planes: in long thin cells the bound keeps ln k from becoming steady.
-        """
-        if self.domain.gdim == 2 or not self._in_layers:
-            return None
-        jacobian = ufl.Jacobian(self.domain.mesh)
-
-        def square(slope: Any) -> Any:
-            change = ufl.dot(slope, jacobian)
-            return ufl.inner(change, change) / self.order**2
-
-        return square
-
     def _equations(self, rate: Any, tests: Any, flow: forms.FlowFields) -> Any:
         logarithms = ufl.split(self.state)
         form = forms.residual(logarithms, rate, tests, flow, self.closure)
@@ -301,68 +295,42 @@ class TurbulenceFields(Holder):
             form += flux * self.domain.measure(name)(metadata=flow.measure.metadata())
         return form
 
-    def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:
-        """Set dK/dt = a0 K + a1 K(1) + a2 K(2), with `past` states K(1) and K(2)."""
+    def step(self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float) -> float:
+        """Solve with dK/dt = a0 K + a1 K(1) + a2 K(2) from the present state; returns the error of Newton's method.
+
+        That of a logarithm, at most; infinite without convergence. Factorisations are reused while updates shrink well.
+        """
+        self.solver = self.solver or self._make_solver()
+        fresh = abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
         for constant, value in zip(self.rate, rate, strict=True):
             constant.value = value
         for function, values in zip((self._before, self._older), past, strict=False):
             function.x.array[:] = values
-
-    def step(
-        self,
-        rate: Sequence[float],
-        past: Sequence[np.ndarray],
-        tolerance: float,
-        lasting: bool = False,
-    ) -> float:
-        """Solve with dK/dt = a0 K + a1 K(1) + a2 K(2) from the present state; returns the last Newton update.
-
-        Its size is the largest of a logarithm; infinite without convergence. With `lasting` factorisations are
-        reused while updates shrink well.
-        """
-        self.solver = self.solver or self._make_solver()
-        fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
-        before = np.inf
-        self.discretise_time(rate, past)
-        for number in range(1, MOST_CORRECTIONS + 1):
-            size = self._correct(fresh)
-            if size <= tolerance:
-                return size
-            if not np.isfinite(size):
-                break
-            fresh, before = not lasting or size > CONTRACTION * before, size
-            if number >= HOPEFUL and size > TOO_LARGE:
-                break
-        self.renew_factors()
-        return float("inf")
+        report = newton.solve(self, tolerance, MOST_CORRECTIONS, fresh=fresh)
+        if not report.converged:
+            self.renew_factors()
+        return report.error if report.converged else float("inf")
 
     def renew_factors(self) -> None:
         self._rate_of_factors = np.inf
 
-    def _correct(self, fresh: bool) -> float:
-        conditions = self.conditions
+    def correction(self, fresh: bool, rtol: float | None) -> float:
+        """Subtract a Newton update (see `newton.System`); returns the largest change of a logarithm."""
         assert self.solver is not None
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, self._residual)
-        petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._view], -1.0)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        petsc.set_bc(self._vector, conditions, self._view, -1.0)
+        compat.impose(self.state.x.array, self.conditions)
+        compat.vector_of(self._residual, self._vector)
+        compat.set_zero(self._vector, self.conditions)
         if fresh:
-            self._matrix.zeroEntries()
-            petsc.assemble_matrix(self._matrix, self._jacobian, conditions)
-            self._matrix.assemble()
+            compat.matrix_of(self._jacobian, self.conditions, self._matrix)
             self._rate_of_factors = float(self.rate[0].value)
-        try:
-            self.solver.solve(self._vector, self._correction, LINEAR, fresh=fresh)
-        except ConvergenceError:  # a matrix that is singular, or not finite
-            return float("inf")
+        self.solver.solve(self._vector, self._correction, LINEAR, fresh=fresh)
         values = self._correction.array_r
-        size = self.largest(values)
+        mine = float(np.abs(values).max(initial=0.0))
+        size = self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX)
         part = min(1.0, LARGEST_CORRECTION / size) if np.isfinite(size) and size > 0.0 else 1.0
         self.state.x.array[: len(values)] -= part * values
         self.state.x.scatter_forward()
-        return size
+        return float(size)
 
     def usual_change(self, values: np.ndarray) -> float:
         """Root mean square of a change (owned unknowns,), by the weights of the nodes. Collective."""
@@ -376,9 +344,3 @@ class TurbulenceFields(Holder):
             self.domain.comm.allreduce(float((weights**2).sum())),
         )
         return float(np.sqrt(0.5 * total / count))
-
-    # -- its values -----------------------------------------------------------------------------------
-
-    def largest(self, values: np.ndarray) -> float:
-        mine = float(np.abs(values).max(initial=0.0))
-        return float(self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX))

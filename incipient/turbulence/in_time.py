@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -19,17 +19,7 @@ MOST_TURNS = 15  # within a time step
 NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a smaller time.step or numerics.mesh_size"
 
 
-class Moving(Interface, Protocol):
-    """Interface of moving parts, solved together with the flow for given turbulence fields."""
-
-    def again(
-        self, length: float, order: int, tolerance: float, before: NewtonReport
-    ) -> NewtonReport:
-        """Solve the step again, from the end computed with other fields and its report."""
-        ...
-
-
-class InTime:
+class InTime(Interface):
     """Turbulence as the interface of an unsteady flow, see `fluid.transient.Interface`.
 
     Flow and turbulence take the same backward difference. `past`: states (local unknowns,), newest first.
@@ -40,14 +30,16 @@ class InTime:
         fluid: Fluid,
         turbulence: TurbulenceFields,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
-        moving: Moving | None = None,
+        moving: Interface | None = None,
     ):
-        self._fluid, self.turbulence, self._stage, self._moving = fluid, turbulence, stage, moving
+        super().__init__(fluid)
+        self.turbulence, self._stage = turbulence, stage
+        self._moving, self._moves = moving or Interface(fluid), moving is not None
         self.past = [turbulence.state.x.array.copy()]
         self._failed = False
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
-        fluid, turbulence = self._fluid, self.turbulence
+        fluid, turbulence = self.fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         sizes: list[float] = []
         self._failed, report = False, None
@@ -62,7 +54,7 @@ class InTime:
                 return replace(report, corrections=tuple(sizes), error=sizes[-1])
             past = (self.past[0], self.past[-1])
             with self._stage():
-                self._failed = not np.isfinite(turbulence.step(rate, past, tolerance, lasting=True))
+                self._failed = not np.isfinite(turbulence.step(rate, past, tolerance))
             if self._failed:
                 break
         self.forget()
@@ -71,39 +63,37 @@ class InTime:
     def _flow(
         self, length: float, order: int, tolerance: float, before: NewtonReport | None
     ) -> NewtonReport:
-        if self._moving is None:
-            return self._fluid.solve(tolerance)
         if before is None:
             report = self._moving.attempt(length, order, tolerance)
         else:
             report = self._moving.again(length, order, tolerance, before)
-        self.turbulence.follow()
+        self._follow()
         return report
 
+    def _follow(self) -> None:
+        if self._moves:
+            self.turbulence.follow()
+
     def allowed(self, length: float) -> float:
-        """The length, or a shorter one at which a moving part makes contact."""
-        return length if self._moving is None else self._moving.allowed(length)
+        return self._moving.allowed(length)
 
     def accept(self) -> None:
         self.past = [self.turbulence.state.x.array.copy(), self.past[0]]
-        if self._moving is not None:
-            self._moving.accept()
+        self._moving.accept()
 
     def restore(self) -> None:
         self.turbulence.state.x.array[:] = self.past[0]
-        if self._moving is not None:
-            self._moving.restore()
-            self.turbulence.follow()
+        self._moving.restore()
+        self._follow()
 
     def forget(self) -> None:
         self.turbulence.renew_factors()
-        if self._moving is not None:
-            self._moving.forget()
+        self._moving.forget()
 
     def velocities(self) -> np.ndarray:
-        return np.empty(0) if self._moving is None else self._moving.velocities()
+        return self._moving.velocities()
 
     def complaint(self) -> str:
         if self._failed:
             return f"{self.turbulence.names} do not converge: use a smaller time.step"
-        return (self._moving.complaint() if self._moving is not None else "") or NO_STEP
+        return self._moving.complaint() or NO_STEP

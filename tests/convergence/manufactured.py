@@ -16,7 +16,7 @@ import ufl
 from domains import SIDES
 from mpi4py import MPI
 
-from incipient import compat, forms
+from incipient import compat
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed
 from incipient.mesh.domain import Domain
 
@@ -50,16 +50,9 @@ class Flow:
 
 @dataclass(frozen=True)
 class Motion:
-    """A map x = X + d(X, t) of the unit box and its rate, written once for UFL and numpy."""
+    """A map x = X + d(X, t) of the unit box."""
 
     displacement: Components
-    velocity: Components
-
-    def reference_map(self, mesh: Any, t: Any) -> forms.ReferenceMap:
-        """The map as UFL expressions of the place X and a constant that holds the time."""
-        x = ufl.SpatialCoordinate(mesh)
-        d, v_mesh = (ufl.as_vector(list(f(x, t, ufl))) for f in (self.displacement, self.velocity))
-        return forms.ReferenceMap.of(d, v_mesh)
 
     def place(self, x: np.ndarray, t: float) -> np.ndarray:
         """Places (3, n) in space of reference points (3, n)."""
@@ -68,38 +61,25 @@ class Motion:
 
 
 def fluid_of(
-    flow: Flow,
-    domain: Domain,
-    model: FlowModel,
-    reynolds: float,
-    motion: Motion | None = None,
-    reference_map: forms.ReferenceMap | None = None,
-    open_side: str | None = None,
+    flow: Flow, domain: Domain, model: FlowModel, reynolds: float, open_side: str | None = None
 ) -> Fluid:
-    """The flow's velocity prescribed on all sides but an open one, and its body force.
-
-    On a domain in motion `reference_map` is the map as the forms shall see it.
-    """
+    """The flow's velocity prescribed on all sides but an open one, and its body force."""
 
     def boundary_velocity(x: np.ndarray, time: float) -> np.ndarray:
-        return interpolated(flow.velocity, x if motion is None else motion.place(x, time), time)
+        return interpolated(flow.velocity, x, time)
 
-    model = replace(model, reference_map=reference_map, body_force=flow.body_force(reynolds))
-    sides = [
-        Prescribed(name, boundary_velocity) for name in SIDES[: 2 * flow.gdim] if name != open_side
-    ]
-    return Fluid(domain, model, sides if open_side is None else [Open(open_side), *sides], reynolds)
+    model = replace(model, body_force=flow.body_force(reynolds))
+    names = [name for name in SIDES[: 2 * flow.gdim] if name != open_side]
+    free = [] if open_side is None else [Open(open_side)]
+    conditions = [*free, *(Prescribed(name, boundary_velocity) for name in names)]
+    return Fluid(domain, model, conditions, reynolds)
 
 
-def start_from(fluid: Fluid, flow: Flow, motion: Motion | None = None) -> None:
+def start_from(fluid: Fluid, flow: Flow) -> None:
     """Put the exact flow at the fluid's time into its state."""
-
-    def at(x: np.ndarray) -> np.ndarray:
-        return x if motion is None else motion.place(x, fluid.time)
-
     for part, field in ((0, flow.velocity), (1, lambda x, t, m: [flow.pressure(x, t, m)])):
         target = fluid.state.sub(part)
-        target.interpolate(lambda x, field=field: interpolated(field, at(x), fluid.time))
+        target.interpolate(lambda x, field=field: interpolated(field, x, fluid.time))
     fluid.state.x.scatter_forward()
 
 
@@ -117,16 +97,15 @@ class Errors:
 
 
 def errors(fluid: Fluid, flow: Flow) -> Errors:
-    """Errors of the fluid's state in space (weighted by J on a reference domain)."""
+    """Errors of the fluid's state."""
     v, p = ufl.split(fluid.state)
     x, t = fluid.place(), fluid._time
-    J = fluid.reference_map.J
     dx = ufl.Measure(
         "dx", domain=fluid.domain.mesh, metadata={"quadrature_degree": 2 * fluid.model.order + 3}
     )
 
     def integral(integrand: Any) -> float:
-        local = dolfinx.fem.assemble_scalar(compat.form(J * integrand * dx))
+        local = dolfinx.fem.assemble_scalar(compat.form(integrand * dx))
         return float(fluid.domain.comm.allreduce(local, op=MPI.SUM))
 
     dv = v - ufl.as_vector(list(flow.velocity(x, t, ufl)))

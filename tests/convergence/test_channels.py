@@ -4,18 +4,19 @@ import numpy as np
 import pytest
 import tomli_w
 from numpy.polynomial import Chebyshev
+from scenes import history_of
 from scipy.interpolate import RectBivariateSpline
 from scipy.linalg import eig
-from scipy.optimize import fsolve, least_squares
+from scipy.optimize import fsolve
 
 import incipient
 from incipient.pictures.record import read
 from incipient.pictures.surfaces import surface_of
-from incipient.scene.file import dumps, loads
+from incipient.scene.file import loads
 from incipient.setup.base_flow import duct_mean, duct_speed
 from incipient.setup.setup import Setup
 
-# Waves in channels: what comes in, what is reflected, and how long waves grow on a film; a run takes 10 to 60 s.
+# How long waves grow on a film, and what is washed out of a channel; a run takes 10 to 60 s.
 
 
 CHANNEL = """\
@@ -49,125 +50,15 @@ fields = false
 """
 
 
-def amplitudes(directory, frequency, stations, last, harmonic=1):
-    """Complex amplitudes (n,) at the stations of what oscillates with exp(i n w t), from the last few periods."""
-    history = np.genfromtxt(directory / "history.csv", delimiter=",", names=True)
+def amplitudes(directory, frequency, stations, last):
+    """Complex amplitudes (n,) at the stations of what oscillates with exp(i w t), from the last few periods."""
+    history = history_of(directory)
     late = history["time"] > history["time"][-1] - last * 2 * np.pi / frequency + 1e-9
     w, t = frequency, history["time"][late]
     waves = [f(n * w * t) for n in (1, 2) for f in (np.cos, np.sin)]
-    columns = np.column_stack([np.ones_like(t), *waves])
     told = np.column_stack([history[f"elevation_{n}"][late] for n in range(1, len(stations) + 1)])
-    found = np.linalg.lstsq(columns, told, rcond=None)[0]
-    return found[2 * harmonic - 1] - 1j * found[2 * harmonic]
-
-
-def two_waves(measured, stations, wave_number):
-    """Amplitudes of the waves that run to the right and to the left, fitted to all stations with the wave number.
-
-    The method of Goda & Suzuki (1976) and Mansard & Funke (1980), with more gauges than unknowns.
-    """
-
-    def fitted(k):
-        columns = np.column_stack(
-            [np.exp(-1j * complex(*k) * stations), np.exp(1j * k[0] * stations)]
-        )
-        both = np.linalg.lstsq(columns, measured, rcond=None)[0]
-        return both, columns @ both - measured
-
-    def missed(k):
-        rest = fitted(k)[1]
-        return np.concatenate([rest.real, rest.imag]) / np.abs(measured).max()
-
-    k = least_squares(missed, [wave_number, 0.0]).x
-    return fitted(k)[0], k[0]
-
-
-def wave_run(
-    directory,
-    k,
-    a,
-    steps,
-    periods,
-    stations,
-    stream=0.0,
-    kind="uniform",
-    mesh=2.0,
-):
-    """The history of a wave maker, with a sponge of 1.5 wave lengths; returns the frequency."""
-    w = np.sqrt(k * np.tanh(k)) + k * stream
-    period, length = 2 * np.pi / w, 2 * np.pi / k
-    sponge = 1.5 * length
-    scene = CHANNEL.format(
-        length=max(stations[-1] + 0.5 + sponge, 2 * sponge),
-        reynolds=1e4,
-        flow=f'kind = "{kind}"\nvelocity = {stream}' if stream else 'kind = "still"',
-        bed="",
-        gravity=1.0,
-        wave=f"wave = {{amplitude = {a}, period = {period!r}}}",
-        sponge=sponge,
-        bottom="slip" if kind == "uniform" else "no-slip",
-        stations=stations.tolist(),
-        start="steady" if stream else "rest",
-        mesh=mesh,
-        end=periods * period,
-        step=period / steps,
-    )
-    incipient.run(loads(scene), directory)
-    return w
-
-
-@pytest.mark.slow
-def test_stokes_wave_of_second_order(tmp_path):
-    """k H = 2, k a = 0.1: the bound second harmonic, the free one with the speed of its own, the reflection."""
-    k, a, stations = 2.0, 0.05, np.round(np.arange(1.5, 5.5, 0.2), 3)
-    w = wave_run(tmp_path, k, a, 80, 12, stations)
-    (onwards, back), found = two_waves(amplitudes(tmp_path, w, stations, 4), stations, k)
-    assert abs(onwards) == pytest.approx(a, rel=0.01)
-    assert abs(back / onwards) < 0.005
-    second = amplitudes(tmp_path, w, stations, 4, harmonic=2)
-    own = fsolve(lambda q: q * np.tanh(q) - 4 * w**2, 4 * w**2)[0]
-    waves = [
-        np.exp(-2j * found * stations),
-        np.exp(-1j * own * stations),
-        np.exp(1j * own * stations),
-    ]
-    bound, free, returned = np.linalg.lstsq(np.column_stack(waves), second, rcond=None)[0]
-    exact = a**2 * k * np.cosh(k) * (2 + np.cosh(2 * k)) / (4 * np.sinh(k) ** 3)
-    assert bound / onwards**2 * a**2 == pytest.approx(exact, rel=0.03)
-    assert max(abs(free), abs(returned)) < 0.03 * exact
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("k", "mesh"), [(1.0, 3.0), (2.0, 2.0)])
-def test_a_wave_maker_and_a_sponge(tmp_path, k, mesh):
-    """Amplitude and reflection in still water, and what steps make of the length.
-
-    A second-order backward difference lowers the frequency by (w dt)^2/3, 0.8% here: the waves are shorter, by the
-    ratio of their celerity to the group velocity. It is a difference of 1% between numbers measured to a thousandth.
-    """
-    a, stations = 0.005, np.round(np.arange(1.5, 5.5, 0.2), 3)
-    w = wave_run(tmp_path, k, a, 40, 12, stations, mesh=mesh)
-    (onwards, back), found = two_waves(amplitudes(tmp_path, w, stations, 4), stations, k)
-    assert abs(back / onwards) < 0.005
-    assert abs(onwards) == pytest.approx(a, rel=0.01)
-    group = 0.5 * (1.0 + 2 * k / np.sinh(2 * k))
-    assert found / k - 1.0 == pytest.approx((2 * np.pi / 40) ** 2 / 3 / group, rel=0.2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "stream"), [("uniform", 0.2), ("uniform", 0.5), ("open-channel", 0.2)]
-)
-def test_a_wave_maker_in_a_stream(tmp_path, kind, stream):
-    """k H = 2, on half a parabola 1.8; without elevation and velocity across the stream 0.60 came in at 0.2.
-
-    On half a parabola a wave whose velocities know nothing of the shear has 0.96 of its height.
-    """
-    k, a, stations = 2.0, 0.005, np.round(np.arange(1.5, 5.5, 0.2), 3)
-    w = wave_run(tmp_path, k, a, 40, 10, stations, stream, kind=kind)
-    (onwards, back), _ = two_waves(amplitudes(tmp_path, w, stations, 4), stations, k)
-    assert abs(onwards) == pytest.approx(a, rel=0.01)
-    assert abs(back / onwards) < 0.005
+    found = np.linalg.lstsq(np.column_stack([np.ones_like(t), *waves]), told, rcond=None)[0]
+    return found[1] - 1j * found[2]
 
 
 def film_speeds(k, reynolds, weight, n=24):
@@ -274,7 +165,7 @@ def test_a_hump_is_washed_out_of_a_fast_stream_of_low_viscosity(tmp_path):
         step=0.1,
     ).replace("stations =", 'elevation = "0.05*exp(-(x - 3)**2/0.3)"\nstations =')
     incipient.run(loads(scene), tmp_path)
-    history = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    history = history_of(tmp_path)
     late = [history[f"elevation_{n}"][history["time"] > 8.0] for n in range(1, 6)]
     assert np.abs(late).max() < 0.3 * 0.05
 
@@ -303,7 +194,7 @@ def test_a_stream_faster_than_long_waves_comes_to_the_level_of_its_inflow(tmp_pa
     assert np.abs(result.surface["elevations"]).max() < (1e-8 if friction else 1e-3)
 
 
-# Steady surfaces above beds with forms in space: a ridge across the channel, a bump, two ranks.
+# Steady surfaces above beds with forms in space: a ridge across the channel, a bump.
 #
 # A film on a slope over a bump of small height is compared with its linear theory, solved by collocation for each
 # Fourier mode of the bed, inertia included.
@@ -318,13 +209,6 @@ SLOW = {
     "numerics": {"error_bars": False},
     "output": {"fields": False},
 }
-RANKS = """
-import incipient, sys
-from mpi4py import MPI
-result = incipient.run(incipient.load(sys.argv[1]))
-if MPI.COMM_WORLD.rank == 0:
-    print(*result.surface["elevations"])
-"""
 ALONG = [0.0, 0.75, 1.5, 2.25, 3.0, 3.75, 4.5, 5.25, 6.0]
 
 
@@ -532,21 +416,3 @@ def test_a_film_over_a_bump_has_the_surface_of_linear_theory(tmp_path):
     doubled = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
     assert doubled.sum() == pytest.approx(LENGTH * WIDTH, rel=1e-12)  # of the half, twice
     assert np.ptp(z) == pytest.approx(np.ptp(exact), rel=0.05)
-
-
-@pytest.mark.slow
-def test_a_film_over_a_bump_on_two_ranks_is_that_on_one(mpirun, tmp_path):
-    """The bump is beside the middle, so that the whole channel is computed."""
-    scene = bump(
-        4.0,
-        place=(4.0, 1.5),
-        time={"end": 0.5, "step": 0.25},
-        numerics={"tolerance": 1e-12, "interface_tolerance": 1e-10},
-    )
-    assert not Setup(scene).symmetric
-    (tmp_path / "scene.toml").write_text(dumps(scene))
-    one = incipient.run(scene).surface["elevations"]
-    done = mpirun(2, RANKS, tmp_path / "scene.toml", timeout=300)
-    assert done.returncode == 0, done.stderr
-    two = np.array(done.stdout.split(), dtype=float)
-    assert two == pytest.approx(one, abs=1e-8 * np.abs(one).max())

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
+from scenes import history_of
 
 import incipient
 from incipient.scene import loads
@@ -62,12 +61,8 @@ class Came:
     def to(cls, directory: Path, step: float, mesh_size: float = 2.0) -> Came:
         """What a run with steps and cells finds."""
         incipient.run(loads(SCENE.format(step=step, mesh_size=mesh_size)), directory)
-        with (directory / "history.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        time, length, contacts, slip, x = (
-            np.array([float(row[name]) for row in rows])
-            for name in ("time", "step", "contacts", "slip", "x")
-        )
+        names = ("time", "step", "contacts", "slip", "x")
+        time, length, contacts, slip, x = (history_of(directory)[name] for name in names)
         return cls(float(time[contacts > 0][0]), float((slip * length).sum()), float(x[-1]))
 
 
@@ -87,12 +82,3 @@ def test_contact_slip_and_rest_converge_with_the_step(tmp_path: Path) -> None:
         )
         assert after < 0.55 * before  # 0.51 and 0.50 when written
     assert (quarter.slid, quarter.rested) == pytest.approx((0.0394, 2.734), rel=2e-3)
-
-
-@pytest.mark.slow
-def test_contact_slip_and_rest_converge_with_the_cells(tmp_path: Path) -> None:
-    """Cells half as large change the way that it slid by 0.14%, and the way to its rest by 0.02%."""
-    coarse, fine = (Came.to(tmp_path / f"{size}", 0.02, size) for size in (2.0, 1.0))
-    assert coarse.touched == fine.touched
-    assert coarse.slid == pytest.approx(fine.slid, rel=3e-3)
-    assert coarse.rested - 2.5 == pytest.approx(fine.rested - 2.5, rel=1e-3)

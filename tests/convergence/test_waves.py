@@ -13,19 +13,13 @@ from scipy.optimize import curve_fit
 from waves import Mode, prosperetti, tabulated_modes, tank
 
 import incipient
-from incipient.accuracy.terms import by_coarser_runs
 from incipient.arrays import Floats
 from incipient.fluid.projection import Projection
-from incipient.interrupt import Interruption
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
-from incipient.results.errorbars import Loads
 from incipient.results.loads import Elevations
 from incipient.scene import Scene
 from incipient.scene.file import loads
-from incipient.simulation.build import prepared
-from incipient.simulation.recorder import Recorder
-from incipient.simulation.time_loop import TimeLoop
 
 # Waves against exact solutions: modes of viscous layers, in time and space, in the plane and in space.
 
@@ -81,38 +75,6 @@ def test_a_viscous_mode_is_of_third_order_in_space():
     mode = Mode(0.05, np.pi)
     coarse, fine = (error_of_a_mode(mode, n=n, order=3, steps=300, periods=0.25)[0] for n in (3, 6))
     assert np.log2(coarse / fine) > 3.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("viscosity", "order", "n"), [(0.01, 3, 12), (0.001, 3, 20), (0.0001, 4, 16)]
-)
-def test_frequency_and_decay_within_a_thousandth(viscosity, order, n):
-    from scipy.optimize import least_squares
-
-    mode, amplitude = Mode(viscosity, np.pi), 1e-7
-    row = next(r for r in tabulated_modes() if r["nu"] == viscosity and abs(r["k"] - np.pi) < 1e-6)
-    with tank(
-        curved_box(2, n, min(order, 3)),
-        viscosity,
-        lambda x: amplitude * np.cos(np.pi * x[:, 0]),
-        order=order,
-    ) as made:
-        made.flow(started(mode, amplitude))
-        left, told = int(np.argmin(made.points[:, 0])), []
-        # The decay by the scheme itself is (w dt)^3 w/4: a three-thousandth of that of the smallest viscosity.
-        for step in made.transient.march(4 * mode.period, 0.006 if viscosity < 0.001 else 0.01):
-            told.append((step.time, made.elevation()[left] / amplitude))
-    t, h = np.array(told)[len(told) // 4 :].T
-
-    def missed(p):
-        return np.real((p[0] + 1j * p[1]) * np.exp((p[2] + 1j * p[3]) * t)) - h
-
-    found = least_squares(
-        missed, [1, 0, mode.s.real, mode.s.imag], xtol=1e-14, ftol=1e-14, gtol=1e-14
-    ).x
-    assert found[2] == pytest.approx(row["re_s"], rel=1e-3)
-    assert found[3] == pytest.approx(row["im_s"], rel=1e-3)
 
 
 def error_in_space(n, steps):
@@ -248,24 +210,6 @@ def elevations(amplitude, lasting=False, columns=12, steps=200, periods=1.0, ord
 
 
 @pytest.mark.slow
-def test_the_second_order_of_a_wave_released_from_rest():
-    """The mean of both ends has even orders only; what linear and second order leave of one end is of third order."""
-    amplitudes = (0.05, 0.1)
-    t, linear = elevations(1e-5)
-    exact, largest = second_order(t), np.abs(second_order(t)).max()
-    found, rests = [], []
-    for a in amplitudes:
-        _, h = elevations(a)
-        found.append(h.mean(axis=1) / a**2)
-        rests.append(np.abs(h[:, 0] - a / 1e-5 * linear[:, 0] - a**2 * exact).max())
-    small, large = (np.abs(one - exact).max() / largest for one in found)
-    assert small < 0.02 and large < 0.05
-    # Without the fourth order; a backward difference of second order loses (2w dt)^2/3 of the phase, 0.4% of it here.
-    assert np.abs((4.0 * found[0] - found[1]) / 3.0 - exact).max() < 0.01 * largest
-    assert 2.8 < np.log2(rests[1] / rests[0]) < 3.2
-
-
-@pytest.mark.slow
 def test_the_frequency_of_a_standing_wave_of_finite_height():
     """That of third order, within a tenth of how far it is below the linear one, up to a height of 0.3 of the depth."""
 
@@ -319,41 +263,8 @@ def true_error(found: Elevations | None, exact: Floats) -> float:
     return float(np.abs(found.values / AMPLITUDE - exact[:, None] * shape).max())
 
 
-def started_with_errors(mode: Mode, made: Scene) -> Loads:
-    """The elevations of a run whose fluid starts as the mode has it."""
-    comm = MPI.COMM_SELF
-    with prepared(made, comm) as run:
-        space = run.fluid.space
-        x, y = space.velocity_points()[:, :2].T
-        along, upwards = mode.velocity(x, y)
-        parts = along.real * np.sin(mode.k * x), upwards.real * np.cos(mode.k * x)
-        places = space.velocity_map.reshape(-1, 2)
-        run.fluid.state.x.array[places] = AMPLITUDE * np.column_stack(parts)
-        TimeLoop(run, Recorder(), Interruption(comm), None).to_the_end()
-        return Loads.at_the_end(None, None, None, run.elevations)
-
-
 COARSE_STEPS = ("time.step=0.1", "numerics.mesh_size=8.0", "numerics.order=3")
-COARSE_CELLS = ("time.step=0.05", "numerics.mesh_size=12.0", "numerics.order=2")
-FINE = ("time.step=0.025", "numerics.mesh_size=5.0", "numerics.order=3")
 SLOW = pytest.mark.slow
-
-
-@pytest.mark.parametrize(
-    "viscosity", [0.01, pytest.param(0.05, marks=SLOW), pytest.param(0.001, marks=SLOW)]
-)
-@pytest.mark.parametrize(
-    "how", [COARSE_CELLS, pytest.param(COARSE_STEPS, marks=SLOW), pytest.param(FINE, marks=SLOW)]
-)
-def test_error_bars_of_a_mode(viscosity: float, how: tuple[str, ...]) -> None:
-    """Between three quarters and three times the error, as docs/contribute/defaults.md says."""
-    made, mode = scene(WAVE, f"fluid.reynolds={1 / viscosity!r}", *how), Mode(viscosity, np.pi)
-    found = started_with_errors(mode, made)
-    assert found.elevations is not None
-    term = by_coarser_runs(made, found, lambda other: started_with_errors(mode, other))
-    assert term.elevation is not None and not term.force.size
-    true = true_error(found.elevations, np.real(np.exp(mode.s * found.elevations.times)))
-    assert 0.75 < term.elevation.max() / AMPLITUDE / true < 3.0
 
 
 def test_error_bars_of_a_wave_released_from_rest() -> None:

@@ -9,6 +9,7 @@ import sys
 import tempfile
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 from environment import environment, finished, on_ranks
@@ -61,12 +62,22 @@ def test_the_first_verdict() -> None:
 
 
 @pytest.mark.slow
-def test_a_lighter_grain() -> None:
-    result = incipient.run(scene_of("verdict", "gravity.acceleration=1"))
-    (factor,) = numbers(r"begins to move \(pivoting\), safety factor ([\d.]+)", "verdict")
-    assert result.verdict
-    assert result.verdict["safety_factor"] == approx(factor, rel=SHOWN)
-    assert result.verdict["mode"] == "pivoting"
+@pytest.mark.parametrize(
+    ("page", "overrides", "pattern", "bound"),
+    [
+        (
+            "verdict",  # of a lighter grain
+            ["gravity.acceleration=1"],
+            r"begins to move \(pivoting\), safety factor ([\d.]+)",
+            {"rel": SHOWN},
+        ),
+        ("flume", [], r"a safety factor of ([\d.]+)\. ", {"abs": 0.02}),
+    ],
+)
+def test_grains_that_pivot(page: str, overrides: list[str], pattern: str, bound: Any) -> None:
+    verdict = incipient.run(scene_of(page, *overrides)).verdict
+    assert verdict and verdict["mode"] == "pivoting"
+    assert [verdict["safety_factor"]] == approx(numbers(pattern, page), **bound)
 
 
 @pytest.mark.slow
@@ -95,15 +106,6 @@ def test_the_shear_velocity_of_the_flume() -> None:
     (line,) = re.findall(r"Re\* [\d.]+, Shields number [\d.]+", said)
     assert line in text_of("flume")
     assert [float(word) for word in re.findall(r"[\d.]+", line)] == approx([60.0, 0.0278], rel=5e-3)
-
-
-@pytest.mark.slow
-def test_the_grain_in_the_flume() -> None:
-    result = incipient.run(scene_of("flume"))
-    (factor,) = numbers(r"a safety factor of ([\d.]+)\. ", "flume")
-    assert result.verdict
-    assert result.verdict["safety_factor"] == approx(factor, abs=0.02)
-    assert result.verdict["mode"] == "pivoting"
 
 
 @pytest.mark.slow

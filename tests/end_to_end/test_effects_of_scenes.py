@@ -2,8 +2,6 @@
 
 import json
 import os
-import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -40,8 +38,6 @@ from incipient.scene import (
 )
 from incipient.scene.file import dumps
 
-# SCOTCH, which orders the unknowns for MUMPS, has threads that wait by turning over a lock, as often as chance has it.
-WAITING = "pthread_mutex|SCOTCHthread"
 ABSENT = Path(__file__).parents[1] / "absent.py"
 COARSE = Numerics(mesh_size=3)
 PLAIN = Numerics(mesh_size=3, error_bars=False)
@@ -87,23 +83,14 @@ def used(tmp_path_factory):
 
     Calls of Python and C functions in the interpreter stand for instructions, since performance counters are not to
     be had in a virtual machine: they are the same in every run to the last digit. What compiled code does follows
-    from them, and from the forms, whose signatures are compared. `instructions` counts what the machine does.
+    from them, and from the forms, whose signatures are compared.
     """
-    directory = tmp_path_factory.mktemp("absent")
-    found = {}
+    path = tmp_path_factory.mktemp("absent") / "scene.toml"
 
-    def run(state, tool=(), counted="calls", into=(), **changes):
-        text = dumps(Scene(**{**STOKES, **changes}))
-        asked = (state, *tool, counted, *into, text)
-        if asked not in found:
-            found[asked] = measured(text, state, tool, counted, into)
-        return found[asked]
-
-    def measured(text, state, tool, counted, into):
-        path = directory / "scene.toml"
-        path.write_text(text)
+    def run(state, counted="calls", into=(), **changes):
+        path.write_text(dumps(Scene(**{**STOKES, **changes})))
         done = subprocess.run(
-            [*tool, sys.executable, str(ABSENT), str(path), state, counted, *into],
+            [sys.executable, str(ABSENT), str(path), state, counted, *into],
             env=os.environ | {"PYTHONHASHSEED": "0", "OMP_NUM_THREADS": "1"},
             capture_output=True,
             text=True,
@@ -129,61 +116,19 @@ def test_an_absent_effect_costs_nothing(used):
     assert there["force"] == taken_out["force"]
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("callgrind_control") is None, reason="valgrind is not installed")
-def test_an_absent_effect_costs_no_instruction(used, tmp_path):
-    def instructions(state, **changes):
-        path = tmp_path / f"{state}{len(changes)}"
-        tool = [
-            "valgrind",
-            "--tool=callgrind",
-            "--instr-atstart=no",
-            f"--callgrind-out-file={path}",
-        ]
-        used(state, tool, "instructions", **changes)
-        return sum(
-            int(n.replace(",", "")) for n, of in functions(path) if not re.search(WAITING, of)
-        )
-
-    def functions(path):
-        command = ["callgrind_annotate", "--threshold=100", path]
-        told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        return re.findall(r"(?m)^ *([\d,]+) \( *[\d.]+%\) +(\S*:.*)$", told)
-
-    there = instructions("there")
-    # 343,529,670 and 343,601,452 when written.
-    assert there == pytest.approx(instructions("taken-out"), rel=0.01)
-    assert instructions("there", effects=Effects(inertia=True)) > 1.1 * there
-
-
-@pytest.mark.slow
-def test_the_count_sees_an_effect_that_is_there(used):
-    without, inert = used("there"), used("there", effects=Effects(inertia=True))
-    assert inert["calls"] > 1.02 * without["calls"]
-    assert inert["forms"] != without["forms"]
-    assert inert["unknowns"] == without["unknowns"]
-    unsteady = used("there", time=Time(end=0.2, step=0.1))
-    added = {
-        "simulation.march",
-        "simulation.time_loop",
-        "fluid.transient",
-    }
-    assert set(unsteady["modules"]) - set(without["modules"]) == added
-
-
 def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
     """Grains held and moving, into a directory: nothing of checkpoints, contact, estimates unless it is wanted."""
     steps = {"time": Time(end=0.2, step=0.1)}
     moving = steps | {"body": Disc(diameter=1, centre=(2, 1.2), motion="free", density=1.0)}
     kept = moving | {"output": Output(fields=False, checkpoint=1)}
     held, free, saved = (
-        modules_of(used("there", counted="nothing", into=[str(tmp_path / str(k))], **changes))
+        modules_of(used("there", "nothing", into=[str(tmp_path / str(k))], **changes))
         for k, changes in enumerate((steps, moving, kept))
     )
     absent = {*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS, *OF_FREE_SURFACE}
     assert not held & {*absent, *OF_MOVING_MESH, *OF_FREE_BODY}
     assert not free & absent and free >= {"effects.moving_grain.part", "coupled.coupling"}
-    assert saved & absent == {"restart", "simulation.checkpointing"}
+    assert saved & absent == {"restart"}
 
 
 def test_a_plan_loads_no_finite_elements():

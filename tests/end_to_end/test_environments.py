@@ -79,6 +79,11 @@ QUICK = [  # for every run of the tests
     shell(REMOVED, "sweep", 5, "the working directory has been"),
     among("plan", 5, "TMPDIR=file: temporary files cannot be written there", TMPDIR="file"),
     among("new", PYTHONWARNINGS="error"),
+    # As other programs leave: 128 and the number of SIGPIPE.
+    *(streams("| head -0", command, 141) for command in ("plan", "schema", "run")),
+    Surroundings("schema", 141, after="| head -0", variables={"PYTHONUNBUFFERED": "1"}),
+    *(streams(ends, "judge") for ends in ("<&- >&- 2>&-", "2>/dev/full")),
+    *(streams(ends, "judge", 5, FULL) for ends in (">/dev/full", ">/dev/full 2>/dev/full")),
 ]
 SLOW = [
     # what is closed, full or not read
@@ -87,7 +92,7 @@ SLOW = [
     *(streams(ends, "judge --out") for ends in ("<&- >&- 2>&-", "</dev/full", "2>/dev/full")),
     *(streams(">/dev/full", command, 5, FULL) for command in ("plan", "run", "sweep")),
     *(streams(ends, "run", 5) for ends in (">/dev/full 2>&-", ">/dev/full 2>/dev/full")),
-    *(streams("| head -0", command, 141) for command in ("plan", "schema", "run", "sweep")),
+    streams("| head -0", "sweep", 141),
     # languages
     *(among(command, LC_ALL="C") for command in ("plan", "judge --out", "draw")),
     *(among("plan", LC_ALL=language) for language in ("xx_YY.UTF-8", "", "tr_TR.UTF-8")),

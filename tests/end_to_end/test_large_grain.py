@@ -1,7 +1,5 @@
 """A large grain on the bed of a turbulent open channel: its loads, what they mean, and where they come from."""
 
-import textwrap
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -163,39 +161,3 @@ def test_pictures_show_all_of_a_disc_whose_contacts_are_not_meshed(tmp_path):
     outline = record.read(tmp_path).touching_grain
     assert np.linalg.norm(outline - found.grain["centre"][:2], axis=1) == pytest.approx(0.1)
     assert outline[:, 1].min() == pytest.approx(found.grain["centre"][1] - 0.1, abs=1e-3)
-
-
-@pytest.mark.slow
-def test_a_stone_on_two_ranks_and_resumed(mpirun, tmp_path):
-    """Steadily on one rank and two; in time the whole run and one that was cut."""
-    script = """
-        import sys
-        import incipient
-        from mpi4py import MPI
-        from incipient.scene.file import loads
-
-        found = incipient.run(loads(open(sys.argv[1]).read()))
-        if MPI.COMM_WORLD.rank == 0:
-            print(repr(found.force.flow[0]), repr(found.force.flow[1]))
-    """
-    from incipient.scene.file import dumps
-
-    (tmp_path / "scene.toml").write_text(dumps(stone()), encoding="utf-8")
-    loads = []
-    for ranks in (1, 2):
-        done = mpirun(
-            ranks,
-            textwrap.dedent(script).replace("sys.argv[1]", repr(str(tmp_path / "scene.toml"))),
-        )
-        assert done.returncode == 0, done.stderr
-        loads.append([float(word) for word in done.stdout.split()])
-    assert loads[1] == pytest.approx(loads[0], rel=1e-4)
-
-    def in_time(end):
-        """In steps short enough that all have the same length."""
-        return stone(time=Time(end=end, step=2.5e-4), output=Output(fields=False, checkpoint=6))
-
-    whole = incipient.run(in_time(3e-3), tmp_path / "whole")
-    incipient.run(in_time(1.5e-3), tmp_path / "cut")
-    resumed = incipient.resume(tmp_path / "cut", ["time.end=3e-3"])
-    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-12, abs=1e-12)

@@ -23,7 +23,6 @@ from incipient.scene import (
     Output,
     RidgeBed,
     Scene,
-    Sinusoidal,
     Sphere,
     SphereBed,
     Turbulence,
@@ -84,23 +83,6 @@ def channel(length=2.0, width=None, **changes):
 
 
 @pytest.mark.slow
-def test_ridges_across_the_stream_are_the_plane_s():
-    """u* along a wavy bed of a slice of a channel between sides without friction, by cells half as large in the plane.
-
-    There it scatters by 1%: 0.05354, 0.05404, 0.05381, 0.05354 at the sizes 4, 2, 1.4 and 1; here it is 0.05414.
-    """
-    shape, finer = (
-        {"amplitude": 0.05, "wavelength": 1.0},
-        Numerics(mesh_size=2.0, order=2, error_bars=False),
-    )
-    plane = incipient.run(channel(bed=Sinusoidal(**shape), numerics=finer)).turbulence
-    space = incipient.run(channel(width=0.2, bed=RidgeBed(**shape))).turbulence
-    assert not space.plane
-    assert space.shear_velocity == pytest.approx(plane.shear_velocity, rel=0.01)
-    assert [space.least, space.largest] == pytest.approx([plane.least, plane.largest], rel=0.05)
-
-
-@pytest.mark.slow
 def test_a_cylinder_across_the_stream_is_the_plane_s_disc():
     """Load per width, by the computation in the plane on cells as large: 0.0675 and 0.020, here 0.0687 and 0.020."""
     size = {"diameter": 0.3}
@@ -122,28 +104,6 @@ def test_error_bars_of_a_sphere():
     assert [term.name for term in bars.terms] == ["discretisation", "gap", "domain"]
     assert all((term.force[[0, 2]] > 0.0).all() and term.force[1] == 0.0 for term in bars.terms)
     assert "turbulence model" in bars.left_out and not bars.failed
-
-
-@pytest.mark.slow
-def test_a_sphere_on_two_ranks(mpirun, tmp_path):
-    """Loads are those of one rank."""
-    script = """
-        import incipient
-        from mpi4py import MPI
-        from incipient.scene.file import loads
-
-        found = incipient.run(loads(open({path!r}).read()))
-        if MPI.COMM_WORLD.rank == 0:
-            print(*map(repr, found.force.flow.tolist() + found.torque.flow.tolist()))
-    """
-    scene = stone(numerics=Numerics(mesh_size=7.0, error_bars=False, tolerance=1e-9))
-    (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
-    found = []
-    for ranks in (1, 2):
-        done = mpirun(ranks, textwrap.dedent(script).format(path=str(tmp_path / "scene.toml")))
-        assert done.returncode == 0, done.stderr
-        found.append([float(word) for word in done.stdout.split()])
-    assert found[1] == pytest.approx(found[0], rel=1e-8)
 
 
 @pytest.mark.slow

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import sys
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from environment import environment, finished, on_ranks
+from environment import environment, finished
 from numpy.typing import NDArray
-from PIL import Image
+from scenes import history_of
 
 import incipient
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.geometry.space.grains import Box as BoxSolid
-from incipient.pictures.apart import animate_apart, draw_apart
 from incipient.scene import (
     Box,
     Contact,
@@ -37,16 +34,14 @@ from incipient.scene import (
     Still,
     Time,
 )
-from incipient.scene.file import dumps
 from incipient.scene.solids import orientation_of
 from incipient.setup.body import rigid_body
 from incipient.setup.setup import Setup
 
-# Grains that move in space, from scene to end of path: exact orbits and drags, contact, resuming, ranks.
+# Grains that move in space, from scene to end of path: exact orbits and drags, contact.
 
 
 SLOW = Fluid(reynolds=0.01, scale="grain", inertia=False)
-EXACTLY = {"error_bars": False, "tolerance": 1e-9, "interface_tolerance": 1e-9}
 RATIO = 2.0  # of the spheroid's axes
 
 
@@ -65,18 +60,15 @@ def in_shear(size: float, **sections: Any) -> Scene:
     return Scene(**{"domain": domain, "fluid": SLOW, "flow": flow, "body": body, **sections})
 
 
-def through_a_new_mesh(numerics: dict[str, float] = EXACTLY, **output: Any) -> Scene:
-    """In a box three long axes wide, on 400 cells; exactly enough to be compared with itself."""
+def through_a_new_mesh() -> Scene:
+    """In a box three long axes wide, on 400 cells; solved so well that runs can be compared."""
+    exactly = {"error_bars": False, "tolerance": 1e-12, "interface_tolerance": 1e-12}
     return in_shear(
         8.0,
         time=Time(end=1.0, step=0.25, start="stokes"),
-        numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **numerics),
-        output=Output(**{"fields": False, **output}),
+        numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **exactly),
+        output=Output(fields=False),
     )
-
-
-def history_of(directory: Path) -> NDArray[Any]:
-    return np.genfromtxt(directory / "history.csv", delimiter=",", names=True)
 
 
 def angles(history: NDArray[Any]) -> NDArray[np.float64]:
@@ -89,68 +81,6 @@ def angles(history: NDArray[Any]) -> NDArray[np.float64]:
 def jeffery(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Spin about y of a spheroid whose axis turns in the plane of the shear (Jeffery 1922)."""
     return (RATIO**2 * np.cos(angle) ** 2 + np.sin(angle) ** 2) / (RATIO**2 + 1.0)
-
-
-def assert_same_path(
-    one: Path, other: Path, tolerance: float, of_forces: float | None = None
-) -> None:
-    first, second = history_of(one), history_of(other)
-    assert len(first) == len(second) and first["meshes"].max() > 1
-    for name in (
-        "x",
-        "z",
-        "quaternion_w",
-        "quaternion_y",
-        "velocity_x",
-        "velocity_z",
-        "spin_y",
-        "force_x",
-        "force_z",
-    ):
-        scale = max(np.abs(first[name]).max(), 0.01)
-        bound = of_forces if of_forces and name.startswith("force") else tolerance
-        assert np.abs(first[name] - second[name]).max() <= bound * scale, name
-    assert np.all(first["meshes"] == second["meshes"])
-
-
-@pytest.mark.slow
-def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
-    """Through a new mesh, on 400 cells in a box three long axes wide: measured 5% of the fastest rate off the orbit
-    in an unbounded fluid. Resumed before its last step it is the same."""
-    scene = through_a_new_mesh(checkpoint=3, fields=True, every=1)
-    assert Setup(scene).symmetric
-    incipient.run(scene, tmp_path / "whole")
-    whole = history_of(tmp_path / "whole")
-    assert np.abs(whole["spin_y"] - jeffery(angles(whole))).max() < 0.08 * 0.8
-    for name in (
-        "y",
-        "velocity_y",
-        "spin_x",
-        "spin_z",
-        "force_y",
-        "torque_x",
-        "torque_z",
-        "quaternion_x",
-    ):
-        assert np.abs(whole[name]).max() == 0.0, name
-
-    shutil.copytree(tmp_path / "whole", tmp_path / "resumed")
-    incipient.resume(tmp_path / "resumed")
-    assert_same_path(tmp_path / "whole", tmp_path / "resumed", 1e-7)
-    assert draw_apart(tmp_path / "whole").paths[0].stat().st_size > 10_000
-    assert_shows(animate_apart(tmp_path / "whole", None, "vorticity"), frames=4)
-
-
-def assert_shows(path: Path, frames: int) -> None:
-    """The film has so many frames, which differ, and each many colours."""
-    film = Image.open(path)
-    assert film.n_frames == frames
-    seen = []
-    for number in range(frames):
-        film.seek(number)
-        seen.append(np.asarray(film.convert("RGB")))
-        assert len(np.unique(seen[-1].reshape(-1, 3), axis=0)) > 20
-    assert all(np.any(one != other) for one, other in pairwise(seen))
 
 
 @pytest.mark.slow
@@ -240,20 +170,9 @@ def test_a_quarter_of_a_turn_in_a_wide_shear(tmp_path: Path) -> None:
     found = history_of(tmp_path)
     assert angles(found)[-1] > 0.5 * np.pi and found["meshes"].max() > 1
     assert np.abs(found["spin_y"] - jeffery(angles(found))).max() < 0.03 * 0.8
-
-
-@pytest.mark.slow
-def test_two_ranks_take_the_path_of_one(tmp_path: Path, mpirun: Any) -> None:
-    """Solved by iteration to as much as each step's residual allows: measured 2e-11 apart, without shared edges 1e-4.
-
-    The force on a free grain as heavy as the fluid is what tractions 1e5 times as large leave: measured 1e-8 apart.
-    """
-    exactly = {**EXACTLY, "tolerance": 1e-12, "interface_tolerance": 1e-12}
-    (tmp_path / "scene.toml").write_text(dumps(through_a_new_mesh(exactly)))
-    script = "import sys, incipient\nincipient.run(incipient.load(sys.argv[1]), sys.argv[2])"
-    for ranks in (1, 2):
-        mpirun(ranks, script, tmp_path / "scene.toml", tmp_path / str(ranks), timeout=600)
-    assert_same_path(tmp_path / "1", tmp_path / "2", 1e-9, of_forces=1e-7)
+    assert Setup(scene).symmetric
+    across = (*("y", "velocity_y", "spin_x", "spin_z"), *("force_y", "torque_x", "torque_z"))
+    assert all(np.abs(found[name]).max() == 0.0 for name in (*across, "quaternion_x"))
 
 
 @pytest.mark.slow
@@ -275,16 +194,15 @@ def test_a_sphere_falls_on_a_plane_and_is_judged(tmp_path: Path) -> None:
     assert len(stored["contacts"]) == 1 and "body.orientation = [" in stored["verdict"]["note"]
 
 
-# The sphere of ten Cate et al. (2002), settling in a box: demos/settling_sphere.py, on two ranks as well.
+# The sphere of ten Cate et al. (2002), settling in a box: demos/settling_sphere.py.
 
 
 DEMO = Path(__file__).parents[2] / "demos/settling_sphere.py"
 
 
-def said_by_demo(directory, ranks, *settings):
+def said_by_demo(directory, *settings):
     """What the demo prints."""
-    command = [*(on_ranks(ranks) if ranks > 1 else []), sys.executable, DEMO, *settings]
-    done = finished(command, 900, env=environment(), cwd=directory)
+    done = finished([sys.executable, DEMO, *settings], 900, env=environment(), cwd=directory)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -301,24 +219,6 @@ def still_faster(said):
 
 
 @pytest.mark.slow
-def test_the_start_on_two_ranks(tmp_path):
-    coarse = (
-        "numerics.mesh_size=3",
-        "time.end=0.0225",
-        "time.step=0.02",
-        "time.first_step=0.5",
-        "output.fields=false",
-    )
-    said = said_by_demo(tmp_path, 2, *coarse)
-    # Abraham's drag: Re 1.49, which ten Cate et al. round to 1.5.
-    assert "unbounded          38.287 mm/s" in said
-    assert still_faster(said)
-    # Without drag, with added mass alone, it would be (s - 1) g t / (s + 1/2); drag leaves some of it (found: 0.44).
-    without_drag = 0.154639 * 9810.0 * 0.0225 / 1.654639 / 38.287
-    assert 0.3 * without_drag < peak(said) < without_drag
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "computed", "difference"), [("1", 0.894, 0.01), ("4", 0.947, 0.03)]
 )
@@ -328,7 +228,7 @@ def test_the_largest_velocity(tmp_path, case, computed, difference):
     Finer cells give 0.905 and 0.946 (docs/validation/laminar.md): in the first case the cells' error hides that
     difference of 1.2%.
     """
-    said = said_by_demo(tmp_path, 1, case, "output.fields=false", "numerics.mesh_size=2")
+    said = said_by_demo(tmp_path, case, "output.fields=false", "numerics.mesh_size=2")
     assert not still_faster(said)
     assert peak(said) == pytest.approx(computed, rel=difference)
     assert re.search(rf"^computed by them +{computed} ", said, re.M)

@@ -15,9 +15,9 @@ from processes import assert_is_a_picture
 import incipient
 from incipient.contact import Load
 from incipient.contact.verdict import judge
-from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.space.grains import Triangulated
 from incipient.pictures.directory_pictures import draw
+from incipient.results.contact_verdict import find_contacts
 from incipient.scene import Shear
 
 # The scanned pebble of demos/pebble.py: its scans, the verdict on given loads on them, and the demo itself.

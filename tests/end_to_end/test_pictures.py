@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import asdict
+from functools import partial, reduce
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -17,11 +19,7 @@ import numpy as np
 import pytest
 import tomli_w
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from matplotlib.text import Text
-from moving_run import PERIOD, course, write_history, write_texts
-from moving_run import SCENE as MOVING_SCENE
 from PIL import Image
 from processes import assert_is_a_picture, texts_of
 from scenes import POCKET
@@ -36,7 +34,7 @@ from incipient.files import MARK, plain, write_json
 from incipient.geometry.closest import touching
 from incipient.output.series_file import SeriesFile, StoredStep
 from incipient.pictures import film as films
-from incipient.pictures import flow, style, surfaces, trajectory, verdict
+from incipient.pictures import style, surfaces, trajectory, verdict
 from incipient.pictures.apart import animate_apart, draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.history import read_history
@@ -45,7 +43,6 @@ from incipient.pictures.outlines import bed_line, grain_outline, hull, round_rad
 from incipient.pictures.record import StoredRun, read
 from incipient.pictures.style import STATES
 from incipient.pictures.verdict import of_threshold
-from incipient.results.kinds import JUDGEMENT, THRESHOLD
 from incipient.scene import load, save
 from incipient.scene.file import dumps, loads
 
@@ -79,6 +76,12 @@ def quadratic_grid(place, columns, rows, closed=False):
                 mids = [tuple((np.array(p) + q) // 2) for p, q in pairwise(ring)]
                 cells.append([node(*p) for p in (*corners, *mids)])
     return place(s.ravel(), t.ravel()), np.array(cells)
+
+
+def inner_edges(columns):
+    """The 3-node edges of a closed grid at t = 0."""
+    start = 2 * np.arange(columns)
+    return np.column_stack([start, (start + 2) % (2 * columns), start + 1])
 
 
 def around_disc(s, t):
@@ -161,8 +164,7 @@ friction = 0.4
 def grain_run(tmp_path):
     columns = 24
     mesh = quadratic_grid(around_disc, columns, 12, closed=True)
-    start = 2 * np.arange(columns)
-    edges = np.column_stack([start, (start + 2) % (2 * columns), start + 1])
+    edges = inner_edges(columns)
     edges[::3] = edges[::3][:, [1, 0, 2]]  # dolfinx's facets have no common direction
     values = past_disc(mesh[0])
     traction = -values["pressure"][:, None] * np.column_stack([mesh[0], np.zeros(len(mesh[0]))])
@@ -183,7 +185,8 @@ def grain_run(tmp_path):
 
 
 @pytest.fixture
-def box_run(tmp_path):
+def box_run(tmp_path, request):
+    """A rotation of the fluid in a box, at a rate of one unless asked otherwise."""
     mesh = quadratic_grid(lambda s, t: np.column_stack([s, t]), 8, 8)
     scene = {
         "title": "Rotation",
@@ -191,55 +194,60 @@ def box_run(tmp_path):
         "fluid": {"reynolds": 100.0, "scale": "flow"},
         "flow": {"kind": "lid"},
     }
+    rate = getattr(request, "param", 1.0)
+    fields = {name: rate * values for name, values in rotation(mesh[0]).items()}
     result = {"force": None, "contacts": [], "verdict": None}
-    return write_run(tmp_path, mesh, rotation(mesh[0]), scene, result)
+    return write_run(tmp_path, mesh, fields, scene, result)
 
 
-@pytest.mark.slow
-def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run, capsys):
-    """By the command, which says what it has written."""
-    assert main(["show", str(box_run)]) == 0
-    written = [Path(line) for line in capsys.readouterr().out.splitlines()]
+@pytest.mark.parametrize("box_run", [1.0, 0.0], indirect=True)
+def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run):
+    """Also of a fluid at rest, in which there is no range of colours to choose."""
+    written = draw(box_run)
     assert written == [box_run / name for name in (*FLOW_PICTURES, "profiles.png", "mesh.png")]
     for path in written:
         assert_is_a_picture(path)
 
 
-def test_the_verdict_is_told_in_words_and_numbers(grain_run):
-    texts = texts_of(verdict.of_run(read(grain_run)))
-    assert texts[0].startswith("The grain begins to move (pivoting), safety factor ")
-    assert texts[1].startswith("By the paper's criteria it begins to move")
-    assert {"flow", "weight", "resultant"} <= set(texts)
-    assert "(3.142, −1.5)" in texts  # the resultant of flow, buoyancy and weight
-    assert texts[texts.index("coefficient of static friction") + 1] == "0.4"
-    assert "moment coefficient" not in texts  # null in the result
-    assert {"contact lifts off", "contact rolls without slip"} <= set(texts)
+RESTING = verdict_on([0.1, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("stored", "shown", "absent"),
+    [
+        (
+            verdict_on(FLOW),
+            [
+                "The grain begins to move (pivoting), safety factor ",
+                "By the paper's criteria it begins to move",
+                *("flow\n", "weight\n", "resultant\n"),
+                "(3.142, −1.5)",  # the resultant of flow, buoyancy and weight
+                "coefficient of static friction\n0.4\n",
+                *("contact lifts off", "contact rolls without slip"),
+            ],
+            "moment coefficient",  # null in the result
+        ),
+        (RESTING, ["contact force on the grain, a set that balances the load"], "acceleration"),
+        (
+            None,
+            [
+                "The forces on the grain; the scene asks for no verdict.",
+                *("flow\n", "weight\n", "resultant\n", "contact with its normal"),
+            ],
+            "safety factor on the flow",
+        ),
+    ],
+    ids=["moves", "rests", "not judged"],
+)
+def test_a_verdict_is_told_in_words_and_numbers(grain_run, stored, shown, absent):
+    text = "\n".join(texts_of(verdict.of_run(with_verdict(grain_run, stored))))
+    assert [words for words in shown if words not in text] == [] and absent not in text
 
 
 def with_verdict(run, verdict):
     path = run / "result.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"verdict": verdict}))
     return read(run)
-
-
-def test_a_grain_that_rests_shows_the_forces_that_hold_it(grain_run):
-    texts = texts_of(verdict.of_run(with_verdict(grain_run, verdict_on([0.1, 0.0, 0.0]))))
-    assert "contact force on the grain, a set that balances the load" in texts
-    assert "acceleration" not in texts
-
-
-def test_a_grain_that_is_not_judged_shows_its_load(grain_run):
-    texts = texts_of(verdict.of_run(with_verdict(grain_run, None)))
-    assert texts[0] == "The forces on the grain; the scene asks for no verdict."
-    assert {"flow", "weight", "resultant", "contact with its normal"} <= set(texts)
-    assert "safety factor on the flow" not in texts
-
-
-@pytest.mark.parametrize("missing", ["judges", "sentence", "safety_factor"])
-def test_an_incomplete_verdict_is_named(grain_run, missing):
-    incomplete = {key: value for key, value in verdict_on(FLOW).items() if key != missing}
-    with pytest.raises(OutputError, match=rf"result\.json: its verdict holds no {missing}"):
-        verdict.of_run(with_verdict(grain_run, incomplete))
 
 
 def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
@@ -259,46 +267,6 @@ def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
         assert_is_a_picture(grain_run / name)
 
 
-def test_still_fluid_is_drawn(grain_run):
-    file = SeriesFile(grain_run / "fields", "Triangle_6")
-    points, cells = quadratic_grid(around_disc, 24, 12, closed=True)
-    file.begin()
-    nothing, still = np.zeros(len(points)), np.zeros((len(points), 3))
-    mesh = {"topology": cells, "geometry": np.column_stack([points, nothing])}
-    file.add_step(0.0, {"velocity": still, "pressure": nothing, "vorticity": nothing}, mesh)
-    for name, shown in zip(FLOW_PICTURES, (flow.SPEED, flow.PRESSURE, flow.VORTICITY), strict=True):
-        with style.applied():
-            flow.picture(read(grain_run), shown).savefig(grain_run / name, dpi=style.DOTS_PER_INCH)
-        assert_is_a_picture(grain_run / name)
-
-
-@pytest.mark.parametrize(
-    ("name", "complaint"),
-    [
-        ("result.json", "give the directory of a finished run"),
-        ("scene.toml", "give the directory of a finished run"),
-        ("fields", r"output\.fields = true"),
-        ("surface", r"output\.fields = true"),
-    ],
-)
-def test_a_missing_file_is_named(grain_run, name, complaint):
-    (grain_run / name).rename(grain_run / "away")
-    with pytest.raises(OutputError, match=rf"{name}: .*{complaint}"):
-        draw(grain_run)
-
-
-def test_damaged_files_are_named(grain_run):
-    (grain_run / "result.json").write_text("{")
-    with pytest.raises(OutputError, match=r"result\.json: cannot be read"):
-        draw(grain_run)
-    (grain_run / "result.json").write_text("{}")
-    (grain_run / "fields" / "000000.h5").write_bytes(b"nothing")
-    with pytest.raises(
-        OutputError, match=r"000000\.h5: cannot be read: it is damaged or incomplete; run"
-    ):
-        draw(grain_run)
-
-
 def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture_with_them(box_run):
     file = SeriesFile(box_run / "fields", "Triangle_6")
     points, cells = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
@@ -312,42 +280,17 @@ def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture
     assert [path.name for path in drawn.paths] == ["profiles.png", "mesh.png"]
 
 
-def test_a_defect_in_one_picture_is_named_and_the_others_are_drawn(tmp_path, monkeypatch):
-    """Of a threshold and a judgement, one being beyond drawing."""
-    for name in ("threshold", "judgement"):
-        (tmp_path / f"{name}.json").write_text("{}")
-    makers = {
-        THRESHOLD: lambda stored, directory: [][0],
-        JUDGEMENT: lambda stored, directory: Figure(),
-    }
-    monkeypatch.setattr("incipient.pictures.directory_pictures.CHARTS", makers)
-    announced = []
-    with pytest.raises(
-        OutputError, match=r"^[^;]*threshold\.json: cannot be drawn: IndexError: [^;]*$"
-    ):
-        draw(tmp_path, announced.append)
-    assert announced == [tmp_path / "judgement.png"]
-
-
-def around(columns, rows):
-    """The plane of a made-up run around the disc, with a linear velocity."""
-    points, cells = quadratic_grid(around_disc, columns, rows, closed=True)
+def test_plane_of_a_mesh_with_a_hole():
+    """Its outline, its grain, and a linear velocity sampled on a grid within the fluid."""
+    points, cells = quadratic_grid(around_disc, 48, 24, closed=True)
     linear = np.column_stack([points[:, 0] - 3.0 * points[:, 1], 2.0 * points])
     step = StoredStep(0.0, spatial(points), cells, {"velocity": linear})
-    return StoredRun(Path(), {}, {}, step, None).plane
-
-
-def test_boundary_of_a_mesh_with_a_hole():
-    plane = around(24, 12)
+    plane = StoredRun(Path(), {}, {}, step, None).plane
     (outer, hole), (grain,) = plane.outlines, plane.grains
     assert grain is hole and np.allclose(np.abs(outer).max(axis=1), SIDE / 2)
-    # Sides of 15 degrees, quadratic, in four pieces: their ends are within 2e-5 of the circle.
-    assert np.allclose(np.linalg.norm(hole, axis=1), RADIUS, atol=2e-5) and len(hole) >= 4 * 24
-
-
-def test_fields_are_sampled_on_a_grid_within_the_fluid():
-    plane, view = around(48, 24), (-2.0, 3.0, -1.0, 1.0)
-    x, y, (value, other) = plane.velocities(view, 50)
+    # Sides of 7.5 degrees, quadratic, in four pieces: their ends are within 2e-6 of the circle.
+    assert np.allclose(np.linalg.norm(hole, axis=1), RADIUS, atol=2e-6) and len(hole) >= 4 * 48
+    x, y, (value, other) = plane.velocities((-2.0, 3.0, -1.0, 1.0), 50)
     across, up = np.meshgrid(x, y)
     radius = np.hypot(across, up)
     assert value.mask[radius < 0.99 * RADIUS].all() and not value.mask[radius > RADIUS].any()
@@ -362,11 +305,6 @@ def test_components_of_the_traction_are_those_along_normal_and_surface(grain_run
     assert len(angles) == 24 and np.all(np.diff(angles) > 0)
     assert np.allclose(values, np.cos(np.radians(angles)), atol=1e-2)
     assert np.allclose(tangential.get_ydata(), 0.0, atol=1e-2)
-
-
-def test_the_directory_itself_is_checked():
-    with pytest.raises(OutputError, match="No such file"):
-        draw(Path("no-such-run"))
 
 
 # Pictures of thresholds and of judged cases, from loads made up so that statics knows the answer.
@@ -431,150 +369,151 @@ def box_on_a_plane(pushed, inert=MASS_AND_INERTIA):
         np.array(pushed), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 0.3])
     )
     verdict = judge(acting, contacts, 0.5, inert).to_dict()
-    return judged(plain(verdict), Path("judgement.json"))
+    return judged(plain(verdict))
 
 
 def stored_verdict(directory):
-    path = directory / "judgement.json"
-    return judged(json.loads(path.read_text())["verdict"], path)
+    return judged(json.loads((directory / "judgement.json").read_text())["verdict"])
 
 
-# -- thresholds --------------------------------------------------------------------------------------------
+# -- thresholds and cases ----------------------------------------------------------------------------------
 
 
-def test_a_threshold_in_a_pocket_is_drawn(tmp_path):
-    written = draw(found(tmp_path, POCKET))
-    assert [path.name for path in written] == ["threshold.png"]
-    assert_is_a_picture(written[0])
-
-
-def test_a_contact_that_is_left_has_a_state_of_the_pictures(tmp_path):
-    """At the threshold the grain is held by one of its two contacts alone."""
-    case = judged(
-        json.loads((found(tmp_path, POCKET) / "threshold.json").read_text())["verdict"], tmp_path
-    )
-    assert case.states[0] == "UNLOADED" and set(case.states) <= STATES.keys()
-
-
-@pytest.mark.parametrize("overrides", [[], [*POCKET, "contact.friction=5.0"]])
-def test_why_there_is_no_threshold_is_said(tmp_path, overrides):
-    """A disc on a plane rolls in any flow; the pocket wedges it in all flows."""
-    directory = found(tmp_path, overrides, FLOW_OF_CONTACTS)
-    assert_is_a_picture(*draw(directory))
+@pytest.mark.parametrize("overrides", [POCKET, [], (*POCKET, "contact.friction=5.0")])
+def test_thresholds_are_drawn_and_why_there_is_none_is_said(tmp_path, overrides):
+    """A disc on a plane rolls in any flow; friction wedges one in a pocket in all flows."""
+    directory = found(tmp_path, overrides)
+    (written,) = draw(directory)
+    assert written.name == "threshold.png"
+    assert_is_a_picture(written)
     stored = json.loads((directory / "threshold.json").read_text())
     assert texts_of(of_threshold(stored, directory))[0] == "Threshold: none, for a reason."
+    states = judged(stored["verdict"]).states
+    assert set(states) <= STATES.keys()
+    # At the threshold the grain in its pocket is held by one of its two contacts alone.
+    assert overrides != POCKET or states[0] == "UNLOADED"
 
 
 @pytest.mark.parametrize(
-    "missing",
-    ["factor", "errors", "shields", "reynolds", "mode", "verdict", "trials", "sentence"],
+    ("name", "flow"),
+    [
+        ("block_on_incline", ""),
+        ("disc_in_pocket", ""),
+        pytest.param("sphere_on_three_spheres", "[0.2, 0.0, 0.0]", marks=pytest.mark.slow),  # rests
+        pytest.param("sphere_on_three_spheres", "[0.4, 0.1, 0.05]", marks=pytest.mark.slow),
+    ],
 )
-def test_an_incomplete_threshold_is_named(tmp_path, missing):
-    path = found(tmp_path, POCKET) / "threshold.json"
-    stored = json.loads(path.read_text())
-    del stored[missing]
-    path.write_text(json.dumps(stored))
-    with pytest.raises(OutputError, match=rf"threshold\.json: holds no {missing}"):
-        draw(tmp_path)
-
-
-def test_a_threshold_without_its_scene_is_an_error(tmp_path):
-    (found(tmp_path, POCKET) / "scene.toml").unlink()
-    with pytest.raises(OutputError, match=r"scene\.toml: cannot be read .No such file"):
-        draw(tmp_path)
-
-
-def test_a_threshold_that_makes_no_sense_is_an_error(tmp_path):
-    path = found(tmp_path, POCKET) / "threshold.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"trials": 3}))
-    with pytest.raises(OutputError, match=r"threshold\.json: cannot be drawn: TypeError"):
-        draw(tmp_path)
-
-
-# -- judged cases ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["block_on_incline", "disc_in_pocket"])
-def test_cases_in_the_plane_are_drawn(tmp_path, name):
-    written = draw(judged_case(tmp_path, name))
-    assert [path.name for path in written] == ["judgement.png"]
-    assert_is_a_picture(written[0])
+def test_cases_are_drawn(tmp_path, name, flow):
+    judged_case(tmp_path, name, *([f"load.flow_force={flow}"] if flow else []))
+    (written,) = draw_apart(tmp_path).paths
+    assert written == tmp_path / "judgement.png"
+    assert_is_a_picture(written)
 
 
 def test_a_case_that_gives_a_shape_is_drawn_with_it(tmp_path):
-    (picture,) = draw(judged_case(tmp_path, "disc_in_pocket"))
-    shaped = picture.read_bytes()
-    (picture,) = draw(judged_case(tmp_path, "disc_in_pocket", shaped=False))
-    assert_is_a_picture(picture)
-    assert picture.read_bytes() != shaped
+    pictures = [
+        verdict.of_judgement(json.loads((directory / "judgement.json").read_text()), directory)
+        for directory in (
+            judged_case(tmp_path, "disc_in_pocket", shaped=shaped) for shaped in (True, False)
+        )
+    ]
+    titles = [picture.axes[0].get_title() for picture in pictures]
+    assert titles[1] == f"{titles[0]}; the grain is sketched"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "flow", [pytest.param("[0.2, 0.0, 0.0]", marks=pytest.mark.slow), "[0.4, 0.1, 0.05]"]
-)  # rests, pivots
-def test_cases_in_space_are_drawn(tmp_path, flow):
-    judged_case(tmp_path, "sphere_on_three_spheres", f"load.flow_force={flow}")
-    written = draw_apart(tmp_path).paths
-    assert [path.name for path in written] == ["judgement.png"]
-    assert_is_a_picture(written[0])
+# -- damaged results ---------------------------------------------------------------------------------------
 
 
-def test_an_incomplete_judgement_is_named(tmp_path):
-    path = judged_case(tmp_path, "disc_in_pocket") / "judgement.json"
-    stored = json.loads(path.read_text())
-    del stored["verdict"]["judges"]["equilibrium"]["safety"]
-    path.write_text(json.dumps(stored))
-    with pytest.raises(OutputError, match=r"judgement\.json: its verdict holds no safety"):
-        draw(tmp_path)
-    path.write_text("{}")
-    with pytest.raises(OutputError, match=r"judgement\.json: holds no verdict"):
-        draw(tmp_path)
-    path.write_text(json.dumps(stored | {"case": {"load": 3}}))
-    with pytest.raises(
-        OutputError, match=r"judgement\.json: .*cannot be understood|holds no safety"
-    ):
+def away(name):
+    return lambda directory: (directory / name).rename(directory / "away")
+
+
+def without(key, value=None, record="threshold.json"):
+    """Remove a key from a record, or give it another value."""
+
+    def damage(directory):
+        stored = json.loads((directory / record).read_text())
+        *sections, last = key.split(".")
+        within = reduce(dict.__getitem__, sections, stored)
+        within.update({last: value}) if value is not None else within.pop(last)
+        (directory / record).write_text(json.dumps(stored))
+
+    return damage
+
+
+FINISHED = "give the directory of a finished run"
+OF_VERDICT = "verdict.judges.equilibrium.safety"
+DAMAGES = [
+    ("run", away("result.json"), rf"result\.json: .*{FINISHED}"),
+    ("run", away("scene.toml"), rf"scene\.toml: .*{FINISHED}"),
+    ("run", away("fields"), r"fields: .*output\.fields = true"),
+    ("run", away("surface"), r"surface: .*output\.fields = true"),
+    ("run", lambda run: (run / "result.json").write_text("{"), r"result\.json: cannot be read"),
+    (
+        "run",
+        lambda run: (run / "fields" / "000000.h5").write_bytes(b"nothing"),
+        r"000000\.h5: cannot be read: it is damaged or incomplete; run",
+    ),
+    *(
+        ("run", without(f"verdict.{key}", record="result.json"), rf"result\.json: holds no {key}")
+        for key in ("judges", "sentence", "safety_factor")
+    ),
+    *(
+        ("threshold", without(key), rf"threshold\.json: holds no {key}")
+        for key in ("factor", "errors", "shields", "mode", "verdict", "trials", "sentence")
+    ),
+    ("threshold", away("scene.toml"), r"scene\.toml: cannot be read .No such file"),
+    ("threshold", without("trials", 3), r"threshold\.png: cannot be drawn: TypeError"),
+    ("case", without(OF_VERDICT, record="judgement.json"), r"judgement\.json: holds no safety"),
+    ("case", without("verdict", record="judgement.json"), r"judgement\.json: holds no verdict"),
+    ("case", without("case.load.weight", [3], "judgement.json"), "another version, whose scene"),
+]
+
+
+@pytest.mark.parametrize(("results", "damage", "complaint"), DAMAGES)
+def test_damaged_results_are_named(tmp_path, results, damage, complaint, request):
+    if results == "run":
+        request.getfixturevalue("grain_run")
+    elif results == "threshold":
+        found(tmp_path, POCKET)
+    else:
+        judged_case(tmp_path, "disc_in_pocket")
+    damage(tmp_path)
+    with pytest.raises(OutputError, match=complaint):
         draw(tmp_path)
 
 
 # -- what is shown of them ---------------------------------------------------------------------------------
 
 
-def test_forces_of_a_grain_that_rests_balance_its_load_inside_their_cones():
-    case = box_on_a_plane([0.2, 0.0, 0.0])
-    acting = case.load
-    assert np.allclose(case.forces.sum(axis=0) + acting.force, 0.0, atol=1e-8)
-    assert np.allclose(
-        np.cross(case.contacts.points - acting.centre, case.forces).sum(axis=0)
-        + acting.flow_couple,
-        0.0,
-        atol=1e-8,
-    )
-    assert case.share == 1.0 and case.motion is None
-    assert set(case.states) <= {"INSIDE", "EDGE"}
-    assert (np.hypot(*case.forces[:, :2].T) <= 0.5 * case.forces[:, 2] * (1 + 1e-6)).all()
+@pytest.mark.parametrize(
+    ("pushed", "inert", "states", "share", "acceleration"),
+    [
+        (0.2, MASS_AND_INERTIA, {"INSIDE", "EDGE"}, 1.0, None),
+        (0.6, MASS_AND_INERTIA, {"SLIDE"}, 1.0, [0.1, 0.0, 0.0]),  # friction 0.5 holds of weight 1
+        # Without mass the forces are those at the safety factor: friction holds half of the weight.
+        (0.6, None, {"INSIDE", "EDGE"}, 0.5 / 0.6, None),
+    ],
+    ids=["rests", "slides", "without mass"],
+)
+def test_contact_forces_balance_the_load_within_their_cones(
+    pushed, inert, states, share, acceleration
+):
+    case = box_on_a_plane([pushed, 0.0, 0.0], inert)
+    acting, forces, moves = case.load, case.forces, acceleration is not None
+    assert set(case.states) <= states and case.share == pytest.approx(share, rel=1e-6)
+    assert (case.motion is not None) is moves and case.friction == 0.5
+    if moves:
+        assert np.allclose(case.motion.acceleration, acceleration, atol=1e-6)
+    held = share * acting.flow_force + acting.weight - np.array(acceleration or [0.0, 0.0, 0.0])
+    assert np.allclose(forces.sum(axis=0) + held, 0.0, atol=1e-6)
+    turning = np.cross(case.contacts.points - acting.centre, forces).sum(axis=0)
+    assert np.allclose(turning + acting.flow_couple, 0.0, atol=1e-6)
+    assert (np.hypot(*forces[:, :2].T) <= 0.5 * forces[:, 2] * (1 + 1e-6)).all()
+    assert ("balances 0.8333 times" in case.occasion) is (share != 1.0)
 
 
-def test_a_grain_that_slides_is_shown_sliding_with_forces_on_the_edge():
-    case = box_on_a_plane([0.6, 0.0, 0.0])  # more than friction 0.5 holds of weight 1
-    assert case.motion is not None and np.allclose(
-        case.motion.acceleration, [0.1, 0.0, 0.0], atol=1e-6
-    )
-    assert set(case.states) == {"SLIDE"}
-    assert case.friction == 0.5
-
-
-def test_without_mass_forces_are_shown_at_the_safety_factor():
-    case = box_on_a_plane([0.6, 0.0, 0.0], inert=None)
-    assert case.motion is None and case.share == case.safety_factor
-    assert np.isclose(
-        case.share, 0.5 / 0.6, rtol=1e-6
-    )  # friction 0.5 holds half of the weight of 1
-    assert case.occasion.startswith("contact force that balances 0.8333 times")
-    assert np.allclose(case.forces.sum(axis=0), [-0.5, 0.0, 1.0], atol=1e-6)
-
-
-def test_contacts_of_a_sphere_are_known_from_those_of_a_box(tmp_path):
+def test_grains_without_a_shape_are_sketched_through_their_contacts(tmp_path):
     directory = judged_case(tmp_path, "sphere_on_three_spheres")
     sphere = stored_verdict(directory)
     assert np.isclose(round_radius(sphere), 0.5, rtol=1e-4)
@@ -584,6 +523,9 @@ def test_contacts_of_a_sphere_are_known_from_those_of_a_box(tmp_path):
     assert round_radius(box) is None and box.patches == [[0, 1, 2, 3]]
     points, triangles = sketched(box)
     assert np.allclose(np.sort(np.unique(points[:, 2])), [0.0, 0.6]) and len(triangles) == 12
+    block = stored_verdict(judged_case(tmp_path, "block_on_incline"))
+    corners = {tuple(point) for point in np.round(hull(sketched(block)[0][:, :2]), 9)}
+    assert corners == {(-1.0, 0.0), (1.0, 0.0), (1.0, 1.0), (-1.0, 1.0)}
 
 
 def test_outlines_come_from_the_curves():
@@ -594,35 +536,141 @@ def test_outlines_come_from_the_curves():
     assert np.allclose(scene.bed_shape.height(line[5:-5:7, 0]), line[5:-5:7, 1], atol=1e-6)
 
 
-def test_a_block_is_sketched_through_its_contacts(tmp_path):
-    directory = judged_case(tmp_path, "block_on_incline")
-    case = stored_verdict(directory)
-    corners = {tuple(point) for point in np.round(hull(sketched(case)[0][:, :2]), 9)}
-    assert corners == {(-1.0, 0.0), (1.0, 0.0), (1.0, 1.0), (-1.0, 1.0)}
+# Pictures and animations of a made-up run: an ellipse carried round a box by a vortex, on a new mesh at each step. The
+# flow is the vortex alone, as if the ellipse were not there.
 
 
-# Pictures and animations of made-up runs in which a grain moves (see moving_run.py).
-
-
+LENGTH, HEIGHT, SEMI_AXES = 6.0, 4.0, (0.5, 0.25)
+MIDDLE, ORBIT, PERIOD, TURNS = (3.0, 2.0), (1.4, 0.8), 5.0, -1.25
+MOVING_SCENE = """
+title = "An ellipse in a vortex"
+[domain]
+kind = "box"
+length = 6.0
+height = 4.0
+[fluid]
+reynolds = 10.0
+scale = "flow"
+[flow]
+kind = "lid"
+[body]
+shape = "ellipse"
+semi_axes = [0.5, 0.25]
+centre = [4.4, 2.0]
+motion = "free"
+density = 1.0
+[time]
+end = 5.0
+step = 0.05
+[output]
+every = 1
+"""
+RESULT = {
+    "schema_version": 1,
+    "title": "An ellipse in a vortex",
+    "force": {"flow": [0.3, -0.1, 0.0], "buoyancy": [0, 0, 0], "weight": [0, 0, 0]},
+    "torque": {"about": [4.4, 2.0, 0.0], "flow": [0, 0, 0.02]},
+    "coefficients": {"drag": 1.0, "lift": 0.5, "moment": 0.1},
+    "contacts": [],
+    "grain": {"centre": [4.4, 2.0], "angle": 2 * np.pi * TURNS, "size": 1.0},
+    "verdict": None,
+}
+COLUMNS = [
+    "time",
+    "step",
+    "newton",
+    "error",
+    "x",
+    "y",
+    "angle",
+    "velocity_x",
+    "velocity_y",
+    "spin",
+    "force_x",
+    "force_y",
+    "torque",
+    "interface",
+    "interface_residual",
+    "mesh_quality",
+    "meshes",
+    "energy_fluid",
+    "energy_body",
+    "dissipation",
+    "power",
+]
 STEPS = 10
+
+
+def course(times):
+    """Columns x, y, angle and their rates at times (n,)."""
+    t, rate = 2 * np.pi * np.asarray(times) / PERIOD, 2 * np.pi / PERIOD
+    x, y = MIDDLE[0] + ORBIT[0] * np.cos(t), MIDDLE[1] - ORBIT[1] * np.sin(t)
+    angle = TURNS * t + 0.3 * np.sin(2 * t)
+    u, v = -ORBIT[0] * rate * np.sin(t), -ORBIT[1] * rate * np.cos(t)
+    return np.column_stack([x, y, angle, u, v, rate * (TURNS + 0.6 * np.cos(2 * t))])
+
+
+def write_history(path: Path, times, remeshed=()) -> None:
+    """A history with all columns a run with a free body has."""
+    with path.open("w", newline="") as stream:
+        rows = csv.DictWriter(stream, COLUMNS, restval=0.0, lineterminator="\n")
+        rows.writeheader()
+        for time, moved in zip(times, course(times).tolist(), strict=True):
+            row = dict(
+                zip(("x", "y", "angle", "velocity_x", "velocity_y", "spin"), moved, strict=True)
+            )
+            meshes = 1 + sum(time > made for made in remeshed)
+            rows.writerow({"time": time, "step": 0.05, "error": "", "meshes": meshes, **row})
+
+
+def write_texts(directory: Path) -> None:
+    """Scene and result."""
+    (directory / "scene.toml").write_text(MOVING_SCENE)
+    (directory / "result.json").write_text(json.dumps(RESULT))
+
+
+def vortex(x):
+    """Fields of psi = -(sin(pi x/L) sin(pi y/H))^2, at rest on the walls, at (n, 2)."""
+    (a, b), (p, q) = (
+        x.T * np.array([[np.pi / LENGTH], [np.pi / HEIGHT]]),
+        (np.pi / LENGTH, np.pi / HEIGHT),
+    )
+    u, v = -q * np.sin(a) ** 2 * np.sin(2 * b), p * np.sin(2 * a) * np.sin(b) ** 2
+    curl = 2 * p**2 * np.cos(2 * a) * np.sin(b) ** 2 + 2 * q**2 * np.sin(a) ** 2 * np.cos(2 * b)
+    velocity = np.column_stack([u, v, np.zeros_like(u)])
+    return {"velocity": velocity, "pressure": 0.5 * np.cos(a) * np.cos(b), "vorticity": curl}
+
+
+def around_ellipse(time, s, t):
+    """From the ellipse at a time (t = 0) to the box's boundary (t = 1)."""
+    x, y, turned = course([time])[0, :3]
+    angle, size = 2 * np.pi * s, np.array(SEMI_AXES)[:, None]
+    outwards = np.array([np.cos(angle), np.sin(angle)])
+    own = size * np.array([np.cos(angle - turned), np.sin(angle - turned)])
+    (ahead, across), half = rotated(turned), np.array([[LENGTH / 2], [HEIGHT / 2]])
+    inner = np.array([[x], [y]]) + np.array([[ahead, -across], [across, ahead]]) @ own
+    outer = half * (1.0 + outwards / np.abs(outwards).max(axis=0))
+    return ((1 - t) * inner + t * outer).T
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """The directory of a run with a series of fields."""
-    directory = tmp_path_factory.mktemp("moving")
-    environment = os.environ | {
-        "PYTHONPATH": str(Path(__file__).parents[1]),
-        "OMP_NUM_THREADS": "1",
-    }
-    command = [
-        sys.executable,
-        str(Path(__file__).with_name("moving_run.py")),
-        str(directory),
-        str(STEPS),
-    ]
-    process = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
-    assert process.returncode == 0, process.stderr
+    directory, columns = tmp_path_factory.mktemp("moving"), 32
+    write_texts(directory)
+    write_history(directory / "history.csv", np.linspace(0.0, PERIOD, 101)[1:])
+    edges = inner_edges(columns)
+    kinds = {"fields": "Triangle_6", "surface": "Edge_3"}
+    fields, surface = (SeriesFile(directory / stem, kind) for stem, kind in kinds.items())
+    for file in (fields, surface):
+        file.begin()
+    for time in np.linspace(0.0, PERIOD, STEPS + 1)[1:]:
+        points, cells = quadratic_grid(partial(around_ellipse, time), columns, 8, closed=True)
+        values = vortex(points)
+        for file, topology, shown in (
+            (fields, cells, values),
+            (surface, edges, {"traction": values["velocity"]}),
+        ):
+            file.add_step(time, shown, {"topology": topology, "geometry": spatial(points)})
     return directory
 
 
@@ -657,39 +705,29 @@ def test_all_pictures_of_a_grain_that_moves(run):
         assert_is_a_picture(path)
 
 
-def test_path_outlines_and_quantities(texts):
-    history = read_history(texts / "history.csv")
-    figure = drawn(MOVING_SCENE, history)
+def test_path_outlines_and_quantities_are_those_of_the_history(texts):
+    figure = drawn(MOVING_SCENE, read_history(texts / "history.csv"))
     axes, panels = figure.axes[0], quantities(figure)
     (path,) = [c for c in axes.collections if isinstance(c, LineCollection)]
     assert np.allclose(path.get_segments()[0][0], (4.4, 2.0))  # where the scene has it at time zero
     assert np.allclose(path.get_segments()[-1][-1], course([PERIOD])[0, :2])
     outlines = [artist for artist in axes.get_children() if isinstance(artist, Polygon)]
     assert 8 <= len(outlines) <= 22
-    extents = [np.ptp(outline.get_xy(), axis=0) for outline in outlines]
     spokes = [line for line in axes.lines if line.get_marker() == "o"]
     drawn_in_order = axes.get_children()
     for outline, spoke in zip(outlines, spokes, strict=True):  # a grain does not hide its spoke
         assert outline.get_zorder() == spoke.get_zorder()
         assert drawn_in_order.index(outline) < drawn_in_order.index(spoke)
+    extents = [np.ptp(outline.get_xy(), axis=0) for outline in outlines]
     assert any(np.allclose(e, (1.0, 0.5), atol=1e-3) for e in extents)  # at first it lies
     assert any(np.allclose(e, (0.5, 1.0), atol=1e-3) for e in extents)  # after 5/4 turns it stands
-    titles = [panel.get_title(loc="left") for panel in panels]
-    assert [title.partition(" [")[0] for title in titles] == [
-        "x", "y", "angle", "velocity x", "velocity y", "spin",
-    ]  # fmt: skip
-    assert all(title.endswith("]") for title in titles)
-
-
-def test_curves_are_those_of_the_history(texts):
-    figure = drawn(MOVING_SCENE, read_history(texts / "history.csv"))
+    names = ("x", "y", "angle", "velocity x", "velocity y", "spin")
     times = np.linspace(0.0, PERIOD, 51)[1:]
-    expected = course(times).T.copy()
-    expected[2] = np.degrees(expected[2])
-    for panel, values in zip(quantities(figure), expected, strict=True):
+    values = course(times) * [1.0, 1.0, np.degrees(1.0), 1.0, 1.0, 1.0]
+    for panel, name, column in zip(panels, names, values.T, strict=True):
+        assert panel.get_title(loc="left").startswith(f"{name} [")
         (line,) = [line for line in panel.lines if len(line.get_xdata()) > 2]
-        assert np.allclose(line.get_xdata()[1:], times)
-        assert np.allclose(line.get_ydata()[1:], values, atol=1e-9)
+        assert np.allclose(line.get_xydata()[1:], np.column_stack([times, column]), atol=1e-9)
         assert len([line for line in panel.lines if line.get_linestyle() == ":"]) == 2  # new meshes
 
 
@@ -705,32 +743,16 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_no_text_lies_on_another(shape, texts):
+def test_no_panel_lies_on_another(shape, texts):
+    """With their titles and the labels of their axes, which are all within the figure."""
     figure = drawn(SHAPES[shape], read_history(texts / "history.csv"))
     figure.draw_without_rendering()
-    boxes = [(text.get_text(), text.get_window_extent()) for text in texts_shown(figure)]
-    assert len(boxes) > 50
-    for (one, first), (other, second) in combinations(boxes, 2):
-        assert not first.padded(-1).overlaps(second.padded(-1)), (one, other)
+    boxes = [part.get_tightbbox().padded(-1) for part in (*figure.axes, *figure.legends)]
+    assert len(boxes) >= 9
+    for box, other in combinations(boxes, 2):
+        assert not box.overlaps(other)
     across, up = figure.get_size_inches() * figure.dpi
-    for one, box in boxes:
-        assert min(box.x0, box.y0, across - box.x1, up - box.y1) >= 0, one
-    assert len([axes for axes in figure.axes if "Path" in axes.get_title(loc="left")]) == 1
-
-
-def texts_shown(figure):
-    """All but the labels of ticks beyond the axes' ends, which matplotlib keeps and does not draw."""
-    axes = [axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
-    hidden = set()
-    for k, axis in enumerate(axes):
-        low, high = sorted(axis.get_view_interval())
-        ticks = axis.get_ticklabels() + axis.get_ticklabels(minor=True)
-        hidden |= {id(t) for t in ticks if not low <= t.get_position()[k % 2] <= high}
-    return [
-        text
-        for text in figure.findobj(Text)
-        if text.get_visible() and text.get_text().strip() and id(text) not in hidden
-    ]
+    assert all(min(box.x0, box.y0, across - box.x1, up - box.y1) >= 0 for box in boxes)
 
 
 def test_a_grain_that_hardly_moves_is_not_shown_as_trembling(texts):
@@ -741,15 +763,6 @@ def test_a_grain_that_hardly_moves_is_not_shown_as_trembling(texts):
     figure = drawn(MOVING_SCENE, history)
     panel = next(axes for axes in figure.axes if axes.get_title(loc="left").startswith("x ["))
     assert np.ptp(panel.get_ylim()) > 1e-3
-
-
-def test_a_long_history_is_drawn_in_few_pieces(texts):
-    write_history(texts / "history.csv", np.linspace(0.0, 20 * PERIOD, 20_001)[1:])
-    history = read_history(texts / "history.csv")
-    assert len(history.times) == 20_000
-    figure = drawn(MOVING_SCENE, history)
-    (path,) = [c for c in figure.axes[0].collections if isinstance(c, LineCollection)]
-    assert 1000 < len(path.get_segments()) < 5000
 
 
 # -- the history ---------------------------------------------------------------------------------------------
@@ -796,7 +809,7 @@ def assert_is_an_animation(path):
     image = Image.open(path)
     assert image.format == "GIF" and image.n_frames == STEPS
     assert 400 < image.width < 1000 and 300 < image.height < 1000
-    assert path.stat().st_size < STEPS * 25_000  # 200 frames: 5 MB
+    assert path.stat().st_size < STEPS * 40_000  # with arrows 37 kB a frame, so that 200 take 7 MB
     frames = []
     for number in range(STEPS):
         image.seek(number)
@@ -804,13 +817,6 @@ def assert_is_an_animation(path):
     assert all((frame[:3] == 255).all() for frame in frames)
     for one, other in pairwise(frames):
         assert np.mean((one != other).any(axis=2)) > 0.005  # the grain moves
-
-
-@pytest.mark.slow
-def test_a_gif_has_a_frame_for_each_step(run):
-    path = animate_apart(run, None, "velocity")
-    assert path == run / "velocity.gif"
-    assert_is_an_animation(path)
 
 
 def test_the_grain_is_where_its_mesh_is(run):
@@ -828,14 +834,13 @@ def test_the_grain_is_where_its_mesh_is(run):
         (spoke,) = [line for line in axes.lines if line.get_marker() == "o"]
         way = axes.lines[-1]
         assert np.allclose(way.get_xydata()[-1], expected[:2], atol=5e-3)
-        assert np.allclose(
-            np.diff(spoke.get_xydata(), axis=0), 0.5 * rotated(expected[2]), atol=3e-2
-        )
+        arm = np.diff(spoke.get_xydata(), axis=0)[0]
+        assert np.allclose(arm, 0.5 * rotated(expected[2]), atol=3e-2)
         assert f"t = {moments[number]:.2f}" in axes.get_title(loc="left")
 
 
 def rotated(angle):
-    return np.array([[np.cos(angle), np.sin(angle)]])
+    return np.array([np.cos(angle), np.sin(angle)])
 
 
 def write_series(directory, times):
@@ -875,17 +880,18 @@ def test_an_mp4_is_written_with_ffmpeg(run, tmp_path):
     assert sorted(tmp_path.iterdir()) == [tmp_path / MARK, path]
 
 
-@pytest.mark.slow
-def test_show_animates(run, command, tmp_path):
-    done = command("show", run, "--animate", "--out", tmp_path / "w.gif", "--field", "vorticity")
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"{tmp_path / 'w.gif'}\n", "")
-    assert_is_an_animation(tmp_path / "w.gif")
-
-
-def test_the_directory_may_come_after_the_options(run, command):
-    done = command("show", "--animate", "--field", "pressure", "--out", run / "p.gif", run)
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"{run / 'p.gif'}\n", "")
-    assert_is_an_animation(run / "p.gif")
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        pytest.param((), "velocity.gif", marks=pytest.mark.slow),
+        (("--field", "pressure", "--out", "p.gif"), "p.gif"),
+    ],
+)
+def test_show_animates(run, command, options, name):
+    """Also with the directory after the options; a film has a frame for each step."""
+    done = command("show", "--animate", *(run / one if "." in one else one for one in options), run)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{run / name}\n", "")
+    assert_is_an_animation(run / name)
 
 
 def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeypatch):
@@ -930,7 +936,11 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         ),
         (["--field", "pressure"], 2, "--field: needs --animate; add it, or leave --field out"),
         (["--out", "flow.gif"], 2, "--out: needs --animate; add it, or leave --out out"),
-        (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
+        (
+            ["--animate", "flow.gif"],
+            2,
+            "unrecognized arguments: flow.gif; see incipient show --help",
+        ),
     ],
 )
 def test_show_says_what_is_wrong_in_one_line(

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import csv
 import math
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Session
-from processes import SCENES as SCENE_FILES
-from processes import result_of, settings
-from test_resume import assert_same_run, history
+from processes import result_of
+from scenes import history_of
 
 import incipient
-from incipient.errors import Interrupted, SceneError
-from incipient.interrupt import Interruption
+from incipient.errors import SceneError
 from incipient.scene import Scene, load, loads
 
 # Whole runs of a grain that is released from its rest on the bed: it stays, rolls, slides, leaves its pocket.
@@ -105,17 +101,6 @@ def incline(**given: float) -> Scene:
     asked = {"length": 96.0, "height": 48.0, "density": 2.0, "gravity": 453.7, "friction": 0.6}
     asked |= {"end": 60.0, "step": 2.0} | given
     return loads(INCLINE.format(**asked, middle=0.5 * asked["length"]))
-
-
-def history_of(directory: Path) -> dict[str, Any]:
-    """Columns of numbers of a history, and of names."""
-    with (directory / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
-    return {
-        name: values if name == "mode" else np.array([float(one or np.nan) for one in values])
-        for name, values in columns.items()
-    }
 
 
 def weight_along(scene: Scene) -> float:
@@ -207,7 +192,7 @@ def test_a_grain_that_no_flow_can_move_takes_no_iteration(tmp_path: Path) -> Non
     """
     incipient.run(pocket(20.0), tmp_path)
     found = history_of(tmp_path)
-    assert found["mode"] == ["rest"] * len(found["mode"]) and found["contacts"][-1] == 2
+    assert set(found["mode"]) == {"rest"} and found["contacts"][-1] == 2
     assert np.abs(found["y"] - found["y"][0]).max() == 0.0 and found["interface"].max() == 0.0
     for axis in "xy":
         forces = [found[f"{name}_{axis}"] for name in ("force", "contact", "weight", "buoyancy")]
@@ -231,20 +216,6 @@ def test_works_add_up_to_the_energy_of_the_grain(tmp_path: Path) -> None:
     assert (np.diff(found["work_friction"]) <= 1e-12).all() and found["work_friction"][-1] < 0.0
     assert np.abs(found["weight_y"] + 1.5 * math.pi / 4).max() < 1e-12
     assert np.abs(found["buoyancy_y"] - math.pi / 4).max() < 1e-12
-
-
-@pytest.mark.slow
-def test_a_disc_leaves_its_pocket_and_the_run_ends(tmp_path: Path) -> None:
-    """A strong shear rolls the disc over the next half-disc; the loads go on over new meshes."""
-    result = incipient.run(
-        pocket(2.0, end=10.0, until="out-of-pocket", flow__rate=4.0, time__step=0.02), tmp_path
-    )
-    stored, found = result_of(tmp_path)["trajectory"], history_of(tmp_path)
-    assert stored["ended"]["by"] == "out-of-pocket" and result.trajectory is not None
-    assert stored["on_bed"]["left_pocket"] == pytest.approx(found["time"][-1])
-    assert found["meshes"][-1] > 3 and found["x"][-1] > 3.9
-    assert found["step"].min() == pytest.approx(0.02)  # no mesh folds
-    assert max(one["change"] for one in stored["remeshings"]) < 1e-2
 
 
 @pytest.mark.parametrize("cohesion", [30.7, 37.5])
@@ -278,7 +249,7 @@ def test_a_stone_in_a_turbulent_stream_rests_or_rolls_as_the_judge_says(tmp_path
     assert 3.0 / 10.0 * factor < 0.9
     incipient.run(turbulent(3.0, 0.06, 0.02), tmp_path / "rolls")
     found = history_of(tmp_path / "rolls")
-    assert found["mode"] == ["rolling"] * 3
+    assert found["mode"].tolist() == ["rolling"] * 3
     works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
     assert works == pytest.approx(found["energy_body"], rel=2e-3)
     assert (found["y_plus_max"] > 30.0).all()
@@ -355,67 +326,3 @@ def test_a_run_that_its_grain_has_ended_goes_on_only_when_asked_for_more(tmp_pat
     assert later.trajectory["on_bed"]["works"] == pytest.approx(stored["works"], abs=1e-9)
     assert later.force is not None  # at rest the contacts hold what flow, weight and buoyancy leave
     assert later.trajectory["on_bed"]["force"] == pytest.approx(-later.force.total[:2], rel=2e-3)
-
-
-# A grain that rolls out of its pocket, cut short and resumed, on one rank and on two: the same run.
-
-
-COARSE = settings(
-    numerics_mesh_size=2.5, numerics_tolerance=1e-9, numerics_interface_tolerance=1e-9
-)
-# Fifteen steps: the last checkpoint is before the end.
-SCENE = [*COARSE, *settings(time_step=0.1, time_end=1.5, output_every=5, output_checkpoint=4)]
-CUT = 8  # steps, in the middle of the gust, among meshes
-
-
-def released() -> incipient.Scene:
-    """The demo on coarse cells, halfway out of the pocket."""
-    return load(SCENE_FILES / "leaving_pocket.toml", [one for one in SCENE if one != "--set"])
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The whole run: the grain rests, rolls and slides, on several meshes."""
-    directory = tmp_path_factory.mktemp("whole")
-    incipient.run(released(), directory)
-    found = history(directory)
-    assert {"rest", "rolling"} <= set(found["mode"]) and float(found["meshes"][-1]) > 1
-    # Two steps are halved: the flow's answer to what contacts do enters the secant of the coupling. Left out of it,
-    # 15 steps suffice, but contacts then do work (test_random_releases_with_flow.py).
-    assert len(found["time"]) == 17
-    return directory
-
-
-def same(found: Path, expected: Path, rel: float) -> None:
-    """The same run, in which the grain does the same."""
-    assert_same_run(found, expected, rel)
-    assert history(found)["mode"] == history(expected)["mode"]
-    one, other = (result_of(path)["trajectory"]["on_bed"] for path in (found, expected))
-    assert one["first_motion"] == other["first_motion"]
-    assert one["works"] == pytest.approx(other["works"], rel=1e3 * rel, abs=1e3 * rel)
-
-
-@pytest.mark.slow
-def test_a_released_grain_that_was_stopped_on_its_way(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = iter([*[False] * (CUT - 1), True])
-    with monkeypatch.context() as patch, pytest.raises(Interrupted):
-        patch.setattr(Interruption, "asked", lambda self: next(asked, False))
-        incipient.run(released(), tmp_path)
-    assert len(history(tmp_path)["time"]) < len(history(whole)["time"])
-    incipient.resume(tmp_path)
-    same(tmp_path, whole, 1e-6)
-
-
-@pytest.mark.slow
-def test_a_released_grain_on_two_ranks_as_on_one(
-    whole: Path, tmp_path: Path, session: Session
-) -> None:
-    """From the start, and resumed from what one rank has left."""
-    shutil.copytree(whole, tmp_path / "resumed")
-    run = ["run", SCENE_FILES / "leaving_pocket.toml", *SCENE, "--out", "ranks"]
-    for outcome in session(2, [run, ["resume", "resumed"]], timeout=600):
-        assert outcome.codes == [0, 0], outcome.lines
-    for name in ("ranks", "resumed"):
-        same(tmp_path / name, whole, 1e-5)

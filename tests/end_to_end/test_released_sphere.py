@@ -7,12 +7,12 @@ Exact by the resistances of a sphere near a wall (Goldman, Cox & Brenner 1967, C
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import history_of
 
 import incipient
 from incipient.scene import Scene, load, loads
@@ -78,12 +78,6 @@ def rolling(kind: str, **changes: float) -> Scene:
     return loads(SCENE.format(**KINDS[kind], **asked, middle=0.5 * asked["length"]))
 
 
-def last(directory: Path) -> dict[str, str]:
-    """The last row of a history."""
-    with (directory / "history.csv").open(newline="") as file:
-        return list(csv.DictReader(file))[-1]
-
-
 def weight_along(scene: Scene) -> float:
     """Weight less buoyancy along the slope."""
     return math.pi / 6.0 * float(scene.gravity_vector[0])
@@ -94,7 +88,7 @@ def test_a_sphere_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_p
     """W' sin(alpha) = 6 pi mu a U S. 0.8% slower when written; with walls 6 diameters away, not 12, 1.1% slower."""
     scene = rolling("incline", length=24.0, height=20.0, end=0.2)
     incipient.run(scene, tmp_path)
-    found, driving = last(tmp_path), weight_along(scene)
+    found, driving = history_of(tmp_path)[-1], weight_along(scene)
     exact = driving / (6.0 * math.pi * scene.viscosity * 0.5 * RESISTANCE)
     assert float(found["velocity_x"]) == pytest.approx(exact, rel=1e-2)
     assert float(found["velocity_x"]) == pytest.approx(0.5 * float(found["spin_y"]), rel=1e-9)
@@ -107,7 +101,7 @@ def test_a_sphere_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_p
 def test_a_sphere_rolls_in_a_shear_as_fast_as_a_creeping_flow_carries_it(tmp_path: Path) -> None:
     """U = 0.41249 G a. Found: 0.4121; on default cells, larger by 1/0.7, 0.4071, in larger domains, too."""
     incipient.run(rolling("shear"), tmp_path)
-    assert float(last(tmp_path)["velocity_x"]) / 0.5 == pytest.approx(IN_SHEAR, rel=5e-3)
+    assert float(history_of(tmp_path)[-1]["velocity_x"]) / 0.5 == pytest.approx(IN_SHEAR, rel=5e-3)
 
 
 @pytest.mark.slow
@@ -121,7 +115,7 @@ def test_a_wet_sphere_slips_where_a_dry_one_still_rolls(tmp_path: Path) -> None:
         )
         assert result.trajectory is not None
         modes[share] = result.trajectory["on_bed"]["mode"]
-        slip = float(last(tmp_path / f"{share}")["slip"])
+        slip = float(history_of(tmp_path / f"{share}")[-1]["slip"])
         assert (slip > 1e-3) == (share < SHARE) and np.isfinite(slip)
     assert modes[0.49] == "rolling" and modes[0.43] == "pivoting and sliding"
 
@@ -135,15 +129,13 @@ def test_a_gust_rolls_a_sphere_over_the_saddle_between_two_of_its_bed(tmp_path: 
     scene = load(DEMO, ["output.fields=false", "output.every=0"])
     result = incipient.run(scene, tmp_path)
     assert result.trajectory is not None and result.trajectory["ended"]["by"] == "out-of-pocket"
-    with (tmp_path / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    resting = [float(row["time"]) <= 0.2 + 1e-9 for row in rows]
-    assert [row["mode"] for row in rows] == ["rest" if rests else "rolling" for rests in resting]
-    assert [int(row["contacts"]) for row in rows] == [3 if rests else 2 for rests in resting]
+    found = history_of(tmp_path)
+    resting = found["time"] <= 0.2 + 1e-9
+    assert (found["mode"] == np.where(resting, "rest", "rolling")).all()
+    assert (found["contacts"] == np.where(resting, 3, 2)).all()
     saddle = math.sqrt((1.0 + scene.contact_gap) ** 2 - 0.25)
-    assert max(float(row["z"]) for row in rows) == pytest.approx(saddle, abs=1e-4)
-    assert max(abs(float(row["y"]) - 1.5) for row in rows) < 1e-9
-    assert max(float(row["slip"]) for row in rows) < 1e-9
+    assert found["z"].max() == pytest.approx(saddle, abs=1e-4)
+    assert max(np.abs(found["y"] - 1.5).max(), found["slip"].max()) < 1e-9
     assert result.trajectory["on_bed"]["left_pocket"] == pytest.approx(
         0.8, rel=0.05
     )  # 0.799 when written

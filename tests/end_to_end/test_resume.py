@@ -321,18 +321,6 @@ def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
     assert_same_run(tmp_path, whole_pothole)
 
 
-def test_the_first_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = vortices(time_end=0.01)
-    with monkeypatch.context() as patch, pytest.raises(ConvergenceError, match="t = 0 is saved"):
-        patch.setattr(
-            Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf)
-        )
-        incipient.run(scene, tmp_path / "x")
-    incipient.resume(tmp_path / "x")
-    incipient.run(scene, tmp_path / "y")
-    assert_same_run(tmp_path / "x", tmp_path / "y")
-
-
 def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -367,27 +355,25 @@ def test_fields_that_cannot_be_read_do_not_stop_it(whole_pothole: Path, tmp_path
     assert (directory / "fields" / "000000.h5.1").stat().st_size == 5_000
 
 
-def test_a_resumed_run_that_fails_keeps_the_complete_result(
-    whole_pothole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_resumed_run_that_does_not_end_keeps_the_complete_result(
+    whole_pothole: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    stopped: Callable[[int], None],
 ) -> None:
-    directory = copy_of(whole_pothole, tmp_path)
-    with monkeypatch.context() as patch, pytest.raises(ConvergenceError):
-        patch.setattr(
-            Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf)
-        )
-        incipient.resume(directory)
-    assert result_of(directory)["status"] == "failed"
-    assert json.loads((directory / "result.json.1").read_text()) == result_of(whole_pothole)
-
-
-def test_a_resumed_run_that_is_interrupted_keeps_the_result(
-    whole_pothole: Path, tmp_path: Path, stopped: Callable[[int], None]
-) -> None:
+    """Interrupted, and failed."""
     directory = copy_of(whole_pothole, tmp_path)
     stopped(1)
     with pytest.raises(Interrupted):
         incipient.resume(directory)
     assert result_of(directory) == result_of(whole_pothole)
+    monkeypatch.setattr(
+        Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf)
+    )
+    with pytest.raises(ConvergenceError):
+        incipient.resume(directory)
+    assert result_of(directory)["status"] == "failed"
+    assert json.loads((directory / "result.json.1").read_text()) == result_of(whole_pothole)
 
 
 def test_a_run_that_can_be_resumed_is_moved_before_another(

@@ -26,7 +26,6 @@ import incipient.sweep
 from incipient import cli
 from incipient.errors import OutputError
 from incipient.progress import Silent
-from incipient.sweep import cluster
 
 CASE = Path(__file__).parents[2] / "demos" / "cases" / "disc_in_pocket.toml"
 # A few hundredths of a second a case, or, with many samples, some tenths.
@@ -73,17 +72,8 @@ def written(directory: Path, text: str) -> Path:
 
 def order(scene: Path, file: Path, number: int, *more: object) -> list[object]:
     """The command of a sweep of cases to judge."""
-    return [
-        "sweep",
-        scene,
-        "--do",
-        "judge",
-        "--over",
-        FRICTION.format(number),
-        "--out",
-        file,
-        *more,
-    ]
+    over = FRICTION.format(number)
+    return ["sweep", scene, "--do", "judge", "--over", over, "--out", file, *more]
 
 
 def rows(path: Path, what: str = "*", where: str = "1") -> list[tuple[Any, ...]]:
@@ -103,17 +93,16 @@ def wait_for(path: Path, where: str) -> None:
 
 def worker_processes(parent: int, number: int = 0) -> list[int]:
     """Worker processes of a process, of which there are so many at least after a while."""
-    found: list[int] = []
     for _ in range(600):
-        found = []
+        found: list[int] = []
         for task in Path(f"/proc/{parent}/task").glob("*/children"):
             with suppress(OSError):  # a thread that has just ended
                 found += map(int, task.read_text().split())
         found = [one for one in found if "spawn_main" in command_line(one)]
         if len(found) >= number:
-            break
+            return sorted(found)
         time.sleep(0.05)
-    return sorted(found)
+    raise TimeoutError(f"{number} worker processes")
 
 
 def command_line(process: int) -> str:
@@ -131,15 +120,12 @@ def gone(process: int) -> bool:
 
 
 class Counted(Silent):
-    """Counts the cases that are finished, and says that the first of them is."""
+    """Counts the cases that are finished."""
 
-    def __init__(self) -> None:
-        self.lines = 0
-        self.begun = threading.Event()
+    lines = 0
 
     def say(self, message: str) -> None:
         self.lines += "is repeated" not in message
-        self.begun.set()
 
 
 def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capfd: Any) -> None:
@@ -165,7 +151,7 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
     assert rows(file) == before
     assert "0 computed, 2 computed before" in capfd.readouterr().out
     assert cli.main(["table", str(file), "--csv"]) == 0
-    listed = list(csv.DictReader(capfd.readouterr().out.splitlines()))
+    listed = csv.DictReader(capfd.readouterr().out.splitlines())
     assert [float(row["shields"]) for row in listed] == [row["shields"] for row in found]
     assert cli.main(["show", str(file)]) == 0
     pictures = [Path(line) for line in capfd.readouterr().out.split()]
@@ -186,6 +172,17 @@ def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:
     assert done["status"] == "done" and done["reason"] == ""
 
 
+def test_outcomes_that_take_longer_to_come_than_a_look_are_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine half a second was too short, and each case failed with an error of Dask's."""
+    monkeypatch.setattr("incipient.sweep.procedure.LOOK", 3e-4)
+    scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
+    over = {"contacts.friction": "lin:0.1:0.9:4"}
+    progress = incipient.sweep.run(scene, file, over, do="judge", jobs=1)
+    assert (progress.done, progress.failed) == (4, 0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_worker_killed_at_random_loses_no_case(tmp_path: Path, times: int) -> None:
@@ -193,8 +190,8 @@ def test_a_worker_killed_at_random_loses_no_case(tmp_path: Path, times: int) -> 
     for seed in range(times):
         voice, file, chance = Counted(), tmp_path / f"{seed}.sqlite", random.Random(seed)
 
-        def kill(voice: Counted = voice, chance: random.Random = chance) -> None:
-            voice.begun.wait(60)
+        def kill(file: Path = file, chance: random.Random = chance) -> None:
+            wait_for(file, "status = 'done'")
             time.sleep(chance.uniform(0.0, 0.5))
             os.kill(chance.choice(worker_processes(os.getpid(), 2)), signal.SIGKILL)
 
@@ -228,22 +225,19 @@ def test_a_case_whose_worker_dies_fails_with_its_reason_and_is_retried(
     again = [str(word) for word in call]
     assert cli.main(again) == 0
     assert "0 computed, 1 computed before" in capfd.readouterr().out  # it is not tried again
-    assert cli.main([*again, "--retry", "--limit", "1s"]) == 4
-    assert rows(file, "reason") == [("was stopped: it took longer than 1 s",)]
 
 
 @pytest.mark.slow
 def test_others_go_on_beside_a_case_that_never_ends(tmp_path: Path) -> None:
-    table, file = tmp_path / "cases.csv", tmp_path / "sweep.sqlite"
-    table.write_text("errors.samples\n40\n1000000\n41\n42\n")
-    scene, first = written(tmp_path, LONG), tmp_path / "first.sqlite"
+    scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
+    how: dict[str, Any] = {"do": "judge", "jobs": 2}
     # Numba compiles in the first case of a checkout, which takes longer than the limit.
-    incipient.sweep.run(scene, first, {"contacts.friction": [0.3]}, do="judge", jobs=1)
-    how: dict[str, Any] = {"do": "judge", "jobs": 2, "limit": "15s"}
-    progress = incipient.sweep.run(scene, file, cases=table, **how)
+    incipient.sweep.run(scene, tmp_path / "first.sqlite", {"contacts.friction": [0.3]}, **how)
+    over = {"errors.samples": [40, 1000000, 41, 42]}
+    progress = incipient.sweep.run(scene, file, over, limit="15s", **how)
     assert (progress.done, progress.failed) == (3, 1)
-    assert [status for (status,) in rows(file, "status")] == ["done", "failed", "done", "done"]
-    assert rows(file, "reason")[1] == ("was stopped: it took longer than 15 s",)
+    endless = ("failed", "was stopped: it took longer than 15 s")
+    assert rows(file, "status, reason") == [("done", ""), endless, ("done", ""), ("done", "")]
 
 
 @pytest.mark.slow
@@ -443,17 +437,3 @@ def test_workers_of_a_cluster_do_not_go_on_with_a_sweep_that_is_interrupted(
             assert process.wait(60) == 130
             assert all(map(gone, before))
             assert not any(client.processing().values())
-
-
-def test_a_scheduler_that_is_not_there_is_named(
-    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cluster, "START", 0.5)
-    scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
-    for where, said in (
-        (f"{tmp_path}/none.json", "none.json: cannot be read"),
-        ("tcp://127.0.0.1:9", "tcp://127.0.0.1:9: no scheduler answers"),
-    ):
-        assert cli.main([str(word) for word in order(scene, file, 2, "--scheduler", where)]) == 5
-        complaint = capsys.readouterr().err
-        assert complaint.count("incipient: ") == 1 and said in complaint

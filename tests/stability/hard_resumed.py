@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +11,7 @@ from scenes import CARRIED
 
 import incipient
 from incipient.errors import IncipientError
-from incipient.progress import Silent
 from incipient.restart import read
-from incipient.results.result import Result
 from incipient.scene.file import loads
 
 # The ellipse in the cavity, heavy: it sinks to the bottom.
@@ -24,47 +19,26 @@ SINKING = (
     *("body.density=5", "body.centre=[1.5, 1.2]", "gravity.acceleration=10", "fluid.reynolds=5"),
     *("time.end=20", "contact.friction=0"),
 )
-# A box whose lid gets faster and faster, beyond what coarse cells can bear without stabilisation.
-FASTER = """
-[domain]
-kind = "box"
-length = 1.0
-height = 1.0
-top = "stream"
-[fluid]
-reynolds = 10000
-scale = "flow"
-[flow]
-kind = "expression"
-components = ["16*x**2*(1 - x)**2*y**8*0.2*t**2", "0"]
-velocity = 1.0
-[time]
-end = 10.0
-step = 0.5
-[numerics]
-mesh_size = 6.0
-[output]
-fields = false
-"""
-
-
-@dataclass(frozen=True)
-class HardCase:
-    """A scene, what stops it in the middle, and what it is resumed with; `steps` after which a signal stops it."""
-
-    name: str
-    scene: str
-    common: tuple[str, ...]
-    stopping: tuple[str, ...]
-    remedy: tuple[str, ...]
-    steps: int | None = None
+# By name: settings of both runs, what stops one in the middle, and what it is resumed with.
+CASES = {
+    "new mesh too coarse beside the lid": (
+        (),
+        ("numerics.mesh_size=8",),
+        ("numerics.mesh_size=2",),
+    ),
+    "sinking until contact, gap made smaller": (
+        SINKING,
+        ("contact.gap=0.1",),
+        ("contact.gap=0.05",),
+    ),
+}
 
 
 @dataclass(frozen=True)
 class Resumed:
-    """How a case stopped, when, and how it went on: times, steps, and the difference from the whole run.
+    """How a case stopped, when, and how it went on: times, and the last place's difference from the whole run.
 
-    difference: of the last place relative to the grain's size, or without a grain of the velocity relative to it
+    difference: relative to the grain's size
     """
 
     stopped: str
@@ -74,92 +48,19 @@ class Resumed:
     difference: float
 
 
-CASES = {
-    case.name: case
-    for case in (
-        HardCase(
-            "new mesh too coarse beside the lid",
-            *(CARRIED, (), ("numerics.mesh_size=8",), ("numerics.mesh_size=2",)),
-        ),
-        HardCase(
-            "sinking until contact, gap made smaller",
-            *(CARRIED, SINKING, ("contact.gap=0.1",), ("contact.gap=0.05",)),
-        ),
-        HardCase(
-            "adaptive steps far too small, stopped by a signal",
-            *(CARRIED, ("time.end=0.5",), ("time.tolerance=1e-13",), ("time.tolerance=1e-3",), 12),
-        ),
-        HardCase(
-            "lid ever faster, plain coarse cells",
-            *(FASTER, (), ('numerics.stabilisation="off"',)),
-            ('numerics.stabilisation="on"', 'numerics.convection="extrapolated"'),
-        ),
-    )
-}
-
-
 def resumed(name: str, directory: Path) -> Resumed:
     """Let a case stop, resume it with the remedy, and compare with the run that had that from the start."""
-    case, cut = CASES[name], directory / "cut"
-    stopped = _stopped(case, cut)
-    kept = read(cut / "checkpoint.h5", MPI.COMM_SELF).time
-    end = incipient.resume(cut, case.remedy)
-    assert end.status == "complete"
-    whole = incipient.run(_scene(case, case.remedy), directory / "whole")
-    return Resumed(stopped, kept, _time(end), _time(whole), _difference(end, whole))
-
-
-def _scene(case: HardCase, settings: tuple[str, ...]) -> incipient.Scene:
-    return loads(case.scene, overrides=(*case.common, *settings))
-
-
-def _stopped(case: HardCase, directory: Path) -> str:
-    """Run the case until it stops; why it did."""
-    voice = Silent() if case.steps is None else _Signalling(case.steps)
+    (common, stopping, remedy), cut = CASES[name], directory / "cut"
     try:
-        result = incipient.run(_scene(case, case.stopping), directory, voice=voice)
+        ended = incipient.run(loads(CARRIED, overrides=(*common, *stopping)), cut).trajectory[
+            "ended"
+        ]
+        stopped = f"meets the {ended['nearest']}"
     except IncipientError as error:
-        return str(error).partition("; t = ")[0].partition("; resume with")[0]
-    ended = result.to_dict()["trajectory"]["ended"]
-    assert ended["by"] == "contact"
-    return f"meets the {ended['nearest']}"
-
-
-class _Signalling(Silent):
-    """Sends this process SIGTERM after so many steps, as a batch system does at the end of its time."""
-
-    def __init__(self, steps: int):
-        self._left = steps
-
-    def advance(self, time: float, end: float) -> None:
-        self._left -= 1
-        if self._left == 0:
-            os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _time(result: Result) -> float:
-    if result.trajectory is not None:
-        return float(result.trajectory["ended"]["time"])
-    return float(result.scene["time"]["end"])
-
-
-def _difference(one: Result, other: Result) -> float:
-    if one.trajectory is not None and other.trajectory is not None and one.grain is not None:
-        way = np.subtract(one.trajectory["place"], other.trajectory["place"])
-        return float(np.linalg.norm(way)) / one.grain["size"]
-    values, expected = (result.velocity.x.array for result in (one, other))
-    return float(np.linalg.norm(values - expected) / np.linalg.norm(expected))
-
-
-def rows(directory: Path) -> Iterator[tuple[str, str, str]]:
-    """Case, what was found, outcome: of all cases."""
-    for name, case in CASES.items():
-        told = resumed(name, directory / str(len(name)))
-        stopped = told.stopped.partition(": ")[0]  # without the remedy
-        found = f"stops: {stopped}; kept t = {told.kept:.4g}, resumed with {', '.join(case.remedy)}"
-        of = "velocity" if case.scene == FASTER else "place"
-        yield (
-            name,
-            found,
-            f"to t = {told.end:.4g}; {of} differs by {100 * told.difference:.2g}% from the whole run's",
-        )
+        stopped = str(error).partition("; the state at t = ")[0]
+    kept = read(cut / "checkpoint.h5", MPI.COMM_SELF).time
+    end = incipient.resume(cut, remedy)
+    whole = incipient.run(loads(CARRIED, overrides=(*common, *remedy)), directory / "whole")
+    times = (float(one.trajectory["ended"]["time"]) for one in (end, whole))
+    way = np.subtract(end.trajectory["place"], whole.trajectory["place"])
+    return Resumed(stopped, kept, *times, float(np.linalg.norm(way)) / end.grain["size"])

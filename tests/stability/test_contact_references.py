@@ -10,25 +10,10 @@ import pytest
 from random_contacts import random_case
 from scipy.optimize import linprog
 
-from incipient.contact import Cases, Contacts, Load, incipient_motion, judge_many, safety_factor
+from incipient.contact import Cases, Contacts, Load, judge_many, safety_factor
 from incipient.contact.friction import FrictionCone
-from incipient.contact.verdict import judged
 
 LARGE = 1e3  # a factor above it is not told from an infinite one by the linear programs
-SEEDS = {"3-D": range(5000, 5240), "2-D": range(220)}
-
-
-def planar_case(seed):
-    """Load, contacts and friction of one to five contacts around a disc, or near it."""
-    random = np.random.default_rng([2, seed])
-    angle = random.uniform(-np.pi, 0.2, int(random.integers(1, 6)))
-    tilt = angle + 0.3 * random.normal(size=len(angle)) * (seed % 3 > 0)
-    zero = 0.0 * angle
-    points = np.column_stack([np.cos(angle), np.sin(angle), zero])
-    normals = np.column_stack([np.cos(tilt), np.sin(tilt), zero])
-    force, torque = np.append(random.normal(size=2), 0.0), [0.0, 0.0, 0.3 * random.normal()]
-    load = Load(force, torque, [0.0, -random.choice([0.5, 1.0, 3.0]), 0.0], np.zeros(3))
-    return load, Contacts(points, normals), float(random.choice([0.1, 0.4, 1.0]))
 
 
 def reference(load, contacts, friction):
@@ -75,47 +60,29 @@ def reference(load, contacts, friction):
     return None if None in ends else ends
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", SEEDS)
-def test_random_cases_against_programs_with_cuts(kind):
-    """240 cases in 3-D and 220 in 2-D: the ends of the interval of balanced factors, or that there is none."""
+@pytest.mark.parametrize(
+    ("first", "count"), [(5000, 26), pytest.param(5026, 214, marks=pytest.mark.slow)]
+)
+def test_random_cases_against_programs_with_cuts(first, count):
+    """The ends of the interval of balanced factors, or that there is none."""
     statuses = set()
-    for seed in SEEDS[kind]:
-        if kind == "3-D":
-            case = random_case(seed)
-            load, contacts, friction = case.load, case.contacts, case.friction
-        else:
-            load, contacts, friction = planar_case(seed)
-        found, expected = (
-            safety_factor(load, contacts, friction),
-            reference(load, contacts, friction),
-        )
+    for seed in range(first, first + count):
+        case = random_case(seed)
+        problem = case.load, case.contacts, case.friction
+        found, expected = safety_factor(*problem), reference(*problem)
         statuses.add(found.status.name)
         if expected is None:
             assert found.interval is None, seed
             continue
         low, high = found.interval
         assert low == pytest.approx(expected[0], rel=1e-6, abs=1e-7), seed
-        if expected[1] > 0.999 * LARGE:
-            assert high > LARGE, seed
-        else:
-            assert high == pytest.approx(expected[1], rel=1e-6, abs=1e-7), seed
+        assert min(high, LARGE) == pytest.approx(expected[1], rel=1e-6, abs=1e-7), seed
     assert {"CRITICAL", "UNLIMITED", "HELD_BY_FLOW", "UNHELD"} <= statuses
 
 
 @pytest.mark.parametrize("unit", [1e-13, 1e13])
-def test_units_of_force_change_nothing(unit):
-    """Forces of 1e-13 N are judged as forces of 1 N, one by one and in batches."""
-    for seed in range(30):
-        case = random_case(seed)
-        load = case.load
-        parts = load.flow_force, load.flow_couple, load.weight
-        scaled = Load(*(unit * part for part in parts), load.centre)
-        inert = case.mass, case.inertia
-        before = judged(load, case.contacts, case.friction, inert)
-        after = judged(scaled, case.contacts, case.friction, inert)
-        assert (after.label, after.safety.status) == (before.label, before.safety.status)
-        assert after.safety.value == pytest.approx(before.safety.value, rel=1e-9)
+def test_units_of_force_change_nothing_in_batches(unit):
+    """Batches of forces of 1e-13 N are judged as those of 1 N."""
     count = 40
     points = np.random.default_rng(0).normal(size=(count, 4, 3)) - [0.0, 0.0, 2.0]
     points /= np.linalg.norm(points, axis=2, keepdims=True)
@@ -194,12 +161,3 @@ def test_a_patch_by_its_corners_is_an_upper_bound_when_it_spins():
         assert safety_factor(spin, contacts, 0.5).value == pytest.approx(0.5 * math.sqrt(0.5))
     even = 0.5 * (math.sqrt(2.0) + math.log(1.0 + math.sqrt(2.0))) / 6.0
     assert even == pytest.approx(0.191, abs=5e-4)
-
-
-def test_a_family_down_to_rest():
-    """A disc fitted between two walls and turned may be braked as hard as one likes: alpha from tau / J to nothing."""
-    walls = Contacts([[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    load = Load(np.zeros(3), [0.0, 0.0, 0.2], np.zeros(3), np.zeros(3))
-    motion = incipient_motion(load, walls, 0.5, 1.0, 0.1 * np.eye(3))
-    assert motion.uniqueness.name == "FAMILY" and not motion.moves
-    assert motion.solutions[-1].angular_acceleration[2] == pytest.approx(2.0)

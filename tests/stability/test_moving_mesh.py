@@ -97,32 +97,12 @@ STEPS = [
 ]
 
 
-def gain_and_imbalance(
-    reynolds: float, convection: str, step: float, count: int, geometry_order: int
-) -> tuple[float, float]:
-    """Shares of its energy that a step of BDF1 gains, and misses beside what viscosity and increment took."""
-    model = FlowModel(unsteady=True, convection=convection, moving_mesh=True)
-    kinetic, spent = energies(reynolds, model, 1, step, count, geometry_order)
-    gained = kinetic[1:] - kinetic[:-1]
-    return float((gained / kinetic[:-1]).max()), float(
-        np.abs((gained + spent) / kinetic[:-1]).max()
-    )
-
-
 @pytest.mark.parametrize(("convection", "step"), STEPS)
 @GEOMETRY
 def test_energy_never_grows(convection: str, step: float, geometry_order: int) -> None:
-    gain, imbalance = gain_and_imbalance(1e6, convection, step, 40, geometry_order)
-    assert gain <= SOLVED
-    assert imbalance < BALANCED
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("convection", "step"), STEPS)
-@pytest.mark.parametrize("reynolds", [1e4, 1e6])
-def test_energy_never_grows_in_a_thousand_steps(
-    reynolds: float, convection: str, step: float
-) -> None:
-    gain, imbalance = gain_and_imbalance(reynolds, convection, step, 1000, geometry_order=1)
-    assert gain <= SOLVED
-    assert imbalance < BALANCED
+    """Shares of its energy that a step of BDF1 gains, and misses beside what viscosity and increment took."""
+    model = FlowModel(unsteady=True, convection=convection, moving_mesh=True)
+    kinetic, spent = energies(1e6, model, 1, step, 40, geometry_order)
+    gained = np.diff(kinetic)
+    assert (gained / kinetic[:-1]).max() <= SOLVED
+    assert np.abs((gained + spent) / kinetic[:-1]).max() < BALANCED

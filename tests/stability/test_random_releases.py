@@ -124,11 +124,3 @@ def followed(seed: int, round_grain: bool) -> bool:
 def test_some_random_releases(round_grain: bool, seeds: int) -> None:
     """With restitution no energy is looked at: with friction Newton's law may add some (Kane & Levinson 1985)."""
     assert sum(followed(seed, round_grain) for seed in range(seeds)) > 0.6 * seeds
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", range(10))
-def test_a_thousand_random_releases(part: int) -> None:
-    touched = [followed(1000 + 80 * part + k, True) for k in range(80)]
-    touched += [followed(1000 + 20 * part + k, False) for k in range(20)]
-    assert sum(touched) > 80

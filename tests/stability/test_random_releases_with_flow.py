@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scenes import history_of
 
 import incipient
 from incipient.scene import Scene
@@ -87,13 +87,7 @@ class Release:
     def of(cls, seed: int, directory: Path) -> Release:
         """Run a drawn scene and look at every step."""
         result = incipient.run(drawn(seed), directory)
-        with (directory / "history.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        found = {
-            name: np.array([float(row[name] or "nan") for row in rows])
-            for name in rows[0]
-            if name != "mode"
-        }
+        found = history_of(directory)
         contacts = found["work_friction"] + found["work_impact"]
         works = found["work_flow"] + found["work_gravity"] + contacts
         energy = max(
@@ -102,7 +96,7 @@ class Release:
         assert result.trajectory is not None
         moved = (
             result.trajectory["on_bed"]["first_motion"] is not None,
-            any(row["mode"] != "rest" for row in rows),
+            bool((found["mode"] != "rest").any()),
         )
         return cls(
             result.status,
@@ -113,7 +107,7 @@ class Release:
         )
 
 
-def _turned_over(found: dict[str, np.ndarray]) -> float:
+def _turned_over(found: Any) -> float:
     """The sum over all steps of the contacts' loads times the grain's ways, all counted as positive."""
     pairs = (("contact_x", "velocity_x"), ("contact_y", "velocity_y"), ("contact_torque", "spin"))
     fastest = {

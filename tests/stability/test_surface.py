@@ -53,20 +53,16 @@ def at_ends(made, elevation):
     return elevation[np.abs(made.points[:, 0] - 0.5) > 0.499]
 
 
+@pytest.mark.parametrize("pinned", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_energy_never_grows(seed):
-    """Of first order in time, in the form that cannot make energy, whatever the step."""
-    length = 10.0 ** np.random.default_rng(100 + seed).uniform(-2, 1)
-    found = energies(seed, 4, length)
+def test_energy_never_grows(seed, pinned):
+    """Of first order in time, in the form that cannot make energy, whatever the step.
+
+    Pinned at ends to which the fluid sticks, at any elevations there, which stay to round-off as the volume does.
+    """
+    length = 10.0 ** np.random.default_rng(100 * (1 + pinned) + seed).uniform(-2, 1)
+    found = energies(seed, 4, length, pinned=pinned)
     # The first step makes the start free of divergence, and energy can only be lost by that, too.
-    assert (np.diff(found) <= 1e-7 * found[0]).all()
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_energy_never_grows_where_the_surface_is_pinned(seed):
-    """At ends to which the fluid sticks, at any elevations there, which stay to round-off as the volume does."""
-    length = 10.0 ** np.random.default_rng(200 + seed).uniform(-2, 1)
-    found = energies(seed, 4, length, pinned=True)
     assert (np.diff(found) <= 1e-7 * found[0]).all()
 
 
@@ -85,15 +81,6 @@ def test_what_a_pinned_surface_does_not_feel():
             assert np.abs(elevation[made.nodes][ends]).max() == 0.0 < np.abs(elevation).max()
             assert rising.mean(elevation) == pytest.approx(0.0, abs=1e-14)
         assert rising.mean(one - felt, trial) == pytest.approx(0.0, abs=1e-14)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("pinned", [False, True])
-def test_energy_never_grows_from_a_thousand_starts(pinned):
-    for seed in range(1000):
-        length = 10.0 ** np.random.default_rng(10_000 + seed).uniform(-2, 1)
-        found = energies(seed, 3, length, viscosity=10.0 ** -(seed % 5), pinned=pinned)
-        assert (np.diff(found) <= 1e-7 * found[0]).all(), seed
 
 
 @pytest.mark.parametrize("scheme", [1, 2])

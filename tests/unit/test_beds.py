@@ -4,12 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from every_shape import BEDS, dense, terrains
+from every_shape import BEDS, TERRAINS, dense
 from scenes import CHANNEL, message, scene
-from scipy.spatial import cKDTree
 
 from incipient.errors import SceneError
-from incipient.geometry import Arc, Curved, Flat, HeightMap, Line, Sphere, SphereBed, Spline, rest
+from incipient.geometry import Arc, Curved, HeightMap, Line, SphereBed, Spline
 from incipient.geometry import HalfDiscs as HalfDiscsBed
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry import Sinusoidal as SinusoidalBed
@@ -20,10 +19,54 @@ from incipient.scene.example import grain_in_pocket
 from incipient.scene.terrains import HeightMapBed
 from incipient.setup.setup import Setup
 
-# Beds of the plane: brute force and elementary geometry; the level plane that one acts as in shear, published.
+# Beds by brute force and elementary geometry; the level plane that one acts as in shear, published.
 
 
 beds = pytest.mark.parametrize("bed", BEDS.values(), ids=BEDS.keys())
+EVERY_BED = BEDS | TERRAINS
+every_bed = pytest.mark.parametrize("bed", EVERY_BED.values(), ids=EVERY_BED.keys())
+
+
+def places(bed, x):
+    """Points (n, gdim - 1) as the bed takes them."""
+    return x if bed.gdim == 3 else x[:, 0]
+
+
+@every_bed
+def test_normals_and_hessians_by_differences(bed):
+    x, h = np.random.default_rng(2).uniform(-2.0, 2.0, (80, bed.gdim - 1)), 1e-6
+    steps = h * np.eye(bed.gdim - 1)
+    ahead, behind = ([bed.height(places(bed, x + s * e)) for e in steps] for s in (1.0, -1.0))
+    slope = np.subtract(ahead, behind).T / (2 * h)
+    normals = np.column_stack([-slope, np.ones(len(x))])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    gentle = np.abs(slope).max(axis=1) < 5.0
+    assert bed.normal(places(bed, x))[gentle] == pytest.approx(normals[gentle], abs=1e-5)
+    if hasattr(bed, "shape"):
+        rows = [(bed.gradient(x + e) - bed.gradient(x - e)) / (2 * h) for e in steps]
+        error = np.abs(np.stack(rows, axis=2) - bed.shape(x)[2]).max(axis=(1, 2))
+        assert np.median(error) < 1e-6  # that of the map jumps between cells
+
+
+@every_bed
+def test_nearest_point_against_brute_force(bed):
+    """No farther than straight below; brute force can only be too large, by its spacing on the steepest flank."""
+    generator, d = np.random.default_rng(3), bed.gdim - 1
+    x = generator.uniform(-2.0, 2.0, (30, d))
+    points = np.column_stack(
+        [x, bed.height(places(bed, x)) + generator.uniform(0.0, (1.5, 0.3)[d - 1], 30)]
+    )
+    along = np.linspace(-1.5, 1.5, 120_001) if d == 1 else np.linspace(-0.3, 0.3, 121)
+    offsets = np.stack(np.meshgrid(*[along] * d), -1).reshape(-1, d)
+    brute = [
+        np.sqrt((offsets**2).sum(1) + (bed.height(places(bed, p[:d] + offsets)) - p[d]) ** 2).min()
+        for p in points
+    ]
+    distance, feet = bed.distance(points), bed.nearest(points)
+    assert bed.height(places(bed, feet[:, :d])) == pytest.approx(feet[:, d], abs=1e-7)
+    assert (distance <= np.array(brute) + 1e-12).all()
+    assert distance == pytest.approx(brute, abs=(2e-4, 5e-3)[d - 1])
+    assert (bed.distance(points - [*[0.0] * d, 0.5]) < 0.0).any()
 
 
 class TestBeds:
@@ -34,35 +77,9 @@ class TestBeds:
         assert (curves[0].start[0], curves[-1].end[0]) == (x0, x1)
         for curve, following in pairwise(curves):
             assert curve.end == following.start
-        points = dense(curves, 301)
+        points = dense(curves, 5001)
         # Only the spline of the wavy beds is an approximation: to 1e-6 of the wavelength, which is at most 1.
         assert bed.height(points[:, 0]) == pytest.approx(points[:, 1], abs=1e-6)
-
-    @beds
-    def test_normals_by_differences(self, bed):
-        x, h = np.linspace(-2.0, 2.0, 173) + 1e-3, 1e-7
-        smooth = np.abs(np.subtract(*bed.side_normals(x))).max(axis=1) == 0.0
-        slope = (bed.height(x + h) - bed.height(x - h)) / (2.0 * h)
-        normal = np.column_stack([-slope, np.ones(len(x))]) / np.hypot(slope, 1.0)[:, None]
-        steep = np.abs(slope) > 5.0
-        assert bed.normal(x)[smooth & ~steep] == pytest.approx(normal[smooth & ~steep], abs=1e-5)
-
-    @beds
-    def test_nearest_point_against_brute_force(self, bed):
-        generator = np.random.default_rng(1)
-        x = generator.uniform(-2.0, 2.0, 60)
-        points = np.column_stack([x, bed.height(x) + generator.uniform(0.0, 1.5, 60)])
-        track = np.linspace(-5.0, 5.0, 400001)
-        track = np.column_stack([track, bed.height(track)])
-        brute, _ = cKDTree(track, balanced_tree=False).query(points)
-        feet = bed.nearest(points)
-        assert bed.height(feet[:, 0]) == pytest.approx(feet[:, 1], abs=1e-7)
-        # Brute force can only be too large, by its spacing of 2.5e-5 on the steepest flank.
-        assert np.all(bed.distance(points) <= np.array(brute) + 1e-12)
-        assert bed.distance(points) == pytest.approx(brute, abs=2e-4)
-
-    def test_distance_is_negative_below(self):
-        assert Flat(1.0).distance([[0.0, 0.4], [0.0, 1.4]]) == pytest.approx([-0.6, 0.4])
 
     def test_half_discs(self):
         bed = HalfDiscsBed(0.5, 2.0, 0.25, 1.0)
@@ -77,13 +94,6 @@ class TestBeds:
             curves = HalfDiscsBed(0.5, 2.0).curves(x0, 0.0)
             assert len(curves) == 1
             assert curves[0].start == (x0, 0.0)
-
-    def test_spline_error_is_below_a_millionth_of_the_wavelength(self):
-        for amplitude in (0.01, 0.1, 0.5):
-            bed = SinusoidalBed(amplitude, 2.0, 1.0)
-            (curve,) = bed.curves(0.3, 4.9)
-            x, y = curve.point(np.linspace(0.0, 1.0, 20011)).T
-            assert np.abs(bed.height(x) - y).max() < 1e-6 * 2.0
 
 
 def test_the_nearest_place_on_a_long_smooth_curve_is_found():
@@ -212,56 +222,6 @@ def test_in_space_it_is_refused():
 
 
 class TestTerrains:
-    @terrains
-    def test_gradients_normals_and_hessians_by_differences(self, bed):
-        x, h = np.random.default_rng(2).uniform(-2.0, 2.0, (80, 2)), 1e-6
-        slope = np.column_stack(
-            [(bed.height(x + h * e) - bed.height(x - h * e)) / (2 * h) for e in np.eye(2)]
-        )
-        gentle = np.abs(slope).max(axis=1) < 5.0
-        assert bed.gradient(x)[gentle] == pytest.approx(slope[gentle], abs=1e-5)
-        expected = np.column_stack([-slope, np.ones(len(x))])
-        expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-        assert bed.normal(x)[gentle] == pytest.approx(expected[gentle], abs=1e-5)
-        if hasattr(bed, "shape"):
-            rows = [
-                (bed.gradient(x + h * e) - bed.gradient(x - h * e)) / (2 * h) for e in np.eye(2)
-            ]
-            error = np.abs(np.stack(rows, axis=2) - bed.shape(x)[2]).max(axis=(1, 2))
-            assert np.median(error) < 1e-6  # that of the map jumps between cells
-
-    @terrains
-    def test_nearest_point_against_brute_force(self, bed):
-        generator = np.random.default_rng(3)
-        x = generator.uniform(-2.0, 2.0, (30, 2))
-        points = np.column_stack([x, bed.height(x) + generator.uniform(0.0, 0.3, 30)])
-        # No farther than straight below; they lie 5e-3 apart.
-        along = np.linspace(-0.3, 0.3, 121)
-        offsets = np.stack(np.meshgrid(along, along), -1).reshape(-1, 2)
-        brute = []
-        for point in points:
-            around = point[:2] + offsets
-            brute.append(
-                np.sqrt(
-                    ((around - point[:2]) ** 2).sum(1) + (bed.height(around) - point[2]) ** 2
-                ).min()
-            )
-        distance, feet = bed.distance(points), bed.nearest(points)
-        assert bed.height(feet[:, :2]) == pytest.approx(feet[:, 2], abs=1e-7)
-        # Brute force can only be too large, by its spacing of 5e-3 on the steepest flank.
-        assert (distance <= np.array(brute) + 1e-12).all()
-        assert distance == pytest.approx(brute, abs=5e-3)
-        assert (bed.distance(points - [0, 0, 0.5]) < 0.0).any()
-
-    def test_neighbours_of_the_arrays(self):
-        """Square: 4 neighbours at the spacing; triangular: 6."""
-        for arrangement, count in (("square", 4), ("triangular", 6)):
-            bed = SphereBed.array(0.5, 1.3, arrangement, (0.2, 0.1))
-            centres = bed.near((0.2, 0.1), 0.81)[1]
-            away = np.linalg.norm(centres[:, :2] - [0.2, 0.1], axis=1)
-            assert np.sort(away) == pytest.approx([0.0] + [1.3] * count)
-            assert bed.height(centres[:, :2]) == pytest.approx(0.5)
-
     def test_a_map_reproduces_its_points_and_parabolas(self):
         # Cubic convolution is exact for polynomials of second degree (Keys 1981), away from the edges.
         x, y = np.meshgrid(np.arange(8.0), 2.0 * np.arange(9.0))
@@ -384,14 +344,6 @@ def test_disorder_is_the_same_wherever_it_is_looked_at_and_keeps_spheres_apart()
     assert not np.allclose(
         whole[:5], SphereBed.array(0.5, 1.2, "random", seed=4).near((0.0, 0.0), 14.50)[1][:5]
     )
-
-
-def test_a_sphere_rests_on_disorder():
-    bed = SphereBed.array(0.5, 1.2, "random", seed=3, layers=2)
-    grain = Sphere(1.0)
-    placement = rest(grain, bed, (0.2, 0.1))
-    centres = bed.near((0.2, 0.1), 3.50)[1]
-    assert np.linalg.norm(centres - placement.centre, axis=1).min() == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import sys
 import typing
 from collections.abc import Iterator
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -38,18 +37,13 @@ def parts(page: str) -> list[str]:
     return [name for name in names if name != "mrow"]
 
 
-def test_a_formula_in_a_line_becomes_a_fraction() -> None:
-    found = parts(r'<span class="arithmatex">\(\frac{k^2}{\epsilon}\)</span>')
-    assert found == ["p", "math", "mfrac", "msup", "mi k", "mn 2", "mi ϵ"]
-
-
-def test_a_formula_by_itself_is_a_block_and_signs_of_html_are_read() -> None:
-    page = '<div class="arithmatex">\n\\[a &lt; b\\]</div>'
-    assert 'display="block"' in mathematics.on_page_content(page)
-    assert parts(page) == ["p", "math", "mi a", "mo <", "mi b"]
-
-
-def test_other_text_stays_as_it_is() -> None:
+def test_formulas_in_a_line_and_by_themselves_become_mathematics() -> None:
+    """Signs of HTML are read; other text stays as it is."""
+    line = r'<span class="arithmatex">\(\frac{k^2}{\epsilon}\)</span>'
+    assert parts(line) == ["p", "math", "mfrac", "msup", "mi k", "mn 2", "mi ϵ"]
+    block = '<div class="arithmatex">\n\\[a &lt; b\\]</div>'
+    assert 'display="block"' in mathematics.on_page_content(block)
+    assert parts(block) == ["p", "math", "mi a", "mo <", "mi b"]
     page = r"<p>f(x) and <code>\(k\)</code></p>"
     assert mathematics.on_page_content(page) == page
 
@@ -61,49 +55,26 @@ ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted(
     (*ROOT.glob("demos/**/*.py"), *ROOT.glob("benchmarks/**/*.py"), *ROOT.glob("docs/*.py"))
 )
+
+
 HELPERS = {
-    path.stem: path
-    for folder in ("benchmarks", "tests")
-    for path in ROOT.glob(f"{folder}/**/*.py")
-    if path.stem != "__init__"
+    path.stem: path for top in ("benchmarks", "tests") for path in ROOT.glob(f"{top}/**/*.py")
 }
-
-
-def imports(path: Path) -> list[tuple[str, str]]:
-    """Modules and the names that a script takes from them, within functions also."""
-    nodes = [
-        node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)
-    ]
-    return [(node.module, alias.name) for node in nodes if node.module for alias in node.names]
-
-
-def names_in(path: Path) -> set[str]:
-    """The names at the top of a module."""
-    found = set()
-    for node in ast.parse(path.read_text()).body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found.add(node.name)
-        found |= {
-            part.id
-            for part in ast.walk(node)
-            if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
-        }
-    return found
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_imported_names_exist(path: Path) -> None:
-    """By name, without a run: most of these scripts take minutes."""
-    missing = []
-    for module, name in imports(path):
+    """Without a run of the rest, which takes minutes; names of helpers stand at the begin of a line."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        module = isinstance(node, ast.ImportFrom) and node.module
+        if not module:
+            continue
         if module.partition(".")[0] == "incipient":
-            there = hasattr(import_module(module), name) or find_spec(f"{module}.{name}")
-        else:
-            helper = HELPERS.get(module.rpartition(".")[2])
-            there = helper is None or name in names_in(helper)
-        if not there:
-            missing.append(f"{module}.{name}")
-    assert not missing
+            exec(ast.unparse(node), {})
+        elif helper := HELPERS.get(module.rpartition(".")[2]):
+            for alias in node.names:
+                start = rf"(?m)^(?:def |class |(?:\w+, )*){alias.name}\b"
+                assert re.search(start, helper.read_text()), f"{module}.{alias.name}"
 
 
 def test_no_module_hides_a_public_name() -> None:
@@ -122,22 +93,15 @@ def test_no_module_hides_a_public_name() -> None:
 SLOW = re.compile(r"pytest\.mark\.slow\b")
 
 
-def test_every_file_with_slow_tests_is_in_one_part() -> None:
-    found = {
+def test_every_file_with_slow_tests_is_in_one_part_and_each_part_has_its_day() -> None:
+    slow = {
         str(path.relative_to(TESTS))
         for path in TESTS.rglob("test_*.py")
         if SLOW.search(path.read_text())
     }
     named = [name for names in PARTS.values() for name in names]
-    assert len(named) == len(set(named))
-    assert found - {"unit/test_mathematics.py"} == set(named)
-
-
-def test_each_part_has_its_day() -> None:
+    assert len(named) == len(set(named)) and slow - {"unit/test_mathematics.py"} == set(named)
     assert {of_day(day) for day in range(1, 1 + len(PARTS))} == set(PARTS)
-
-
-def test_all_parts_together_are_all_files() -> None:
     assert sorted(files("")) == sorted(one for part in PARTS for one in files(part))
     with pytest.raises(KeyError):
         files("nothing")
@@ -222,28 +186,18 @@ def test_keys_exist(page: Path) -> None:
 
 
 @of_every_page
-def test_linked_files_exist(page: Path) -> None:
-    linked = re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text())
-    assert not [name for name in linked if not (page.parent / name).exists()]
-
-
-@of_every_page
-def test_named_files_exist(page: Path) -> None:
-    """Paths in code that begin with a directory of the repository."""
-    named = re.findall(
-        r"`((?:demos|docs|benchmarks|tests|forms|meshes|incipient)/[\w./-]+)`", page.read_text()
-    )
-    assert not [name for name in named if not (ROOT / name).exists()]
+def test_files_that_are_linked_or_named_exist(page: Path) -> None:
+    """Named ones are paths in code that begin with a directory of the repository."""
+    text = page.read_text()
+    linked = re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", text)
+    named = re.findall(r"`((?:demos|docs|benchmarks|tests|forms|meshes|incipient)/[\w./-]+)`", text)
+    paths = [*(page.parent / name for name in linked), *(ROOT / name for name in named)]
+    assert not [path for path in paths if not path.exists()]
 
 
 def test_the_navigation_names_pages_that_exist() -> None:
-    named = set(
-        re.findall(
-            r"^ *- (?:[^:\n]+: )?([\w/]+\.(?:md|markdown))$",
-            (ROOT / "mkdocs.yml").read_text(),
-            re.M,
-        )
-    )
+    pages = r"(?m)^ *- (?:[^:\n]+: )?([\w/]+\.(?:md|markdown))$"
+    named = set(re.findall(pages, (ROOT / "mkdocs.yml").read_text()))
     assert len(named) > 20 and not {name for name in named if not (ROOT / "docs" / name).exists()}
 
 

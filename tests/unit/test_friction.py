@@ -34,8 +34,10 @@ from incipient.fluid.along_walls import along_wall
 from incipient.fluid.conditions import Friction
 from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
-from incipient.geometry.space.beds import SphereBed
-from incipient.geometry.space.grains import Sphere
+from incipient.geometry.plane.beds import Flat
+from incipient.geometry.plane.grains import Rectangle
+from incipient.geometry.space.beds import Plane, SphereBed
+from incipient.geometry.space.grains import Box, Sphere
 from incipient.judging.case import Case, judge_case
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
@@ -160,7 +162,7 @@ FRICTION, PULL, WEIGHT, PUSH = 0.5, 0.3, 2.0, 1.5
 def block(width: float, height: float) -> Contacts:
     """The lower corners of a block whose centre of mass is the origin."""
     points = [[side * 0.5 * width, -0.5 * height, 0.0] for side in (-1.0, 1.0)]
-    return Contacts(np.array(points), np.array([[0.0, -1.0, 0.0]] * 2))
+    return Contacts(np.array(points), np.array([[0.0, -1.0, 0.0]] * 2), [0.5 * width] * 2)
 
 
 def pushed(force: list[float], torque: float = 0.0) -> Load:
@@ -170,24 +172,53 @@ def pushed(force: list[float], torque: float = 0.0) -> Load:
 
 
 def test_a_block_slides_when_friction_of_weight_and_cohesion_is_exceeded():
-    """s F = friction (W + 2 c)."""
+    """s F = friction (W + c)."""
     contacts, law = block(4.0, 0.2), FrictionCone.of(FRICTION, PULL)
     found = safety_factor(pushed([PUSH, 0.0, 0.0]), contacts, law)
-    assert found.value == pytest.approx(FRICTION * (WEIGHT + 2.0 * PULL) / PUSH)
+    assert found.value == pytest.approx(FRICTION * (WEIGHT + PULL) / PUSH)
     assert found.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
     assert found.contact_states == (ConeState.EDGE,) * 2
 
 
 def test_a_block_topples_when_the_contact_behind_is_torn_off():
-    """About the corner ahead: s F h/2 = W b/2 + c b."""
+    """About the corner ahead: s F h/2 = W b/2 + c b/2, where the pull is as even as the face."""
     width, height = 1.0, 3.0
     found = safety_factor(
         pushed([PUSH, 0.0, 0.0]), block(width, height), FrictionCone.of(5.0, PULL)
     )
-    held = 0.5 * WEIGHT * width + PULL * width
+    held = 0.5 * (WEIGHT + PULL) * width
     assert found.value == pytest.approx(held / (0.5 * PUSH * height))
-    assert found.contact_forces[0, 1] == pytest.approx(-PULL)
+    assert found.contact_forces[0, 1] == pytest.approx(-0.5 * PULL)
     assert found.contact_states[0] is ConeState.UNLOADED  # nothing presses in the cone
+
+
+def grid() -> Contacts:
+    """Points of the lower face of a unit cube, each with its part of the area."""
+    line, down = np.linspace(-0.5, 0.5, 5), np.array([0.0, 0.0, -1.0])
+    part = np.array([0.5, 1.0, 1.0, 1.0, 0.5]) / 4.0
+    points = [[x, y, -0.5] for x in line for y in line]
+    return Contacts(points, np.tile(down, (25, 1)), np.outer(part, part).ravel())
+
+
+@pytest.mark.parametrize(
+    "face",
+    [
+        block(1.0, 1.0),
+        grid(),
+        touching(Rectangle(1.0, 1.0), Placement((0.0, 0.0)), Flat(-0.5), 1e-6),
+        touching(Box((1.0, 1.0, 1.0)), Placement((0.0, 0.0, 0.0)), Plane(origin_z=-0.5), 1e-6),
+    ],
+    ids=["ends", "grid", "rectangle", "box"],
+)
+def test_a_face_holds_its_cohesion_once_whatever_its_points(face: Contacts):
+    """Torn off at s L = W + c, tipped over an edge at s F h/2 = (W + c) b/2, h = b; alone and in batches."""
+    down, zero, law = face.normals[0], np.zeros(3), FrictionCone.of(5.0, PULL)
+    push = 4.0 * np.array([-down, [1.0, 0.0, 0.0]])
+    surface = face.points, face.normals
+    cases = Cases(*surface, push, 0.0 * push, WEIGHT * down, zero, law, areas=face.areas)
+    alone = [safety_factor(Load(one, zero, WEIGHT * down, zero), face, law).value for one in push]
+    for factors in (alone, judge_many(cases).factors):
+        assert factors == pytest.approx([(WEIGHT + PULL) / 4.0] * 2)
 
 
 @pytest.mark.parametrize("units", [1.0, 1e-13, 1e9])
@@ -298,7 +329,7 @@ def test_cohesion_is_a_key_of_scenes_and_cases():
         }
     )
     assert judge_case(case)["verdict"]["safety_factor"] == pytest.approx(
-        FRICTION * (WEIGHT + 2.0 * PULL) / PUSH
+        FRICTION * (WEIGHT + PULL) / PUSH
     )
 
 
@@ -379,16 +410,6 @@ def test_angle_of_repose_of_every_pocket(pocket):
                 assert found == pytest.approx(expected, abs=1e-5), (spacing, size, friction)
                 checked += 1
     assert checked >= 45
-
-
-def test_known_angles_of_equal_spheres_that_touch():
-    """Bead and bed make a pyramid or a tetrahedron, whose faces lean by arctan(sqrt(2)) and arctan(sqrt(8))."""
-    for pocket, face in (("square", sqrt(2.0)), ("triangular", sqrt(8.0))):
-        case = case_of(pocket, 1.0, 1.0)
-        assert case is not None
-        assert angle_of(*case[:2], 1.0, 0.3)[0] == pytest.approx(
-            90.0 - degrees(atan2(face, 1.0)), abs=1e-6
-        )
 
 
 @pytest.mark.parametrize("spacing", [1.25, 1.4])

@@ -27,7 +27,7 @@ from incipient.judging.batch import Verdicts, judge_table
 from incipient.judging.case import Case, load_case
 from incipient.judging.forces import ForcesInTime, JudgedForces, judge_forces, read_forces
 from incipient.judging.in_place import grain_in_place
-from incipient.judging.series import MotionInTime, judge_series, mean_in_time, read_series
+from incipient.judging.series import judge_series, mean_in_time, read_series
 from incipient.judging.table import read_table
 from incipient.progress import Silent
 from incipient.scene import loads
@@ -112,13 +112,6 @@ class TestMeaning:
         assert mass == 2.0
         assert inertia == pytest.approx(0.25 * np.eye(3))
 
-    def test_space(self, case):
-        found = case(SPACE)
-        assert found.gdim == 3
-        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
-        assert found.to_contacts().areas == pytest.approx([0.1])
-        assert found.mass_and_inertia() is None
-
     @pytest.mark.parametrize(
         ("given", "matrix"),
         [
@@ -127,14 +120,12 @@ class TestMeaning:
         ],
     )
     def test_inertia_in_space(self, case, given, matrix):
-        _, inertia = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}").mass_and_inertia()
+        found = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}")
+        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
+        assert found.to_contacts().areas == pytest.approx([0.1])
+        _, inertia = found.mass_and_inertia()
         expected = np.array([[2.0, 1, 0], [1, 2, 0], [0, 0, 3]]) if matrix is None else matrix
         assert inertia == pytest.approx(expected)
-
-    def test_couple_about_another_point(self, case):
-        # tau_c = tau_a + (a - c) ^ F: a - c = (0, -0.5), F = (0.3, 0.1): -0.2 + 0.5 * 0.3.
-        found = case(PLANE.replace("centre =", "about = [1.0, 0.0]\ncentre ="))
-        assert found.to_load().flow_couple == pytest.approx([0.0, 0.0, -0.05])
 
     def test_body_gives_centre_mass_and_inertia(self, case):
         found = case(BODY)
@@ -147,9 +138,6 @@ class TestMeaning:
     def test_rounded_normals_are_made_unit(self, case):
         found = case(PLANE.replace("[[0.0, -1.0]]", "[[0.5, -0.866]]"))
         assert np.linalg.norm(found.to_contacts().normals[0]) == pytest.approx(1.0, abs=1e-15)
-
-    def test_overrides(self, case):
-        assert case(PLANE, "contacts.friction=0.7").contacts.friction == 0.7
 
     @pytest.mark.parametrize("path", sorted(CASES.glob("*.toml")), ids=lambda path: path.stem)
     def test_demos_are_read(self, path):
@@ -594,20 +582,6 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
     assert "verdicts.csv: was not written by incipient" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ([], "there is no case; give a case file, --batch FILE, or --forces with --grain"),
-        (["case.toml", "--batch", "cases.csv"], "leave out case.toml"),
-        (["--batch", "absent.csv"], "absent.csv: cannot be read (No such file or directory)"),
-        (["--batch", "absent.csv", "--jobs", "0"], "--jobs: is 0; give 1 or more"),
-    ],
-)
-def test_wrong_calls(options: list[str], said: str, capsys: Any) -> None:
-    assert cli.main(["judge", *options]) == 2
-    assert said in capsys.readouterr().err
-
-
 BLOCK = """
 [load]
 weight = [0.0, -1.0]
@@ -656,15 +630,6 @@ def test_weight_and_friction_may_vary(block: Case) -> None:
         assert factors[[0, -1]] == pytest.approx([2.0, 1.0])
 
 
-def test_couples_of_a_series_are_about_the_point_of_the_case(tmp_path: Path) -> None:
-    """A push at the height of the ground does not tip the block: about that point its couple is zero."""
-    (tmp_path / "block.toml").write_text(BLOCK)
-    for about, shares in ((0.0, {"rest": 1.0}), (1.0, {"pivoting": 1.0})):
-        changes = [f"load.about=[0.0, {about}]", "contacts.friction=9.0"]
-        case = load_case(tmp_path / "block.toml", changes)
-        assert judge_series(case, pushed(force_x=np.full(4001, 5.0))).shares == shares
-
-
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
@@ -702,6 +667,11 @@ def test_the_command_judges_a_series(kind: str, block: Case, tmp_path: Path, cap
     assert stored["events"][0]["impulse"] == pytest.approx(0.25)
     samples = (tmp_path / "out" / "series.csv").read_text().splitlines()
     assert len(samples) == 4002 and samples[1501].endswith("sliding")
+    assert cli.main([*order, "--since", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "rest                100.000% of the time" in said and "from time 2 on" in said
+    assert cli.main([*order, "--since", "5"]) == 2
+    assert "there are no samples from 5 on; the last time is 4" in capsys.readouterr().err
     case.write_text(case.read_text().replace("friction =", "# friction ="))
     assert cli.main(order) == 2
     said = capsys.readouterr().err
@@ -971,13 +941,6 @@ def test_the_point_of_the_moments_does_not_change_the_verdict(
     assert plain.series.batch.mode_names == other.series.batch.mode_names
 
 
-def test_too_few_samples_are_told_as_those_of_the_mean(block_of_forces: Case) -> None:
-    forces = read_forces(FORCES)
-    short = forces.only(np.arange(len(forces.times)) < 50)
-    with pytest.raises(SceneError, match=r"^--forces: the mean has 25 samples from time"):
-        judge_forces(block_of_forces, short, 1.0, None)
-
-
 @pytest.mark.parametrize("how", ["files", "box on a plane"])
 def test_the_shipped_block_is_judged_as_by_its_case(how: str, block_of_forces: Case) -> None:
     """Contacts, weight and inertia from the surfaces give the verdict of those in case.toml."""
@@ -1004,30 +967,6 @@ def test_a_turned_frame_changes_nothing(tmp_path: Path) -> None:
     case = grain_in_place(tmp_path / "block.stl", tmp_path / "bed.stl", changes)
     turned = verdict(case, ForcesInTime(forces.times, *vectors))
     assert factor(turned) == pytest.approx(factor(verdict(in_place())), rel=1e-5)
-
-
-def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
-    """Three of radius one in a triangle, one upon them: contacts at 1/sqrt 3 of the radius off the axis."""
-    angles, side = np.radians([0, 120, 240]), np.linspace(-1.2, 1.2, 121)
-    x, y = np.meshgrid(side, side)
-    squares = [
-        (x - np.cos(angle) * 2.0 / np.sqrt(3.0)) ** 2
-        + (y - np.sin(angle) * 2.0 / np.sqrt(3.0)) ** 2
-        for angle in angles
-    ]
-    heights = np.sqrt(np.maximum(1.0 - np.min(squares, axis=0), 0.0))
-    first = (np.arange(120)[:, None] * 121 + np.arange(120)).ravel()
-    triangles = np.vstack(
-        [np.stack([first, first + one, first + other], 1) for one, other in ((1, 122), (122, 121))]
-    )
-    points = np.stack([x, y, heights], axis=2).reshape(-1, 3)
-    trimesh.Trimesh(points, triangles, process=False).export(tmp_path / "bed.ply")
-    centre = f"body.centre=[0, 0, {np.sqrt(4.0 - 4.0 / 3.0)}]"
-    sphere = ["body.shape=sphere", "body.diameter=2", centre]
-    changes = [*SET, *sphere, "contact.tolerance=1e-3", "bed.cell=[0.02, 0.02]"]
-    points = grain_in_place(None, tmp_path / "bed.ply", changes).to_contacts().points
-    away = np.hypot(points[:, 0], points[:, 1])
-    assert away == pytest.approx(np.full(3, 1.0 / np.sqrt(3.0)), abs=1e-2)
 
 
 IN_SCENE = """
@@ -1127,15 +1066,6 @@ def test_a_series_that_never_moves() -> None:
     assert motion.high == pytest.approx(3.0 / 49.0)
 
 
-def test_motion_past_the_end_is_refused() -> None:
-    times = np.arange(5.0)
-    for ask in (
-        lambda: MotionInTime.of(times, times < 2.0, 9.0),
-        lambda: judge_forces(in_place(), read_forces(FORCES), 1.0, 99.0, "U"),
-    ):
-        assert "the last time is" in message(ask)
-
-
 @pytest.mark.parametrize(
     ("words", "needs"),
     [
@@ -1149,10 +1079,16 @@ def test_motion_past_the_end_is_refused() -> None:
         (["--forces", str(FORCES), "--density", "-1"], "--density: is -1"),
         (["--forces", str(FORCES), "--density", "1", "--bed", "flat"], "leave one of them out"),
         (["--forces", str(FORCES), "--density", "1", "--since", "9.9"], "3 samples from time 9.9"),
+        (["--batch", "cases.csv"], "leave out "),
+        (None, "there is no case; give a case file, --batch FILE, or --forces with --grain"),
+        (("--batch", "absent.csv"), "absent.csv: cannot be read (No such file or directory)"),
+        (("--batch", "absent.csv", "--jobs", "0"), "--jobs: is 0; give 1 or more"),
     ],
 )
-def test_wrong_options_are_refused(words: list[str], needs: str, capsys: Any) -> None:
-    assert main(["judge", str(BLOCK_OF_FORCES / "case.toml"), *words]) == 2
+def test_wrong_options_are_refused(words: Any, needs: str, capsys: Any) -> None:
+    """After a case in a list, alone otherwise."""
+    case = [str(BLOCK_OF_FORCES / "case.toml")] if isinstance(words, list) else []
+    assert main(["judge", *case, *(words or ())]) == 2
     assert needs in capsys.readouterr().err
 
 
@@ -1178,20 +1114,3 @@ def test_the_command(how: str, tmp_path: Path, capsys: Any) -> None:
     assert stored["threshold"]["mean"][0] == pytest.approx(root, rel=1e-12)
     assert len(stored["case"]["contacts"]["points"]) == (2 if how == "case" else 4)
     assert [source[:12] for source in stored["forces"]] == ["0/force.dat ", "5/force.dat "]
-
-
-def test_a_series_is_taken_from_a_time_on(tmp_path: Path, capsys: Any) -> None:
-    """A push of 4 at first and of 0.5 from time 2 on; friction holds 3."""
-    series = tmp_path / "series.csv"
-    rows = [f"{t},{4 if t < 2 else 0.5},0,0" for t in range(5)]
-    series.write_text("\n".join(["time,force_x,force_y,couple", *rows]) + "\n")
-    order = ["judge", str(BLOCK_OF_FORCES / "case.toml"), "--series", str(series), "--law", "U"]
-    for since, least in ((None, 3.0 / 4.0), ("2", 3.0 / 0.5)):
-        more = [] if since is None else ["--since", since]
-        assert main([*order, *more, "--out", str(tmp_path / "out")]) == 0
-        stored = json.loads((tmp_path / "out" / "series.json").read_text())
-        assert stored["least_safety_factor"] == pytest.approx(least)
-    said = capsys.readouterr().out
-    assert "rest                100.000% of the time" in said and "from time 2 on" in said
-    assert main([*order, "--since", "5"]) == 2
-    assert "there are no samples from 5 on; the last time is 4" in capsys.readouterr().err

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,47 +68,20 @@ def solved(solver: Direct, b: np.ndarray, **how: Any) -> np.ndarray:
     return x.array.copy()
 
 
-def test_solves() -> None:
-    A, b = random_entries(1), np.arange(1.0, ROWS + 1)
-    assert solved(Direct(sparse(A)), b) == pytest.approx(np.linalg.solve(A, b), rel=1e-10)
-
-
-def test_factors_serve_a_similar_matrix() -> None:
-    A, b = random_entries(1), np.ones(ROWS)
-    matrix = sparse(A)
-    solver = Direct(matrix)
-    solved(solver, b)
-    nearby = A + 0.01 * random_entries(2)
-    refill(matrix, nearby)
-    assert solved(solver, b) == pytest.approx(np.linalg.solve(nearby, b), rel=1e-9)
-    assert solver.statistics.factorisations == 1
-    assert solver.statistics.solves == 2
-    assert solver.statistics.krylov_iterations > 1
-
-
-def test_fresh_factors_on_demand() -> None:
-    A, b = random_entries(1), np.ones(ROWS)
-    matrix = sparse(A)
-    solver = Direct(matrix)
-    solved(solver, b)
-    refill(matrix, 2 * A)
-    assert solved(solver, b, fresh=True) == pytest.approx(np.linalg.solve(2 * A, b), rel=1e-10)
-    assert solver.statistics.factorisations == 2
-    # Fresh factors need one iteration, perhaps one more for round-off.
-    assert solver.statistics.krylov_iterations <= 4
-
-
-def test_aged_factors_are_renewed() -> None:
+def test_factors_are_renewed_on_demand_and_where_they_have_aged() -> None:
     """A matrix unlike the factorised one: GMRES fails or is slow, and the next solve factorises."""
-    b = np.ones(ROWS)
-    matrix = sparse(random_entries(1))
-    solver = Direct(matrix, patience=3)
+    A, b = random_entries(1), np.ones(ROWS)
+    solver = Direct(sparse(A), patience=3)
     solved(solver, b)
+    refill(solver.matrix, 2 * A)
+    assert solved(solver, b, fresh=True) == pytest.approx(np.linalg.solve(2 * A, b), rel=1e-10)
+    # Fresh factors need one iteration, perhaps one more for round-off.
+    assert solver.statistics.factorisations == 2 and solver.statistics.krylov_iterations <= 4
     unlike = random_entries(2) - 35 * np.eye(ROWS)
-    refill(matrix, unlike)
+    refill(solver.matrix, unlike)
     for _ in range(2):
         assert solved(solver, b) == pytest.approx(np.linalg.solve(unlike, b), rel=1e-8)
-    assert solver.statistics.factorisations == 2
+    assert solver.statistics.factorisations == 3 and solver.statistics.solves == 4
 
 
 @pytest.mark.parametrize("transposed", [False, True])
@@ -162,92 +135,68 @@ def test_a_solver_of_singular_matrices_gets_the_pressure_without_a_level(level: 
     assert (image.norm() < 1e-13) is not level
 
 
-def test_singular_matrix_is_an_error() -> None:
-    A = random_entries(1)
-    A[3] = 0.0
-    with pytest.raises(UnsolvedError, match="could not be factorised, it is singular: use another"):
-        solved(Direct(sparse(A)), np.ones(ROWS))
+def test_one_pressure_is_pinned_wherever_a_domain_lies() -> None:
+    """Of a closed box at 1e10, where coordinates to nine digits are those of one place."""
+    domain = unit_box(2, 2)
+    domain.mesh.geometry.x[:, :2] += 1e10
+    walls = [no_slip(name) for name in domain.names]
+    pinned = Constraints(domain, taylor_hood(domain.mesh, 2), walls).dirichlet[-1]
+    assert len(pinned.dof_indices()[0]) == 1
 
 
-def test_not_a_number_is_an_error() -> None:
-    """Neither a coarser mesh nor more ranks help against it, so that neither is advised."""
-    b = np.ones(ROWS)
-    b[0] = np.nan
-    with pytest.raises(
-        UnsolvedError, match="is not finite, its numbers have overflowed: use a smaller"
-    ):
-        solved(Direct(sparse(random_entries(1))), b)
-    A = random_entries(1)
-    A[2, 2] = np.nan
-    with pytest.raises(
-        UnsolvedError, match="is not finite, its numbers have overflowed: use a smaller"
-    ):
-        solved(Direct(sparse(A)), np.ones(ROWS))
+OVERFLOWN = "is not finite, its numbers have overflowed: use a smaller"
 
 
-def test_an_iteration_that_does_not_converge_says_so() -> None:
-    """A residual of zero is out of reach of new factors, and GMRES is allowed no iterations."""
-    solver = Direct(sparse(random_entries(1)), patience=0)
-    with pytest.raises(UnsolvedError, match="was not solved in 0 iterations"):
-        solved(solver, np.ones(ROWS), rtol=0.0)
-
-
-def test_recovers_after_an_error() -> None:
-    singular = random_entries(1)
-    singular[3] = 0.0
-    matrix = sparse(singular)
-    solver = Direct(matrix)
-    with pytest.raises(ConvergenceError):
-        solved(solver, np.ones(ROWS))
-    A = random_entries(1)
-    refill(matrix, A)
-    assert solved(solver, np.ones(ROWS)) == pytest.approx(
-        np.linalg.solve(A, np.ones(ROWS)), rel=1e-10
-    )
+@pytest.mark.parametrize(
+    ("entry", "right", "patience", "told"),
+    [
+        (0.0, 1.0, 8, "could not be factorised, it is singular: use another"),
+        (1.0, np.nan, 8, OVERFLOWN),  # neither a coarser mesh nor more ranks help against it
+        (np.nan, 1.0, 8, OVERFLOWN),
+        # A residual of zero is out of reach of new factors, and GMRES is allowed no iterations.
+        (1.0, 1.0, 0, "was not solved in 0 iterations"),
+    ],
+)
+def test_what_is_not_solved_is_an_error_that_leaves_the_solver_in_order(
+    entry: float, right: float, patience: int, told: str
+) -> None:
+    A, b = random_entries(1), np.ones(ROWS)
+    spoilt = A * np.where(np.arange(ROWS) == 3, entry, 1.0)[:, None]
+    solver = Direct(sparse(spoilt), patience=patience)
+    with pytest.raises(UnsolvedError, match=told):
+        solved(solver, right * b, rtol=1e-12 if patience else 0.0)
+    refill(solver.matrix, A)
+    solver.patience = 8
+    assert solved(solver, b) == pytest.approx(np.linalg.solve(A, b), rel=1e-10)
 
 
 def test_more_workspace_when_the_first_was_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """MUMPS reports error -9 when its workspace, here cut to a hundredth, is too small."""
     if not PETSc.Sys.hasExternalPackage("mumps"):
         pytest.skip("needs MUMPS")
-    monkeypatch.setattr(direct, "ATTEMPTS", ((-99, 77), (200, 77)))
+    attempts = [{"mat_mumps_icntl_14": percent} for percent in (-99, 200)]
+    monkeypatch.setattr(direct, "ATTEMPTS", attempts)
     A, b = random_entries(1), np.ones(ROWS)
     solver = Direct(sparse(A))
     assert solved(solver, b) == pytest.approx(np.linalg.solve(A, b), rel=1e-10)
     assert solver.statistics.factorisations == 2
 
 
-def test_zero_right_hand_side() -> None:
-    assert np.all(solved(Direct(sparse(random_entries(1))), np.zeros(ROWS)) == 0.0)
-
-
-def mass_problem(measure: Any, space: Any, f: Any) -> tuple[Any, Any]:
-    u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
-    mass = petsc.assemble_matrix(compat.form(ufl.inner(u, w) * measure))
-    mass.assemble()
-    return mass, petsc.assemble_vector(compat.form(ufl.inner(f, w) * measure))
-
-
-def test_projection_onto_the_whole_domain() -> None:
-    """A linear function is its own projection."""
-    mesh = unit_box(2, 3).mesh
-    space = compat.space(mesh, ("Lagrange", 2))
-    x, into = ufl.SpatialCoordinate(mesh), dolfinx.fem.Function(space)
-    solve_symmetric(*mass_problem(ufl.dx, space, 2 * x[0] - x[1]), into)
-    points = space.tabulate_dof_coordinates()
-    assert into.x.array == pytest.approx(2 * points[:, 0] - points[:, 1], abs=1e-10)
-
-
-def test_projection_onto_a_boundary() -> None:
-    """On the boundary the function itself, elsewhere zero."""
+@pytest.mark.parametrize("side", ["", "left"])
+def test_projection_onto_the_domain_or_onto_a_side(side: str) -> None:
+    """A linear function is its own projection; off the side, where rows are empty, zero is left."""
     domain = unit_box(2, 3)
     space = compat.space(domain.mesh, ("Lagrange", 2))
     x, into = ufl.SpatialCoordinate(domain.mesh), dolfinx.fem.Function(space)
-    solve_symmetric(*mass_problem(domain.measure("left"), space, 1 + x[1]), into)
+    u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+    measure = domain.measure(side) if side else ufl.dx
+    matrix = compat.matrix_of(compat.form(ufl.inner(u, w) * measure))
+    right = compat.vector_of(compat.form(ufl.inner(1 + x[1] - x[0], w) * measure))
+    solve_symmetric(matrix, right, into)
     points = space.tabulate_dof_coordinates()
-    assert into.x.array == pytest.approx(
-        np.where(points[:, 0] < 1e-9, 1 + points[:, 1], 0.0), abs=1e-10
-    )
+    exact = 1 + points[:, 1] - points[:, 0]
+    on = (points[:, 0] < 1e-9) | (side == "")
+    assert into.x.array == pytest.approx(np.where(on, exact, 0.0), abs=1e-10)
 
 
 # The iterative solver by blocks gives what the direct one gives, in a number of iterations that stays.
@@ -294,48 +243,81 @@ def wall_motion(fluid: Fluid) -> np.ndarray:
     return values
 
 
-def solved_by_blocks(
-    domain: Domain, model: FlowModel, conditions: list[Condition], reynolds: float = 10.0
-) -> tuple[np.ndarray, np.ndarray]:
+def steady(fluid: Fluid) -> list[np.ndarray]:
     """The flow and a dual solution, pressures without a level."""
-    with Fluid(domain, model, conditions, reynolds) as fluid:
-        assert fluid.solve(RTOL).converged
-        fluid.correct()  # by the Jacobian of the solution
-        dual = fluid.dual(wall_motion(fluid))
-        return without_level(fluid, fluid.state.x.array), without_level(fluid, dual)
+    assert fluid.solve(RTOL).converged
+    fluid.correct()  # by the Jacobian of the solution
+    dual = fluid.dual(wall_motion(fluid))
+    return [without_level(fluid, one) for one in (fluid.state.x.array, dual)]
+
+
+def marched(fluid: Fluid) -> list[np.ndarray]:
+    """The flow after three steps to a tolerance of 1e-9 each."""
+    assert len(list(Transient(fluid, tolerance=1e-9).march(0.3, 0.1))) == 3
+    return [without_level(fluid, fluid.state.x.array)]
+
+
+def projected(fluid: Fluid) -> list[np.ndarray]:
+    """A velocity with divergence, onto those without; a closed box has no pinned pressure."""
+    fluid.constraints.update(0.0)
+    x = fluid.constraints.points
+    fluid.state.x.array[fluid.space.unknowns_at_nodes[:, 0]] = np.prod(x * (1 - x), axis=1)
+    with Projection(fluid) as projection:
+        projection.apply()
+    return [fluid.velocity.x.array.copy()]
 
 
 def block(model: FlowModel) -> FlowModel:
     return replace(model, solver="block")
 
 
-@pytest.mark.parametrize("gdim", [2, 3])
-@pytest.mark.parametrize("conditions", [channel, box])
-def test_steady_flow_with_inertia_and_its_dual_are_those_of_the_direct_solver(
-    conditions: Any, gdim: int
+def are_alike(
+    domain: Domain,
+    model: FlowModel,
+    conditions: list[Condition],
+    reynolds: float,
+    act: Callable[[Fluid], list[np.ndarray]],
+    tolerances: Sequence[float],
 ) -> None:
-    """The transposed operator convects the other way; differences as in Stokes flow."""
-    domain, model = unit_box(gdim, 6 if gdim == 2 else 3), FlowModel(upwind=True)
-    direct, blocks = (
-        solved_by_blocks(domain, m, conditions(gdim), 20.0) for m in (model, block(model))
-    )
-    for one, other, tolerance in zip(direct, blocks, (1e-8, 1e-6), strict=True):
-        assert other == pytest.approx(one, abs=tolerance * np.abs(one).max())
-
-
-@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
-@pytest.mark.parametrize("conditions", [channel, box])
-def test_steps_in_time_are_those_of_the_direct_solver(conditions: Any, convection: str) -> None:
-    """Three steps to a tolerance of 1e-9 each, in space."""
+    """What both solvers find, to tolerances relative to the largest entry."""
     found = []
-    for solver in ("direct", "block"):
-        model = FlowModel(unsteady=True, convection=convection, solver=solver)
-        with Fluid(unit_box(3, 3), model, conditions(3), reynolds=20.0) as fluid:
-            for _ in Transient(fluid, tolerance=1e-9).march(0.3, 0.1):
-                pass
-            found.append(without_level(fluid, fluid.state.x.array))
-    for one in found[1:]:
-        assert one == pytest.approx(found[0], abs=1e-6 * np.abs(found[0]).max())
+    for one in (model, block(model)):
+        with Fluid(domain, one, conditions, reynolds) as fluid:
+            found.append(act(fluid))
+    for exact, by_blocks, tolerance in zip(*found, tolerances, strict=True):
+        assert by_blocks == pytest.approx(exact, abs=tolerance * np.abs(exact).max())
+
+
+UNSTEADY = FlowModel(unsteady=True)
+
+
+@pytest.mark.parametrize(
+    ("gdim", "cells", "model", "reynolds", "act", "tolerances"),
+    [
+        # The transposed operator convects the other way. Differences: residuals of 1e-11 and 1e-9 times the condition
+        # of these matrices, below 1e3.
+        (2, 6, FlowModel(upwind=True), 20.0, steady, (1e-8, 1e-6)),
+        (3, 3, FlowModel(upwind=True), 20.0, steady, (1e-8, 1e-6)),
+        (2, 6, STOKES, 10.0, steady, (1e-8, 1e-6)),
+        (2, 6, replace(STOKES, order=3), 10.0, steady, (1e-8, 1e-6)),
+        (3, 3, STOKES, 10.0, steady, (1e-8, 1e-6)),
+        (3, 2, replace(STOKES, order=3), 10.0, steady, (1e-8, 1e-6)),
+        (3, 3, UNSTEADY, 20.0, marched, (1e-6,)),
+        (3, 3, replace(UNSTEADY, convection="extrapolated"), 20.0, marched, (1e-6,)),
+        (3, 3, STOKES, 10.0, projected, (1e-8,)),
+    ],
+)
+@pytest.mark.parametrize("conditions", [channel, box])
+def test_the_flow_is_that_of_the_direct_solver(
+    conditions: Any,
+    gdim: int,
+    cells: int,
+    model: FlowModel,
+    reynolds: float,
+    act: Any,
+    tolerances: Any,
+) -> None:
+    are_alike(unit_box(gdim, cells), model, conditions(gdim), reynolds, act, tolerances)
 
 
 def test_a_step_whose_linear_system_is_not_solved_is_taken_shorter() -> None:
@@ -349,95 +331,44 @@ def test_a_step_whose_linear_system_is_not_solved_is_taken_shorter() -> None:
         assert fluid.time == pytest.approx(0.1 + taken.length)
 
 
-@pytest.mark.parametrize("conditions", [channel, box])
-def test_the_projection_is_that_of_the_direct_solver(conditions: Any) -> None:
-    """Of a velocity with divergence onto those without; a closed box has no pinned pressure."""
-    found = []
-    for solver in ("direct", "block"):
-        with Fluid(
-            unit_box(3, 3), FlowModel(inertia=False, solver=solver), conditions(3), 10.0
-        ) as fluid:
-            fluid.constraints.update(0.0)
-            x = fluid.constraints.points
-            bump = np.prod(x * (1 - x), axis=1)
-            fluid.state.x.array[fluid.space.velocity_map.reshape(-1, 3)[:, 0]] = bump
-            with Projection(fluid) as projection:
-                projection.apply()
-            found.append(fluid.velocity.x.array.copy())
-    assert found[1] == pytest.approx(found[0], abs=1e-9)
-
-
-def test_iterations_with_inertia_grow_little_with_the_mesh() -> None:
-    """The commutator's error at walls lets them grow, by half at most on halved cells (docs/contribute/defaults.md)."""
-    model = block(FlowModel(upwind=True))
-    coarse, fine = (iterations(unit_box(3, n), model, channel(3)) for n in (3, 6))
-    assert fine <= 1.5 * coarse
-
-
-@pytest.mark.parametrize("order", [2, 3])
-@pytest.mark.parametrize("gdim", [2, 3])
-@pytest.mark.parametrize("conditions", [channel, box])
-def test_stokes_flow_and_its_dual_are_those_of_the_direct_solver(
-    conditions: Any, gdim: int, order: int
-) -> None:
-    """Differences: residuals of 1e-11 and 1e-9 times the condition of these matrices, below 1e3."""
-    domain = unit_box(gdim, 6 if gdim == 2 else 5 - order)
-    direct = solved_by_blocks(domain, FlowModel(inertia=False, order=order), conditions(gdim))
-    blocks = solved_by_blocks(
-        domain, FlowModel(inertia=False, order=order, solver="block"), conditions(gdim)
-    )
-    for one, other, tolerance in zip(direct, blocks, (1e-8, 1e-6), strict=True):
-        assert other == pytest.approx(one, abs=tolerance * np.abs(one).max())
-
-
-def iterations(domain: Domain, model: FlowModel, conditions: list[Condition]) -> int:
-    with Fluid(domain, model, conditions, reynolds=10.0) as fluid:
+def iterations(
+    domain: Domain, model: FlowModel, conditions: list[Condition], reynolds: float
+) -> int:
+    with Fluid(domain, block(model), conditions, reynolds) as fluid:
         fluid.solve(1e-7)
         return fluid.solver.statistics.krylov_iterations
 
 
-def test_iterations_for_stokes_flow_do_not_grow_with_the_mesh() -> None:
-    """From 1.4 to 8.6 thousand unknowns; the bound of 20% is that of larger meshes, see docs/contribute/defaults.md."""
-    coarse, fine = (iterations(unit_box(3, n), block(STOKES), channel(3)) for n in (4, 8))
-    assert fine <= 1.2 * coarse
+@pytest.mark.parametrize(
+    ("model", "counts", "growth"), [(FlowModel(upwind=True), (3, 6), 1.5), (STOKES, (4, 8), 1.2)]
+)
+def test_iterations_grow_little_with_the_mesh(
+    model: FlowModel, counts: tuple[int, int], growth: float
+) -> None:
+    """The commutator's error at walls lets them grow with inertia (docs/contribute/defaults.md).
+
+    For Stokes flow, from 1.4 to 8.6 thousand unknowns, the bound is that of larger meshes.
+    """
+    coarse, fine = (iterations(unit_box(3, n), model, channel(3), 10.0) for n in counts)
+    assert fine <= growth * coarse
 
 
 def test_iterations_for_stokes_flow_do_not_depend_on_its_viscosity() -> None:
     """The unknown pressure scales with it; the residual's tolerance counts momentum and volume together."""
-    found = []
-    for reynolds in (0.1, 10.0):
-        with Fluid(unit_box(2, 8), block(STOKES), box(2), reynolds) as fluid:
-            fluid.solve(RTOL)
-            found.append(fluid.solver.statistics.krylov_iterations)
-    assert abs(found[0] - found[1]) <= 2
+    slow, fast = (iterations(unit_box(2, 8), STOKES, box(2), reynolds) for reynolds in (0.1, 10.0))
+    assert abs(slow - fast) <= 2
 
 
-def test_the_prepared_operators_serve_while_the_matrix_stays() -> None:
+def test_the_prepared_operators_serve_while_the_matrix_stays_and_conditions_are_met() -> None:
     with Fluid(unit_box(2, 6), block(STOKES), channel(2), reynolds=10.0) as fluid:
         fluid.solve(RTOL)
         fluid.dual(wall_motion(fluid))
         fluid.solve(RTOL)
         assert fluid.solver.statistics.factorisations == 1
         assert fluid.solver.statistics.solves == 3
-
-
-def test_conditions_are_met_to_the_last_digit() -> None:
-    with Fluid(unit_box(3, 3), block(STOKES), channel(3), reynolds=10.0) as fluid:
-        fluid.solve(1e-4)
-        values = fluid.velocity.x.array.reshape(-1, 3)
-        places = fluid.constraints.points
-        inflow = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of("left"))
-        inside = inflow[
-            (places[inflow, 1:] > 1e-9).all(axis=1) & (places[inflow, 1:] < 1 - 1e-9).all(axis=1)
-        ]
-        assert values[inside] == pytest.approx(stream(places[inside].T, 0.0).T, abs=1e-14)
-
-
-def test_not_a_number_is_an_error_by_blocks() -> None:
-    with Fluid(unit_box(2, 4), block(STOKES), channel(2), reynolds=10.0) as fluid:
-        fluid.state.x.array[:] = np.nan
-        with pytest.raises(ConvergenceError, match="is not finite"):
-            fluid.solve(RTOL)
+        places, values = fluid.constraints.points, fluid.velocity.x.array.reshape(-1, 2)
+        inside = (places[:, 0] < 1e-9) & (np.abs(places[:, 1] - 0.5) < 0.49)
+        assert values[inside] == pytest.approx(stream(places[inside].T, 0.0)[:2].T, abs=1e-14)
 
 
 @pytest.mark.parametrize("solver", ["direct", "block"])
@@ -460,13 +391,20 @@ def one_iteration() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("one_iteration")
-def test_options_of_the_user_hold() -> None:
-    """The error names PETSc's reason; in a closed box there is no LU factorisation instead."""
-    with (
-        Fluid(unit_box(2, 4), block(STOKES), box(2), reynolds=10.0) as fluid,
-        pytest.raises(ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"),
-    ):
-        fluid.solve(RTOL)
+@pytest.mark.parametrize("transposed", [False, True])
+def test_options_of_the_user_hold(transposed: bool) -> None:
+    """The error names PETSc's reason; in a closed box there is no LU factorisation instead.
+
+    The solver of the transpose, too, while that of the flow has done no iteration.
+    """
+    with Fluid(unit_box(2, 4), block(FlowModel(upwind=True)), box(2), reynolds=10.0) as fluid:
+        compat.matrix_of(fluid._jacobian, fluid.constraints.dirichlet, fluid._matrix)
+        right, left = fluid._matrix.createVecs()
+        right.setArray(np.cos(np.arange(right.getLocalSize())))
+        with pytest.raises(
+            UnsolvedError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"
+        ):
+            fluid.solver.solve(right, left, RTOL, transposed=transposed)
 
 
 def test_factors_at_the_user_s_option_need_one_iteration_a_solution() -> None:
@@ -486,41 +424,8 @@ def test_factors_at_the_user_s_option_need_one_iteration_a_solution() -> None:
 
 
 @pytest.mark.usefixtures("one_iteration")
-def test_a_transposed_system_names_its_own_iterations() -> None:
-    """Of the solver of the transpose, while that of the flow has done none."""
-    model = FlowModel(upwind=True, solver="block")
-    with Fluid(unit_box(2, 4), model, box(2), reynolds=10.0) as fluid:
-        compat.matrix_of(fluid._jacobian, fluid.constraints.dirichlet, fluid._matrix)
-        with pytest.raises(
-            ConvergenceError, match=r"not solved in 1 iterations \(PETSc's reason -3\)"
-        ):
-            fluid.dual(wall_motion(fluid))
-
-
-@pytest.mark.usefixtures("one_iteration")
 def test_a_steady_flow_that_gmres_does_not_solve_is_solved_by_factors() -> None:
-    domain, conditions = unit_box(2, 4), channel(2)
-    direct, blocks = (
-        solved_by_blocks(domain, m, conditions, 20.0) for m in (STOKES, block(STOKES))
-    )
-    for one, other in zip(direct, blocks, strict=True):
-        assert other == pytest.approx(one, abs=1e-9 * np.abs(one).max())
-
-
-def test_curved_cells_and_a_body() -> None:
-    domain = ball_in_box(0.6)
-    conditions = [
-        Prescribed("outer", lambda x, t: np.vstack([x[1], 0 * x[0], 0 * x[0]])),
-        no_slip("body"),
-    ]
-    found = []
-    for solver in ("direct", "block"):
-        with Fluid(
-            domain, FlowModel(inertia=False, solver=solver), conditions, reynolds=5.0
-        ) as fluid:
-            fluid.solve(RTOL)
-            found.append(without_level(fluid, fluid.state.x.array))
-    assert found[1] == pytest.approx(found[0], abs=1e-8 * np.abs(found[0]).max())
+    are_alike(unit_box(2, 4), STOKES, channel(2), 20.0, steady, (1e-9, 1e-9))
 
 
 @pytest.mark.parametrize("solver", ["direct", "block"])
@@ -642,21 +547,3 @@ def test_what_is_not_found_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
             ConvergenceError, match="a higher order did not converge in 5 iterations"
         ):
             GoalErrors(fluid, "body", CENTRE)
-
-
-def test_forces_of_pressures_are_those_of_the_transposed_action() -> None:
-    """Continuity is not upwinded; the matrix spares an action at each step of the smoother."""
-    with around_a_ball(inertia=True) as fluid:
-        fluid.reynolds = 1e3
-        with enriched(fluid) as finer:
-            solver = finer.solver
-            assert isinstance(solver, TwoLevel)
-            places, held = finer.space.velocity_map, finer._equations().owned_held()
-            finer.state.x.array[places] = np.linspace(1.0, 2.0, len(places))
-            pressures = np.zeros(len(held))
-            pressures[finer.space.pressure_map] = np.sin(np.arange(len(finer.space.pressure_map)))
-            pressures[held] = 0.0
-            velocities = np.setdiff1d(places, np.flatnonzero(held))
-            exact = solver._times(pressures, True)[velocities]
-            found = solver._pushed(pressures)[velocities]
-            assert found == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())

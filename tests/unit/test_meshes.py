@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ast
 import math
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +12,7 @@ import gmsh
 import numpy as np
 import pytest
 import ufl
-from domains import spoilt, square_in_box, square_outline, square_without_a_name, unit_box
+from domains import SIDES, square_in_box, square_outline
 from mpi4py import MPI
 from scenes import SETTLED, on_bed
 from turbulent import channel, grain, inflow_at
@@ -23,10 +21,10 @@ from incipient import compat
 from incipient.errors import MeshError
 from incipient.fluid.conditions import Friction
 from incipient.geometry import Box, Cylinder, Ellipsoid, Plane, Ridges, Sphere, SphereBed, Spheres
-from incipient.geometry.closest import clearance, lifted, rest
+from incipient.geometry.closest import lifted, proximity, rest
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.beds import HalfDiscs, Sinusoidal
-from incipient.geometry.plane.curves import Arc, Line, Spline
+from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
+from incipient.geometry.plane.curves import Line, Spline
 from incipient.geometry.plane.grains import Disc, Ellipse, Rectangle
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
@@ -35,6 +33,7 @@ from incipient.mesh.motion import MeshMotion
 from incipient.mesh.wall_distance import distances
 from incipient.meshes import (
     Away,
+    Grid,
     Near,
     PlacedSolid,
     Region,
@@ -42,13 +41,14 @@ from incipient.meshes import (
     Sizes,
     SolidRegion,
     WallLayers,
+    graded_ends,
     space,
 )
 from incipient.meshes.expected import expected_cells
-from incipient.meshes.layers import evened, stacked
+from incipient.meshes.layers import evened
 from incipient.meshes.model import meshed
 from incipient.meshes.session import session
-from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound
+from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound, kind_of
 from incipient.meshes.surfaces import Ground
 from incipient.planning import meshing
 from incipient.planning.meshing import lay_out
@@ -79,28 +79,23 @@ from incipient.setup.setup import Setup
 # Plane regions and the domains made of meshes: names, sizes, curved cells, errors that every rank hears of.
 
 
-KEAST = np.array([[0.25] * 4] + [[0.5 if i == j else 1 / 6 for j in range(4)] for i in range(4)])
-KEAST_WEIGHTS = np.array([-0.8, 0.45, 0.45, 0.45, 0.45])  # exact for cubics (Keast 1986)
-
-
 def grain_above(
     solid: Solid, bed: Terrain | None = None, gap: float = 0.02, half: float = 2.0, **options: Any
 ) -> tuple[SolidRegion, np.ndarray]:
-    """A grain lowered onto a bed and lifted by a gap in a box, and the point of the grain where the gap is."""
+    """A grain lowered onto a bed and lifted by a gap in a box, and the points of the grain where gaps are."""
     bed = bed or Plane()
     placement = lifted(solid, rest(solid, bed, (0.0, 0.0)), bed, gap)
-    _, point, _ = clearance(solid, placement, bed)
-    options = {"resolved": Resolved((0.0, 0.0), 1.0, 0.5)} | options
-    sides: tuple[float, float] = (-half, half)
-    return SolidRegion(
-        sides, sides, 2.0 * half, bed, {"body": PlacedSolid(solid, placement)}, **options
-    ), point
+    level, sides = bed.mean((-1.5, 1.5), (-1.5, 1.5)), ((-half, half), (-half, half))
+    options = {"resolved": Resolved((0.0, 0.0), 1.0, 0.5, level)} | options
+    region = SolidRegion(
+        *sides, 2.0 * half, bed, {"body": PlacedSolid(solid, placement)}, **options
+    )
+    return region, proximity(solid, bed).gaps(placement, 1.1 * gap).points
 
 
-def finer_in_the_gap(size: float, gap: float, point: np.ndarray) -> Sizes:
+def finer_in_the_gap(size: float, gap: float, points: np.ndarray) -> Sizes:
     """Cells of a size at the grain, of half the gap where it is least."""
-    x, y, z = point.tolist()
-    narrow = Near(0.5 * gap, 0.18, points=((x, y, z),), needed=True)
+    narrow = Near(0.5 * gap, 0.18, points=tuple(map(tuple, points.tolist())), needed=True)
     return Sizes(1.0, (Near(size, 0.3, boundary="body"), narrow), gap_part=0.8)
 
 
@@ -114,67 +109,19 @@ def faces(mesh: Simplices, name: str) -> np.ndarray:
     return mesh.points[mesh.sides[name]]
 
 
-def stretches(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Determinants (m, points) of the maps of tetrahedra at barycentric coordinates."""
-    corners = nodes[:, 1:4] - nodes[:, :1]
-    if nodes.shape[1] == 4:
-        return np.tile(np.linalg.det(corners)[:, None], (1, len(points)))
-    by = np.zeros((len(points), 10, 4))
-    for i in range(4):
-        by[:, i, i] = 4.0 * points[:, i] - 1.0
-    for k, (a, b) in enumerate(EDGES[3]):
-        by[:, 4 + k, a], by[:, 4 + k, b] = 4.0 * points[:, b], 4.0 * points[:, a]
-    return np.linalg.det(np.einsum("pke,mkd->mpde", by[..., 1:] - by[..., :1], nodes))
+def measured(mesh: Simplices, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, float]:
+    """The volume (of no name), in 2-D the area, and what each boundary measures, by dolfinx."""
+    domain = build(comm, lambda: mesh)
+    one = dolfinx.fem.Constant(domain.mesh, 1.0)
+    forms = {name: one * domain.measure(name)(degree=6) for name in domain.names}
+    forms[""] = one * ufl.dx(domain=domain.mesh, degree=8)
+    parts = {name: dolfinx.fem.assemble_scalar(compat.form(form)) for name, form in forms.items()}
+    return {name: float(comm.allreduce(value)) for name, value in parts.items()}
 
 
-def volume(mesh: Simplices) -> float:
-    return float((stretches(cells(mesh), KEAST) @ KEAST_WEIGHTS).sum() / 6.0)
-
-
-def tetrahedra_area(triangles: np.ndarray) -> float:
-    """The area of triangles of order one or two, by a rule with an error far below that of the shape."""
-    if triangles.shape[1] == 3:
-        a, b, c = triangles.transpose(1, 0, 2)
-        return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    total = 0.0
-    for u, wu in zip(0.5 + 0.5 * nodes, 0.5 * weights, strict=True):
-        for v, wv in zip(0.5 + 0.5 * nodes, 0.5 * weights, strict=True):
-            at = np.array([1.0 - u, u * (1.0 - v), u * v])
-            by = np.zeros((6, 3))
-            for i in range(3):
-                by[i, i] = 4.0 * at[i] - 1.0
-            for k, (i, j) in enumerate(EDGES[2]):
-                by[3 + k, i], by[3 + k, j] = 4.0 * at[j], 4.0 * at[i]
-            along = np.einsum("ke,mkd->med", by[:, 1:] - by[:, :1], triangles)
-            total += (
-                u
-                * wu
-                * wv
-                * float(np.linalg.norm(np.cross(along[:, 0], along[:, 1]), axis=1).sum())
-            )
-    return total
-
-
-def roundness(nodes: np.ndarray) -> np.ndarray:
-    """Three times the ratio of inscribed to circumscribed radius (m,): 1 for regular tetrahedra."""
-    a, b, c, d = nodes[:, :4].transpose(1, 0, 2)
-    six = np.abs(np.linalg.det(np.stack([b - a, c - a, d - a], axis=1)))
-
-    def length(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(p - q, axis=1)
-
-    def twice(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(np.cross(q - p, r - p), axis=1)
-
-    surface = 0.5 * (twice(a, b, c) + twice(a, b, d) + twice(a, c, d) + twice(b, c, d))
-    p, q, r = (
-        length(*s) * length(*t) for s, t in (((a, b), (c, d)), ((a, c), (b, d)), ((a, d), (b, c)))
-    )
-    circumscribed = np.sqrt(
-        np.maximum((p + q + r) * (p + q - r) * (p - q + r) * (q + r - p), 0.0)
-    ) / (4.0 * six)
-    return 1.5 * six / surface / circumscribed
+def quality(mesh: Simplices) -> float:
+    """Of the worst cell: 1 where it is equilateral, 0 where it is flat, less where it is folded."""
+    return MeshMotion(build(MPI.COMM_SELF, lambda: mesh)).quality().worst
 
 
 FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
@@ -197,13 +144,6 @@ def on_boundary(mesh: Simplices, name: str) -> np.ndarray:
     return mesh.points[np.unique(mesh.sides[name])]
 
 
-def area(mesh: Simplices) -> float:
-    """Area of the mesh, curved cells included."""
-    domain = build(MPI.COMM_SELF, lambda: mesh)
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    return float(dolfinx.fem.assemble_scalar(compat.form(one * ufl.dx(degree=8))))
-
-
 def disc_model(order: int = 1, factor: float = 1.0) -> Simplices:
     sizes = Sizes(0.2, (Near(0.1, 0.3, boundary="body"),)).scaled(factor)
     return meshed(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
@@ -212,59 +152,42 @@ def disc_model(order: int = 1, factor: float = 1.0) -> Simplices:
 # -- names --------------------------------------------------------------------------------------
 
 
-def test_region_has_its_names() -> None:
-    mesh = disc_model()
-    found, body, bed = sorted(mesh.sides), on_boundary(mesh, "body"), on_boundary(mesh, "bed")
-    inflow, outflow, top = (on_boundary(mesh, name) for name in ("inflow", "outflow", "top"))
-    assert found == ["bed", "body", "inflow", "outflow", "top"]
-    assert np.linalg.norm(body - [0.8, 0.5], axis=1) == pytest.approx(np.full(len(body), 0.2))
-    for places, axis, value in ((bed, 1, 0.0), (top, 1, 1.0), (inflow, 0, 0.0), (outflow, 0, 2.0)):
-        assert places[:, axis] == pytest.approx(np.full(len(places), value))
-
-
 def test_sides_may_share_a_name() -> None:
     region = Region(FLOOR, 1.0, sides=("wall", "outflow", "wall", "inflow"))
-    mesh = meshed(region, Sizes(0.3), 1)
-    found, wall = sorted(mesh.sides), on_boundary(mesh, "wall")
-    assert found == ["inflow", "outflow", "wall"]
-    assert {0.0, 1.0} == set(wall[:, 1].round(9))
+    lengths = {"wall": 4.0, "outflow": 1.0, "inflow": 1.0, "": 2.0}
+    assert measured(meshed(region, Sizes(0.3), 1)) == pytest.approx(lengths)
 
 
 @pytest.mark.parametrize(
-    ("bed", "expected"),
-    [(Sinusoidal(0.1, 1.0), 2.0), (HalfDiscs(0.1, 0.5, 0.5), 2.0 - 4 * 0.5 * np.pi * 0.1**2)],
+    ("grain", "bed", "area"),
+    [
+        # Whole waves take nothing off the rectangle; three half-discs and two quarters take 4 pi r^2 / 2.
+        (None, Sinusoidal(0.1, 1.0), 2.0),
+        (None, HalfDiscs(0.1, 0.5, 0.5), 2.0 - 4 * 0.5 * np.pi * 0.1**2),
+        (Rectangle(0.4, 0.2), Flat(), 2.0 - 0.08),
+        (Rectangle(0.4, 0.3, 0.05), Flat(), 2.0 - 0.12 + (4.0 - np.pi) * 0.05**2),
+        (Ellipse((0.3, 0.1)), Flat(), 2.0 - 0.03 * np.pi),
+        (Disc(0.4), Flat(), 2.0 - 0.04 * np.pi),
+    ],
 )
-def test_area_above_a_bed(bed: Any, expected: float) -> None:
-    """Whole waves take nothing off the rectangle; three half-discs and two quarters take 4 pi r^2 / 2."""
-    region = Region(bed.curves(0.0, 2.0), 1.0)
-    mesh = meshed(region, Sizes(0.2, (Near(0.03, 0.3, boundary="bed"),)), 2)
-    assert area(mesh) == pytest.approx(expected, rel=1e-5)
-
-
-@pytest.mark.parametrize(
-    "grain", [Rectangle(0.4, 0.2), Rectangle(0.4, 0.3, 0.05), Ellipse((0.3, 0.1)), Disc(0.4)]
-)
-def test_area_around_a_turned_grain(grain: Any) -> None:
-    outline = tuple(curve.moved(Placement((0.9, 0.5), 0.4)) for curve in grain.outline())
-    sizes = Sizes(0.2, (Near(0.03, 0.3, boundary="body"),))
-    mesh = meshed(Region(FLOOR, 1.0, {"body": outline}), sizes, 2)
-    assert area(mesh) == pytest.approx(2.0 - grain.volume, rel=1e-5)
+def test_area_above_a_bed_around_a_turned_grain(grain: Any, bed: Any, area: float) -> None:
+    outline = () if grain is None else grain.outline()
+    holes = {"body": tuple(curve.moved(Placement((0.9, 0.5), 0.4)) for curve in outline)}
+    name = "bed" if grain is None else "body"
+    region = Region(bed.curves(0.0, 2.0), 1.0, holes if outline else {})
+    mesh = meshed(region, Sizes(0.2, (Near(0.03, 0.3, boundary=name),)), 2)
+    assert measured(mesh)[""] == pytest.approx(area, rel=1e-5)
 
 
 # -- sizes --------------------------------------------------------------------------------------
 
 
 def test_one_factor_scales_all_sizes() -> None:
-    """Half the size, four times the cells."""
-    counts, smallest = [], []
-    for factor in (1.0, 0.5, 0.25):
-        mesh = disc_model(factor=factor)
-        lengths = edge_lengths(mesh)
-        counts.append(len(lengths))
-        smallest.append(lengths.min())
-    assert np.array(counts[1:]) / counts[:-1] == pytest.approx([4.0, 4.0], rel=0.15)  # 3.5 and 3.8
-    # The least of all edges scatters: 0.55 and 0.45 times as long.
-    assert np.array(smallest[1:]) / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.15)
+    """Half the size, four times the cells; the least of all edges scatters: 0.55 and 0.45 times as long."""
+    lengths = [edge_lengths(disc_model(factor=factor)) for factor in (1.0, 0.5, 0.25)]
+    counts, smallest = np.array([(len(each), each.min()) for each in lengths]).T
+    assert counts[1:] / counts[:-1] == pytest.approx([4.0, 4.0], rel=0.15)  # 3.5 and 3.8
+    assert smallest[1:] / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.15)
 
 
 def test_scaled_sizes() -> None:
@@ -301,13 +224,6 @@ def test_cells_are_small_where_asked_and_grow_from_there() -> None:
     assert lengths[np.argmin(distance)] < 2 * size
 
 
-def test_size_along_a_boundary() -> None:
-    mesh = disc_model()
-    body = on_boundary(mesh, "body")
-    # 0.4 pi round the disc in pieces of 0.1, each quarter rounded up.
-    assert len(body) == pytest.approx(0.4 * np.pi / 0.1, abs=4)
-
-
 # -- curved cells -------------------------------------------------------------------------------
 
 
@@ -315,27 +231,20 @@ def test_size_along_a_boundary() -> None:
 def test_order_of_the_geometry(order: int, error: float) -> None:
     """The area around a disc, 2 - pi/25, comes out ever more exactly."""
     mesh = disc_model(order)
-    found, body = area(mesh), on_boundary(mesh, "body")
-    off = abs(found / (2 - np.pi * 0.04) - 1)
-    print(order, off)
-    assert 0 < off < error
-    assert np.linalg.norm(body - [0.8, 0.5], axis=1) == pytest.approx(
-        np.full(len(body), 0.2), rel=1e-6
-    )
+    assert 0 < abs(measured(mesh)[""] / (2 - np.pi * 0.04) - 1) < error
+    away = np.linalg.norm(on_boundary(mesh, "body") - [0.8, 0.5], axis=1)
+    assert away == pytest.approx(np.full(len(away), 0.2), rel=1e-6) and quality(mesh) > 0.3
 
 
 def test_folded_cells_are_refused() -> None:
     """A disc hardly above the floor in cells far larger than the gap: they bulge through those below."""
     low = Placement((0.8, 0.201), np.pi / 4)
-    region = Region(
-        FLOOR, 1.0, {"body": tuple(curve.moved(low) for curve in Disc(diameter=0.4).outline())}
-    )
+    outline = tuple(curve.moved(low) for curve in Disc(diameter=0.4).outline())
+    region, near = Region(FLOOR, 1.0, {"body": outline}), Near(0.005, 0.3, boundary="body")
     with pytest.raises(MeshError, match="fold over on a curved boundary"):
         meshed(region, Sizes(0.15), 2)
-    mesh = meshed(region, Sizes(0.15), 1)
-    assert len(corners(mesh)) > 0
-    mesh = meshed(region, Sizes(0.15, (Near(0.005, 0.3, boundary="body"),)), 2)
-    assert len(corners(mesh)) > 0
+    for sizes, order in ((Sizes(0.15), 1), (Sizes(0.15, (near,)), 2)):
+        assert quality(meshed(region, sizes, order)) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -348,11 +257,6 @@ def test_impossible_region_is_refused(outline: tuple[Line, ...]) -> None:
     region = Region(FLOOR, 1.0, {"body": outline})
     with pytest.raises(MeshError, match="could not be meshed: "):
         meshed(region, Sizes(0.2), 1)
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_all_cells_keep_their_sense(order: int) -> None:
-    assert MeshMotion(build(MPI.COMM_SELF, lambda: disc_model(order))).quality().worst > 0.3
 
 
 def test_a_curve_of_another_kind_is_refused() -> None:
@@ -391,7 +295,7 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
     scene = on_bed(*SETTLED, *chosen, *more)
     mesh = meshing.lay_out(Setup(scene), make_plan(scene)).mesh()
     nodes = mesh.points[np.unique(mesh.sides["bed"])]
-    assert MeshMotion(build(MPI.COMM_SELF, lambda: mesh)).quality().worst > 0.0
+    assert quality(mesh) > 0.0
     assert scene.bed_shape is not None
     x, y = nodes[nodes[:, 1] > 0.25].T
     assert len(x) > 100 and y == pytest.approx(scene.bed_shape.height(x), abs=1e-9)
@@ -400,38 +304,13 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
 # -- domains -------------------------------------------------------------------------------------
 
 
-def length(domain: Any, *names: str) -> float:
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    return float(dolfinx.fem.assemble_scalar(compat.form(one * domain.measure(*names))))
-
-
 def test_boundaries_have_names_and_lengths() -> None:
     domain = square_in_box(0.3, 0.3)
     assert set(domain.names) == {"bottom", "right", "top", "left", "body"}
-    expected = {"bottom": 2.0, "right": 1.0, "top": 2.0, "left": 1.0, "body": 1.2}
-    assert {name: length(domain, name) for name in domain.names} == pytest.approx(expected)
-    assert length(domain, "bottom", "body") == pytest.approx(3.2)
-
-
-@pytest.mark.parametrize("gdim", [2, 3])
-def test_facets_lie_where_their_name_says(gdim: int) -> None:
-    domain = unit_box(gdim, 2)
-    assert domain.gdim == gdim
-    middles = dolfinx.mesh.compute_midpoints(domain.mesh, gdim - 1, domain.facets_of("top"))
-    assert middles[:, 1] == pytest.approx(np.ones(len(middles)))
-    assert len(middles) == {2: 2, 3: 8}[gdim]
-
-
-@pytest.mark.parametrize("unnamed", [1, 4])
-def test_boundary_without_a_name_is_an_error(unnamed: int) -> None:
-    """It would silently be an open boundary."""
-    with pytest.raises(MeshError, match="boundary facets of the mesh belong to no named boundary"):
-        build(MPI.COMM_WORLD, partial(square_without_a_name, unnamed))
-
-
-def test_error_in_the_drawing_is_passed_on() -> None:
-    with pytest.raises(MeshError, match="cells fold"):
-        build(MPI.COMM_WORLD, partial(spoilt, MeshError("cells fold")))
+    one = dolfinx.fem.Constant(domain.mesh, 1.0)
+    for names, length in ((("bottom",), 2.0), (("body",), 1.2), (("bottom", "body"), 3.2)):
+        form = compat.form(one * domain.measure(*names))
+        assert dolfinx.fem.assemble_scalar(form) == pytest.approx(length)
 
 
 RANKS = """
@@ -462,91 +341,87 @@ def test_every_rank_raises(mpirun: Any) -> None:
 
 SCENES = Path(__file__).parents[2] / "demos/scenes"
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
+# The least quality of cells about a grain: measured 0.096 among balls that touch in triangles, 0.26 above planes
+ROUND = 0.08
 
 
 @pytest.mark.parametrize(
     ("order", "rate"), [pytest.param(1, 2.0, marks=pytest.mark.slow), (2, 4.0)]
 )
 def test_volumes_and_areas_converge(order: int, rate: float) -> None:
-    """Straight cells miss a part of the sphere of second order in their size, curved ones of fourth."""
+    """Straight cells miss a part of the sphere of second order in their size, curved ones of fourth.
+
+    A mesh has no points but those of its cells: edges of the shell, drawn for the walls' triangles, leave none.
+    """
     errors = []
     for size in (0.3, 0.15):
         region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
         mesh = meshed(region, Sizes(1.0, (Near(size, 0.4, boundary="body"),)), order)
-        errors.append(
-            [volume(mesh) - (27.0 - np.pi / 6.0), np.pi - tetrahedra_area(faces(mesh, "body"))]
-        )
+        assert np.array_equal(np.unique(mesh.cells), np.arange(len(mesh.points)))
+        found = measured(mesh)
+        assert set(found) == {*NAMES, ""} and found["top"] == pytest.approx(9.0)
+        errors.append([found[""] - (27.0 - np.pi / 6.0), np.pi - found["body"]])
     orders = np.log2(np.abs(errors[0]) / np.abs(errors[1]))
     assert (orders > rate - 0.5).all(), orders
     assert np.abs(errors[1]).max() < {1: 0.06, 2: 6e-4}[order]
 
 
 @pytest.mark.parametrize(("gdim", "order"), [(2, 2), (2, 3), (3, 2)])
-def test_cells_of_an_order_are_those_that_gmsh_makes(gdim: int, order: int) -> None:
-    """The straight cells of a rectangle and a box, with further nodes by gmsh itself."""
-    with session():
-        occ = gmsh.model.occ
-        tag = occ.addRectangle(0, 0, 0, 1.0, 0.7)
-        if gdim == 3:
-            occ.extrude([(2, tag)], 0.0, 0.0, 0.4)
-        occ.synchronize()
-        gmsh.model.mesh.generate(gdim)
-        sides = {str(tag): [tag] for _, tag in gmsh.model.getEntities(gdim - 1)}
-        made = Simplices.read(sides, gdim).used().of_order(order)
-        gmsh.model.mesh.setOrder(order)
-        theirs = Simplices.read(sides, gdim, order)
-    assert cells(made) == pytest.approx(cells(theirs), abs=1e-12)
-    for name in sides:
-        assert faces(made, name) == pytest.approx(faces(theirs, name), abs=1e-12)
+def test_straight_cells_of_an_order_are_those_of_order_one(gdim: int, order: int) -> None:
+    """By dolfinx, which takes their nodes in gmsh's order: any other folds them."""
+    sides = ((0.0, 1.0), (0.0, 0.7), (0.0, 0.4))[:gdim]
+    grid = Grid(sides, (graded_ends(2, 0.5),) * gdim, SIDES[: 2 * gdim])
+    mesh, straight = meshed(grid, order=order), meshed(grid)
+    assert measured(mesh) == pytest.approx(measured(straight), rel=1e-12)
+    assert quality(mesh) == pytest.approx(quality(straight), rel=1e-9)
 
 
 def test_no_curved_cell_is_taken_for_rounder_than_it_is() -> None:
-    """Bounds of determinants against samples all over cells with their middles moved at random."""
+    """Bounds of determinants against samples all over cells with their middles moved at random, by gmsh's functions."""
     random = np.random.default_rng(1)
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, 0.0], [0.1, 0.3, 0.8]])
     nodes = np.vstack([corners, [0.5 * (corners[a] + corners[b]) for a, b in EDGES[3]]])
     moved = np.tile(nodes, (50, 1, 1))
     moved[:, 4:] += random.uniform(-0.1, 0.1, (50, 6, 3))
-    sampled = stretches(moved, random.dirichlet(np.ones(4), 2000)).min(axis=1) / np.linalg.det(
-        corners[1:] - corners[0]
-    )
+    places = random.dirichlet(np.ones(4), 2000)[:, 1:]
+    with session():
+        table = gmsh.model.mesh.getBasisFunctions(kind_of(3, 2), places.ravel(), "GradLagrange")[1]
+    slopes = np.reshape(table, (len(places), 10, 3))
+    maps = np.einsum("pke,mkd->mpde", slopes, moved)
+    sampled = np.linalg.det(maps).min(axis=1) / np.linalg.det(corners[1:] - corners[0])
     bound = jacobian_lower_bound(moved)
     assert jacobian_lower_bound(nodes[None]) == pytest.approx(1.0, abs=1e-12)
     assert (bound <= sampled + 1e-12).all()
     assert np.corrcoef(bound, sampled)[0, 1] > 0.9
 
 
-@pytest.mark.parametrize("order", [1, 2])
-def test_a_mesh_has_no_points_but_those_of_its_cells(order: int) -> None:
-    """Edges of the shell, drawn for the walls' triangles, leave none."""
-    region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
-    mesh = meshed(region, Sizes(1.0, (Near(0.3, 0.4, boundary="body"),)), order)
-    assert np.unique(mesh.cells).tolist() == [*range(len(mesh.points))]
-
-
 @pytest.mark.parametrize(
-    "bed",
+    ("bed", "count"),
     [
-        pytest.param(Plane((0.1, -0.05)), marks=pytest.mark.slow),
-        pytest.param(Ridges(0.08, 1.0, 0.4), marks=pytest.mark.slow),
-        SphereBed.array(0.5, 1.0),
-        pytest.param(SphereBed.array(0.4, 0.8, "triangular"), marks=pytest.mark.slow),
-        pytest.param(SphereBed.array(0.2, 0.7), marks=pytest.mark.slow),
+        pytest.param(Plane((0.1, -0.05)), 1, marks=pytest.mark.slow),
+        pytest.param(Ridges(0.08, 1.0, 0.4), 1, marks=pytest.mark.slow),
+        (SphereBed.array(0.5, 1.0), 1),
+        pytest.param(SphereBed.array(0.4, 0.8, "triangular"), 1, marks=pytest.mark.slow),
+        pytest.param(SphereBed.array(0.2, 0.7), 1, marks=pytest.mark.slow),
+        pytest.param(
+            SphereBed.array(0.5, 1.0, "triangular", (0.5, np.sqrt(3.0) / 6.0)),
+            3,
+            marks=pytest.mark.slow,
+        ),
     ],
-    ids=["slope", "ridges", "touching balls", "touching in triangles", "lone balls"],
+    ids=["slope", "ridges", "touching balls", "touching in triangles", "lone balls", "pocket"],
 )
-def test_beds(bed: Any) -> None:
-    """Every bed meshes with round cells, none of them folded, and with the gap as it is."""
-    region, point = grain_above(Sphere(1.0), bed, half=1.5)
-    mesh = meshed(region, finer_in_the_gap(0.25, 0.02, point), 2)
-    assert set(mesh.sides) == NAMES
-    nodes, bottom = cells(mesh), faces(mesh, "bed").reshape(-1, 3)
-    assert stretches(nodes, KEAST).min() > 0.0
-    assert roundness(nodes).min() > 0.1
-    body = region.holes["body"]
-    away = body.solid.level(body.placement.to_body(bottom))
-    # The narrowest place lies between two nodes that are a quarter of the gap from each other.
-    assert 0.02 - 1e-9 < away.min() < 0.0205
+def test_beds(bed: Any, count: int) -> None:
+    """Every bed meshes with round cells, none of them folded, and with each gap as it is."""
+    region, points = grain_above(Sphere(1.0), bed, half=1.5)
+    mesh = meshed(region, finer_in_the_gap(0.25, 0.02, points), 2)
+    bottom, body = faces(mesh, "bed").reshape(-1, 3), region.holes["body"]
+    assert quality(mesh) > ROUND and len(points) == count
+    for point in points:
+        near = bottom[np.linalg.norm(bottom - point, axis=1) < 0.1]
+        away = body.solid.level(body.placement.to_body(near))
+        # The narrowest place lies between two nodes that are a quarter of the gap from each other.
+        assert 0.02 - 1e-9 < away.min() < 0.0205
 
 
 def test_a_bed_that_crosses_itself_begins_with_other_triangles(
@@ -556,39 +431,17 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
     region, point = grain_above(Sphere(1.0), SphereBed.array(0.5, 1.0), half=1.5)
     begun, spots, truly = list[float](), list[int](), space.remeshed
 
-    def remeshed(exact: Any, draft: Any, size: Any) -> Any:
+    def remeshed(exact: Any, *how: Any) -> Any:
         if isinstance(exact, Ground):
             begun.append(exact.finer)
-            spots.append(len(size.spots))
-        return truly(exact, draft, size)
+            spots.append(len(how[-1].spots))
+        return truly(exact, *how)
 
     monkeypatch.setattr(space, "remeshed", remeshed)
     monkeypatch.setattr(space, "crossed", lambda surface: np.arange(int(len(begun) < 3)))
     mesh = meshed(region, finer_in_the_gap(0.25, 0.02, point), 2)
-    assert stretches(cells(mesh), KEAST).min() > 0.0
+    assert quality(mesh) > ROUND
     assert begun == pytest.approx([1.0, 1.07, 1.07**2]) and spots == [0, 0, 1]
-
-
-@pytest.mark.slow
-def test_a_grain_in_a_pocket() -> None:
-    """Three gaps at once, between balls that touch each other."""
-    bed = SphereBed.array(0.5, 1.0, "triangular", (0.5, np.sqrt(3.0) / 6.0))
-    region, _ = grain_above(Sphere(1.0), bed, gap=0.01, half=3.0)
-    middle = np.array(region.holes["body"].placement.centre)
-    centres = bed.near((0.0, 0.0), 0.3)[1]
-    points = middle + 0.5 * (centres - middle) / np.linalg.norm(centres - middle, axis=1)[:, None]
-    narrow = tuple(
-        Near(0.005, 0.18, points=((x, y, z),), needed=True) for x, y, z in points.tolist()
-    )
-    sizes = Sizes(1.0, (Near(0.08, 0.25, boundary="body"), *narrow), gap_part=0.8)
-    mesh = meshed(region, sizes, 2)
-    nodes, bottom = cells(mesh), faces(mesh, "bed").reshape(-1, 3)
-    assert len(points) == 3
-    assert stretches(nodes, KEAST).min() > 0.0 and roundness(nodes).min() > 0.1
-    away = np.linalg.norm(bottom - middle, axis=1) - 0.5
-    for point in points:
-        near = np.linalg.norm(bottom - point, axis=1) < 0.1
-        assert 0.01 - 1e-9 < away[near].min() < 0.0103
 
 
 @pytest.mark.parametrize(
@@ -598,7 +451,7 @@ def test_a_grain_in_a_pocket() -> None:
         (Box((0.8, 0.8, 0.6), 0.2), 0.1),
         pytest.param(Box((0.8, 0.8, 0.6)), 0.1, marks=pytest.mark.slow),
         pytest.param(
-            Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]),
+            Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.3, 0, 0)], [0.3, 0.3, 0.15]),
             0.02,
             marks=pytest.mark.slow,
         ),
@@ -609,11 +462,11 @@ def test_half_is_half(solid: Any, gap: float) -> None:
     """Half a region has half the volume and half the grain's surface, and its cut is plane."""
     halves = []
     for symmetric in (False, True):
-        region, point = grain_above(solid, gap=gap, symmetric=symmetric, fillet=0.03)
+        region, point = grain_above(solid, gap=gap, symmetric=symmetric)
         mesh = meshed(region, finer_in_the_gap(0.12, gap, point), 2)
-        halves.append([volume(mesh), tetrahedra_area(faces(mesh, "body"))])
-        nodes = cells(mesh)
-        assert stretches(nodes, KEAST).min() > 0.0 and roundness(nodes).min() > 0.1
+        found = measured(mesh)
+        halves.append([found[""], found["body"]])
+        assert quality(mesh) > ROUND
         if symmetric:
             assert set(mesh.sides) == (NAMES - {"right"}) | {"symmetry"}
             assert np.abs(faces(mesh, "symmetry")[..., 1]).max() < 1e-12
@@ -631,9 +484,10 @@ def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
     )
     share = 0.5 if symmetric else 1.0
     mesh = meshed(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2)
-    assert volume(mesh) == pytest.approx(share * (18.0 - 0.5 * np.pi), rel=1e-4)
-    assert tetrahedra_area(faces(mesh, "body")) == pytest.approx(share * 2.0 * np.pi, rel=1e-4)
-    assert tetrahedra_area(faces(mesh, "left")) == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
+    found = measured(mesh)
+    assert found[""] == pytest.approx(share * (18.0 - 0.5 * np.pi), rel=1e-4)
+    assert found["body"] == pytest.approx(share * 2.0 * np.pi, rel=1e-4)
+    assert found["left"] == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
 
 
 def test_nodes_lie_on_the_surfaces() -> None:
@@ -646,28 +500,31 @@ def test_nodes_lie_on_the_surfaces() -> None:
     assert np.abs(on_bed[:, 2]).max() < 1e-14
 
 
-def mesh_of(scene: str, mesh_size: float) -> Simplices:
-    setup = Setup(load(SCENES / f"{scene}.toml", [f"numerics.mesh_size={mesh_size}"]))
-    return lay_out(setup, plan_of(setup)).mesh()
-
-
-@pytest.mark.parametrize("factor", [1.0, 1.41421, 2.0, 2.83])
-def test_cells_make_room_for_a_curved_grain(factor: float) -> None:
-    """Cells as large as the sphere's radius fold over its facets, which stayed flat: three edges at 2.83, and others
+@pytest.mark.parametrize(
+    ("scene", "mesh_size", "radius", "most"),
+    [
+        # As many cells as the first mesh, with cells that fold; the coarsest has two thirds more.
+        ("settling_sphere", 2.0, 7.5, 1.1 * 1223),
+        ("settling_sphere", 2.82842, 7.5, 1.1 * 792),
+        ("settling_sphere", 4.0, 7.5, 1.1 * 446),
+        ("settling_sphere", 5.66, 7.5, 2.0 * 298),
+        # With a flat facet the torque in Stokes flow was 1.6% below O'Neill's (1968).
+        ("sphere_on_plane", 1.41421, 0.5, np.inf),
+    ],
+)
+def test_cells_make_room_for_a_curved_grain(
+    scene: str, mesh_size: float, radius: float, most: float
+) -> None:
+    """Cells as large as the sphere's radius fold over its facets, which stayed flat: three edges at 5.66, and others
     only on a second to fourth mesh, finer than asked for. Now all nodes lie on the sphere.
     """
-    mesh = mesh_of("settling_sphere", 2.0 * factor)
-    away = np.linalg.norm(faces(mesh, "body").reshape(-1, 3) - [50.0, 50.0, 127.5], axis=1)
-    assert away == pytest.approx(7.5, abs=1e-9)
+    setup = Setup(load(SCENES / f"{scene}.toml", [f"numerics.mesh_size={mesh_size}"]))
+    mesh = lay_out(setup, plan_of(setup)).mesh()
+    where = setup.geometry.stance.placement.centre
+    away = np.linalg.norm(faces(mesh, "body").reshape(-1, 3) - where, axis=1)
+    assert away == pytest.approx(radius, abs=1e-9)
     assert jacobian_lower_bound(cells(mesh)).min() > 0.0
-    first = {1.0: 1223, 1.41421: 792, 2.0: 446, 2.83: 298}[factor]  # cells that fold included
-    assert len(mesh.cells) < (1.1 if factor <= 2.0 else 2.0) * first
-
-
-def test_a_facet_that_a_cell_folds_over_does_not_stay_flat() -> None:
-    """With it flat the volume was 1.3e-3 too large, and in Stokes flow the torque 1.6% below O'Neill's (1968)."""
-    mesh = mesh_of("sphere_on_plane", 1.41421)
-    assert abs(volume(mesh) - (60.0 * 30.0 * 30.0 - np.pi / 12.0)) < 2e-4
+    assert len(mesh.cells) < most
 
 
 def test_edges_that_do_not_follow_a_grain_are_told(
@@ -716,39 +573,6 @@ def test_a_grain_in_the_bed_is_refused() -> None:
     region = SolidRegion((-1.0, 1.0), (-1.0, 1.0), 2.0, Plane(), {"body": body})
     with pytest.raises(MeshError, match='"body" reaches into the bed with'):
         meshed(region, Sizes(0.5, (Near(0.2, 0.3, boundary="body"),)), 1)
-
-
-def measured(order: int) -> dict[str, float]:
-    """The volume and the areas of a domain of dolfinx."""
-    region, _ = grain_above(Sphere(1.0), gap=0.2, half=1.5, symmetric=True)
-    sizes = Sizes(1.0, (Near(0.25, 0.4, boundary="body"),))
-    domain = build(MPI.COMM_WORLD, partial(meshed, region, sizes, order))
-    one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    found = {
-        name: dolfinx.fem.assemble_scalar(compat.form(one * domain.measure(name)))
-        for name in domain.names
-    }
-    return {name: float(domain.comm.allreduce(value)) for name, value in found.items()}
-
-
-@pytest.mark.parametrize("order", [1, 2])
-def test_domains_of_dolfinx(order: int) -> None:
-    found = measured(order)
-    assert set(found) == (NAMES - {"right"}) | {"symmetry"}
-    assert found["top"] == pytest.approx(4.5) and found["inflow"] == pytest.approx(4.5)
-    assert found["body"] == pytest.approx(0.5 * np.pi, rel={1: 0.06, 2: 4e-3}[order])
-    assert found["symmetry"] == pytest.approx(9.0 - 0.25 * np.pi, rel={1: 0.01, 2: 1e-4}[order])
-
-
-@pytest.mark.slow
-def test_domains_on_two_ranks(mpirun: Any) -> None:
-    # A line is written at once with its end: what two ranks print would else mix.
-    script = "import sys; sys.path.insert(0, sys.argv[1])\nfrom test_meshes import measured\n"
-    script += "sys.stdout.write(f'{measured(2)}\\n')"
-    done = mpirun(2, script, str(Path(__file__).parent), timeout=60)
-    assert done.returncode == 0, done.stderr
-    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
-    assert [ast.literal_eval(line) for line in lines] == 2 * [pytest.approx(measured(2), rel=1e-12)]
 
 
 # Meshes of scenes with turbulence: where they begin at walls, and how fine they are there.
@@ -875,18 +699,6 @@ def test_the_first_cells_at_walls_in_the_viscous_sublayer_are_thin():
 # Layers of thin cells along walls: they fill the region, are as thick as asked, and fold nowhere; 2-D, then 3-D.
 
 
-def test_cells_between_columns_fill_the_prism_and_have_one_sense():
-    """Two layers on a triangle, of which one column has one: 0.5 (1 + 1 + 0.5) (2/3) and all positive, by hand."""
-    points = np.array([[x, y, z] for z in range(3) for x, y in ((0, 0), (1, 0), (0, 1))], float)
-    rows = np.array([[[0, 3, 6], [1, 4, 7], [2, 5, 5]]])
-    cells = stacked(rows)
-    volumes = np.linalg.det(points[cells][:, 1:] - points[cells][:, :1]) / 6.0
-    assert len(cells) == 5 and (volumes > 0.0).all()
-    assert volumes.sum() == pytest.approx(0.5 * (2.0 + 2.0 + 1.0) / 3.0)
-    triangles = stacked(np.array([[[0, 6, 7], [1, 4, 4]]]))
-    assert {*map(tuple, triangles.tolist())} == {(0, 1, 4), (0, 4, 6), (6, 4, 7)}
-
-
 def test_thickness_is_evened_along_chains_of_links():
     """From 0 at one end of a chain it rises by the slack of each link, whatever the order of these."""
     links = np.array([[3, 2], [0, 1], [1, 2]])
@@ -903,8 +715,7 @@ THIN = 1e-3
 def meshed_in_plane(region, walls=("bed",), order=2, factor=1.0, near=()):
     layers = WallLayers(dict.fromkeys(walls, THIN), 80, 1.3, graded=True)
     along = tuple(Near(0.1, 0.3, boundary=name) for name in walls)
-    sizes = Sizes(0.4, (*along, *near), layers=layers).scaled(factor)
-    return build(MPI.COMM_SELF, lambda: meshed(region, sizes, order))
+    return meshed(region, Sizes(0.4, (*along, *near), layers=layers).scaled(factor), order)
 
 
 def step():
@@ -913,69 +724,43 @@ def step():
     return Region(tuple(map(Line, places[:-1], places[1:])), 3.0)
 
 
-def circle(x, y, radius):
-    places = [(x + radius, y), (x, y + radius), (x - radius, y), (x, y - radius)]
-    return tuple(Arc(a, (x, y), b) for a, b in zip(places, places[1:] + places[:1], strict=True))
-
-
-def cells_at(domain, walls):
-    """Cells that have a corner on one of the named walls, of one rank."""
-    corners = compat.space(domain.mesh, ("Lagrange", 1))
-    facets = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
-    on_wall = np.zeros(len(corners.tabulate_dof_coordinates()), dtype=bool)
-    on_wall[compat.nodes_on(corners, facets)] = True
-    return np.flatnonzero(on_wall[compat.cell_dofs(corners)].any(axis=1))
-
-
-def area_of(domain):
-    import dolfinx
-    import ufl
-
-    form = dolfinx.fem.form(1.0 * ufl.dx(domain=domain.mesh, degree=4))
-    return dolfinx.fem.assemble_scalar(form)
+def corners_at(mesh, walls):
+    """Corners of the cells that have one on a named wall."""
+    corners = mesh.cells[:, : mesh.points.shape[1] + 1]
+    on_walls = np.concatenate([mesh.sides[name].ravel() for name in walls])
+    return np.unique(corners[np.isin(corners, on_walls).any(axis=1)])
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_layers_go_around_both_corners_of_a_step(factor):
     """The area is that of the region (exact), and cells at walls are as thick as asked but in the corner."""
-    domain = meshed_in_plane(step(), order=1, factor=factor)
-    assert area_of(domain) == pytest.approx(2.0 * 2.0 + 4.0 * 3.0, rel=1e-12)
-    places = domain.mesh.geometry.x[:, :2]
-    away = distances(domain, ("bed",), places)
-    cells = domain.mesh.geometry.dofmap.array.reshape(-1, 3)
-    near = np.unique(cells[cells_at(domain, ("bed",))])
-    ends = away[near][away[near] > 1e-12]
-    assert ends == pytest.approx(factor * THIN, rel=0.5)
-    assert (np.abs(ends / (factor * THIN) - 1.0) < 0.02).mean() > 0.8
+    mesh = meshed_in_plane(step(), order=1, factor=factor)
+    assert measured(mesh)[""] == pytest.approx(2.0 * 2.0 + 4.0 * 3.0, rel=1e-12)
+    near = mesh.points[corners_at(mesh, ("bed",))]
+    away = distances(build(MPI.COMM_SELF, lambda: mesh), ("bed",), near)
+    ends = away[away > 1e-12] / (factor * THIN)
+    assert ends == pytest.approx(1.0, rel=0.5) and (np.abs(ends - 1.0) < 0.02).mean() > 0.8
     # Around the upper corner they are as thick.
-    around = near[np.linalg.norm(places[near] - [0.0, 1.0], axis=1) < 1.5 * factor * THIN]
-    assert len(around) >= 5
+    assert (np.linalg.norm(near - [0.0, 1.0], axis=1) < 1.5 * factor * THIN).sum() >= 5
 
 
 def test_cells_follow_curved_walls():
     """A disc above a wavy bed, nearly touching it: the area less than 1e-5 from the exact one, folding nowhere."""
     x = np.linspace(0.0, 4.0, 65)
     bed = Spline(np.column_stack([x, 0.05 * np.sin(2.0 * np.pi * x)]))
-    disc = circle(1.75, 0.48, 0.5)  # 0.03 above the trough
-    pocket = Near(0.015, 0.2, points=((1.75, -0.05), (1.75, -0.02)))
-    region = Region((bed,), 2.0, {"body": disc})
-    domain = meshed_in_plane(region, ("bed", "body"), near=(pocket,))
-    assert area_of(domain) == pytest.approx(8.0 - 0.25 * np.pi, rel=1e-5)
-    nodes = domain.mesh.geometry.x[:, :2]
-    on_disc = np.abs(np.linalg.norm(nodes - [1.75, 0.48], axis=1) - 0.5) < 1e-4
-    assert on_disc.sum() > 60  # corners and middles of edges
-    away = distances(domain, ("bed", "body"), nodes)
-    thick = away[(away > 1e-9)]
-    assert thick.min() < 1.01 * THIN
+    disc = tuple(curve.moved(Placement((1.75, 0.48))) for curve in Disc(1.0).outline())
+    pocket = Near(0.015, 0.2, points=((1.75, -0.05), (1.75, -0.02)))  # 0.03 above the trough
+    mesh = meshed_in_plane(Region((bed,), 2.0, {"body": disc}), ("bed", "body"), near=(pocket,))
+    assert measured(mesh)[""] == pytest.approx(8.0 - 0.25 * np.pi, rel=1e-5)
+    away = np.linalg.norm(mesh.points - [1.75, 0.48], axis=1) - 0.5
+    assert (np.abs(away) < 1e-4).sum() > 60  # corners and middles of edges
+    assert away[away > 1e-9].min() < 1.01 * THIN
 
 
 def test_thinner_layers_grow_less():
     """Half as large cells are everywhere half as large: 4 times as many, to a tenth."""
-    number = [
-        meshed_in_plane(step(), order=1, factor=factor).mesh.topology.index_map(2).size_global
-        for factor in (1.0, 0.5)
-    ]
-    assert number[1] / number[0] == pytest.approx(4.0, rel=0.1)
+    coarse, fine = (len(meshed_in_plane(step(), order=1, factor=f).cells) for f in (1.0, 0.5))
+    assert fine / coarse == pytest.approx(4.0, rel=0.1)
 
 
 def test_first_layers_become_thicker_up_to_a_factor():
@@ -1007,23 +792,16 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5, symmetric=symmetric)
     whole = 0.5 if symmetric else 1.0
     mesh = meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2)
-    assert volume(mesh) == pytest.approx(whole * (27.0 - np.pi / 6.0), rel=1e-4)
-    assert tetrahedra_area(faces(mesh, "body")) == pytest.approx(whole * np.pi, rel=2e-3)
-    assert tetrahedra_area(faces(mesh, "bed")) == pytest.approx(whole * 9.0, rel=1e-9)
-    for side in ("inflow", "outflow"):
-        assert tetrahedra_area(faces(mesh, side)) == pytest.approx(whole * 9.0, rel=1e-9)
-    if symmetric:
-        assert tetrahedra_area(faces(mesh, "symmetry")) == pytest.approx(
-            9.0 - np.pi / 4.0, rel=1e-3
-        )
+    found = measured(mesh)
+    exact = {"": whole * (27.0 - np.pi / 6.0), "body": whole * np.pi, "symmetry": 9.0 - np.pi / 4.0}
+    for name, within in (("", 1e-4), ("body", 2e-3), ("symmetry", 1e-3)):
+        assert name not in found or found[name] == pytest.approx(exact[name], rel=within)
+    for name in ("bed", "inflow", "outflow"):
+        assert found[name] == pytest.approx(whole * 9.0, rel=1e-9)
     assert jacobian_lower_bound(cells(mesh)).min() > 0.0
-    assert {"bed", "body"} < set(mesh.sides)
-    found = len(cells(mesh))
-    plain = meshed(region, sizes(), 2)
-    before = len(cells(plain))
+    more = len(mesh.cells) - len(meshed(region, sizes(), 1).cells)
     told = expected_cells(region, sizes(WallLayers(FIRST, 4, 1.5)))
-    assert found > before
-    assert told["layers along walls"] == pytest.approx(found - before, rel=1.0)
+    assert more > 0 and told["layers along walls"] == pytest.approx(more, rel=1.0)
 
 
 @pytest.mark.slow
@@ -1049,11 +827,8 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     """Where cells at walls end, and distances from walls: by the sphere and the plane themselves."""
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5)
     centre = region.holes["body"].placement.centre
-    shape = sizes(WallLayers(FIRST, 4, 1.5))
-    domain = build(MPI.COMM_SELF, lambda: meshed(region, shape, 2))
-    space = compat.space(domain.mesh, ("Lagrange", 1))
-    near = cells_at(domain, ("bed", "body"))
-    corners = space.tabulate_dof_coordinates()[np.unique(compat.cell_dofs(space)[near])]
+    mesh = meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2)
+    corners = mesh.points[corners_at(mesh, FIRST)]
     away = {"body": np.linalg.norm(corners - centre, axis=1) - 0.5, "bed": corners[:, 2]}
     for name, first in FIRST.items():
         off = away[name][(away[name] > 1e-6) & (away[name] < 2.0 * first)]
@@ -1061,6 +836,7 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     places = np.random.default_rng(3).uniform((-1.5, -1.5, 0.0), (1.5, 1.5, 3.0), (500, 3))
     from_centre = np.linalg.norm(places - centre, axis=1)
     exact = np.minimum(from_centre - 0.5, places[:, 2])[from_centre > 0.5]
+    domain = build(MPI.COMM_SELF, lambda: mesh)
     found = distances(domain, ("bed", "body"), places[from_centre > 0.5])
     # The sphere is flat pieces with edges of 0.15 at most, half of a cell: by 0.15^2/(8 0.5) they lie within it.
     assert found == pytest.approx(exact, abs=5.7e-3)

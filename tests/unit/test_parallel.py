@@ -6,7 +6,6 @@ import json
 import multiprocessing
 import pickle
 import shutil
-import subprocess
 import sys
 import time
 from collections import namedtuple
@@ -44,28 +43,21 @@ SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 COMM = MPI.COMM_WORLD
 
 
-def test_nothing_happens_when_nothing_fails() -> None:
-    with collectively(COMM):
-        value = 1
-    assert value == 1
-
-
-@pytest.mark.parametrize("kind", [MeshError, OutputError, IncipientError])
-def test_own_errors_keep_type_and_message(kind: type[IncipientError]) -> None:
-    with pytest.raises(kind, match=r"^the disk is full$"), collectively(COMM):
-        raise kind("the disk is full")
-
-
-def test_defects_of_the_program_keep_their_type() -> None:
-    """They are reported with a traceback where they happened."""
-    with pytest.raises(ZeroDivisionError), collectively(COMM):
-        1 / 0  # noqa: B018
-
-
-def test_interrupts_pass() -> None:
-    """Ctrl-C reaches every rank by itself: nothing must be waited for."""
-    with pytest.raises(KeyboardInterrupt), collectively(COMM):
-        raise KeyboardInterrupt
+@pytest.mark.parametrize(
+    "error",
+    [
+        MeshError("the disk is full"),
+        OutputError("the disk is full"),
+        IncipientError("the disk is full"),
+        ZeroDivisionError(
+            "the disk is full"
+        ),  # a defect, reported with a traceback where it happened
+        KeyboardInterrupt("the disk is full"),  # reaches every rank by itself
+    ],
+)
+def test_errors_keep_type_and_message(error: BaseException) -> None:
+    with pytest.raises(type(error), match=r"^the disk is full$"), collectively(COMM):
+        raise error
 
 
 RANKS = """
@@ -86,23 +78,26 @@ for failing in map(int, sys.argv[2:]):
 """
 
 
-def test_all_ranks_raise_the_first_error(mpirun: Any) -> None:
-    """Of three ranks all fail, two, or one."""
-    done = mpirun(3, RANKS, "own", 0, 1, 2, timeout=60)
+@pytest.mark.parametrize(
+    ("ranks", "kind", "failing", "expected"),
+    [
+        # Of three ranks all fail, two, or one.
+        (3, "own", (0, 1, 2), ["OutputError: rank {failing} failed"] * 3),
+        # A defect on one rank is told to the others.
+        (2, "other", (1,), ["IncipientError: rank 1 failed", "ValueError: rank 1 failed"]),
+    ],
+)
+def test_all_ranks_raise_the_first_error(
+    mpirun: Any, ranks: int, kind: str, failing: tuple[int, ...], expected: list[str]
+) -> None:
+    done = mpirun(ranks, RANKS, kind, *failing, timeout=60)
     assert done.returncode == 0, done.stderr
-    expected = [
-        f"{failing} {rank}: OutputError: rank {failing} failed"
-        for failing in range(3)
-        for rank in range(3)
+    told = [
+        f"{one} {rank}: {what.format(failing=one)}"
+        for one in failing
+        for rank, what in enumerate(expected)
     ]
-    assert sorted(done.stdout.splitlines()) == expected
-
-
-def test_a_defect_on_one_rank_is_told_to_the_others(mpirun: Any) -> None:
-    done = mpirun(2, RANKS, "other", 1, timeout=60)
-    assert done.returncode == 0, done.stderr
-    expected = ["1 0: IncipientError: rank 1 failed", "1 1: ValueError: rank 1 failed"]
-    assert sorted(done.stdout.splitlines()) == expected
+    assert sorted(done.stdout.splitlines()) == told
 
 
 # The second rank works where no file is, as on a machine without the disk of the first.
@@ -266,71 +261,44 @@ def fail(*arguments: object) -> None:
     raise ConvergenceError("no solution")
 
 
-def test_an_error_estimate_that_fails(
-    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The finer elements' memory goes, the flow itself stays."""
+def made_in_vain() -> None:
+    Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0)
+
+
+def estimated_in_vain() -> None:
     with Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0) as fluid:
-        monkeypatch.setattr(Fluid, "correct", fail)
-        with pytest.raises(ConvergenceError):
-            GoalErrors(fluid, "body", (0.8, 0.55))
-        (finer,) = destroyed
-        assert finer is not fluid and finer.space.order == 3
-    assert destroyed == [finer, fluid]
+        GoalErrors(fluid, "body", (0.8, 0.55))
 
 
-def test_a_fluid_that_fails_while_it_is_made(
-    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Matrix and vectors, made before the solver, go."""
-    monkeypatch.setattr(Direct, "__init__", fail)
-    with pytest.raises(ConvergenceError):
-        Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0)
-    (half_made,) = destroyed
-    for lent in (
-        half_made._matrix,
-        half_made._vector,
-        half_made._correction,
-        half_made._state_view,
-    ):
-        assert not lent, "the handle of what has been destroyed is null"
-
-
-def test_a_run_that_fails_while_it_is_prepared(
-    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene = loads(example(), overrides=["numerics.mesh_size=6"])
-    monkeypatch.setattr(TractionProbe, "__init__", fail)
-    with pytest.raises(ConvergenceError), prepared(scene, MPI.COMM_SELF):
+def prepared_in_vain() -> None:
+    with prepared(loads(example(), overrides=["numerics.mesh_size=6"]), MPI.COMM_SELF):
         raise AssertionError("prepared all the same")
-    assert len(destroyed) == 1
 
 
-# Processes that tests start leave nothing behind.
-
-
-# A rank that hangs and knows nothing of MPI, so that it does not notice that its `mpirun` is gone.
-HANGING = """
-import os, pathlib, sys, time
-pathlib.Path(sys.argv[1], f"{os.getpid()}.rank").touch()
-time.sleep(300)
-"""
-
-
-def lives(process: int) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def test_ranks_that_hang_are_ended_with_their_mpirun(mpirun: Any, tmp_path: Path) -> None:
-    with pytest.raises(subprocess.TimeoutExpired):
-        mpirun(2, HANGING, tmp_path, timeout=3)
-    ranks = [int(path.stem) for path in tmp_path.glob("*.rank")]
-    time.sleep(0.2)
-    assert len(ranks) == 2
-    assert not any(lives(rank) for rank in ranks)
+@pytest.mark.parametrize(
+    ("owner", "name", "act", "orders"),
+    [
+        # The finer elements' memory goes, then that of the flow itself.
+        (Fluid, "correct", estimated_in_vain, [3, 2]),
+        (Direct, "__init__", made_in_vain, [2]),
+        (TractionProbe, "__init__", prepared_in_vain, [3]),
+    ],
+)
+def test_what_fails_while_it_is_made_gives_its_memory_back(
+    destroyed: list[Fluid],
+    monkeypatch: pytest.MonkeyPatch,
+    owner: type,
+    name: str,
+    act: Any,
+    orders: list[int],
+) -> None:
+    """Matrices and vectors: the handle of what has been destroyed is null."""
+    monkeypatch.setattr(owner, name, fail)
+    with pytest.raises(ConvergenceError):
+        act()
+    assert [one.space.order for one in destroyed] == orders
+    lent = ("_matrix", "_vector", "_correction", "_state_view")
+    assert not any(getattr(one, held) for one in destroyed for held in lent)
 
 
 # Folders of compiled forms: whole or not there, whoever is killed, whatever is damaged.
@@ -364,23 +332,18 @@ def test_a_form_is_compiled_once_and_then_loaded(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == [NAME, "locks"]
 
 
-@pytest.mark.parametrize("damage", ["co", "junk", "co\0\0"])
-def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str) -> None:
-    """Without being loaded first: a library that was cut short ends the process (SIGBUS)."""
-    form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler())
-    (tmp_path / NAME / "form.so").write_text(damage)
+@pytest.mark.parametrize(("damage", "loads"), [("co", 0), ("junk", 0), ("co\0\0", 0), ("", 1)])
+def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str, loads: int) -> None:
+    """Without being loaded first: a library that was cut short ends the process (SIGBUS).
+
+    One that cannot be loaded, whole as it is, may be of another version of Python.
+    """
+    form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler("code" if damage else "other"))
+    if damage:
+        (tmp_path / NAME / "form.so").write_text(damage)
     build = Compiler()
     assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code"
-    assert (build.built, build.loaded) == (1, 0)
-    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code" and build.built == 1
-
-
-def test_a_form_that_cannot_be_loaded_is_compiled_anew(tmp_path: Path) -> None:
-    """As one of another version of Python, whole as it is."""
-    form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, Compiler("other"))
-    build = Compiler()
-    assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code"
-    assert (build.built, build.loaded) == (1, 1)
+    assert (build.built, build.loaded) == (1, loads)
     assert form_cache.compiled(tmp_path, NAME, COMM_OF_CACHE, build) == "code" and build.built == 1
 
 
@@ -483,47 +446,31 @@ def test_ranks_with_caches_of_their_own_use_the_first(mpirun: Any, tmp_path: Pat
     assert len(said) == 1  # the second time nothing is compiled
 
 
-def test_a_folder_that_one_rank_cannot_write_is_refused_before_it_is_built(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="set XDG_CACHE_HOME to a directory that can be written"):
-        form_cache._require_writable(tmp_path / "file" / NAME)
-
-
 # What enters a channel below a free surface: the discharge asked for, whatever the depth.
 
 
-@pytest.fixture
-def entry():
-    """An end of the unit square with a parabola that changes in time, above a bottom at which the fluid sticks."""
-    domain = curved_box(2, 3, 2)
-
-    def velocity(x, t):
-        return (1.0 + t) * x[1] * (2.0 - x[1])
-
-    return domain, Entry(
-        domain, taylor_hood(domain.mesh, 2), Entering("left", 0, velocity, 0.4), ("bottom",)
-    )
-
-
 @pytest.mark.parametrize("rise", [0.0, 0.25, -0.5])
-def test_the_discharge_is_that_through_the_end_as_it_was_made(entry, rise):
-    domain, made = entry
+@pytest.mark.parametrize(
+    ("profile", "discharge"),
+    [
+        (lambda y, t: (1.0 + t) * y * (2.0 - y), 1.0),  # 1.5 times 2/3
+        (lambda y, t: np.cos(np.pi * y), 0.0),  # above a bottom at which the fluid sticks
+    ],
+)
+def test_the_discharge_is_that_through_the_end_as_it_was_made(rise, profile, discharge):
+    """A profile, on an end of the unit square whose height changes, is stretched; also where its discharge vanishes."""
+    domain, velocity = curved_box(2, 3, 2), lambda x, t: profile(x[1], t)
+    condition = Entering("left", 0, velocity, 0.4)
+    made = Entry(domain, taylor_hood(domain.mesh, 2), condition, ("bottom",))
+    made.update(0.5)
+    first = made.influx
     domain.mesh.geometry.x[:, 1] *= 1.0 + rise
     made.update(0.5)
-    assert made.influx == pytest.approx(1.5 * 2.0 / 3.0, rel=1e-14)
-    on = compat.nodes_on(made.space, domain.facets_of("left"))
-    height = made.space.tabulate_dof_coordinates()[on, 1] / (1.0 + rise)
-    assert made.values.x.array[on] == pytest.approx(
-        1.5 / (1.0 + rise) * height * (2.0 - height), abs=1e-14
+    assert made.influx == pytest.approx(first, rel=1e-13)
+    assert not discharge or first == pytest.approx(discharge, rel=1e-14)
+    on = np.setdiff1d(
+        *(compat.nodes_on(made.space, domain.facets_of(n)) for n in ("left", "bottom"))
     )
-
-
-def test_a_profile_whose_discharge_vanishes_is_stretched_likewise(entry):
-    domain, made = entry
-    made._velocity = lambda x, t: np.cos(np.pi * x[1])
-    made.update(0.0)
-    whole = made.influx
-    domain.mesh.geometry.x[:, 1] *= 1.25
-    made.update(0.0)
-    assert made.influx == pytest.approx(whole, rel=1e-13)
-    assert np.abs(made.values.x.array).max() == pytest.approx(1.0 / 1.25)
+    height = made.space.tabulate_dof_coordinates()[on, 1] / (1.0 + rise)
+    exact = profile(height, 0.5) / (1.0 + rise)
+    assert made.values.x.array[on] == pytest.approx(exact, abs=1e-14)

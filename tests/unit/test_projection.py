@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import dolfinx
@@ -15,7 +17,7 @@ from floating import Floats, box_around, floating
 
 from incipient import compat
 from incipient.body.rigidbody import RigidBody
-from incipient.body.state import BodyState, Freedom, Inertia
+from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.errors import ConvergenceError
@@ -83,27 +85,52 @@ def projected(fluid: Fluid) -> float:
         return projection.apply()
 
 
-@pytest.mark.parametrize("order", [2, 3])
-def test_a_channel_meshed_anew(order: int) -> None:
-    """With a hole, a slip and an open boundary: continuity holds again, the pressure and given values stay."""
-    with (
-        flow(square_in_box(0.3, 0.2), channel(), order) as source,
-        flow(square_in_box(0.3, 0.14), channel(), order) as fluid,
-    ):
+def turning(x: np.ndarray, t: float) -> np.ndarray:
+    return np.vstack([-x[1], x[0]])
+
+
+def sheared(x: np.ndarray, t: float) -> np.ndarray:
+    return np.vstack([x[1], 0 * x[0], 0 * x[0]])
+
+
+AROUND_A_BALL = [Prescribed("outer", sheared), no_slip("body")]
+BETWEEN_CIRCLES = [Prescribed("inner", turning), no_slip("outer")]
+
+
+@pytest.mark.parametrize(
+    ("meshed", "sizes", "conditions", "order", "most", "left"),
+    [
+        # With a hole, a slip and an open boundary.
+        (partial(square_in_box, 0.3), (0.2, 0.14), channel(), 2, 1e-2, 1e-14),
+        (partial(square_in_box, 0.3), (0.2, 0.14), channel(), 3, 1e-2, 1e-14),
+        # Quadratic cells between a turning and a resting circle: nodes lie outside, boundary values are set.
+        (lambda n: ring(0.5, 1.0, n, 2), (24, 32), BETWEEN_CIRCLES, 2, 1e-2, 1e-13),
+        (ball_in_box, (0.5, 0.6), AROUND_A_BALL, 2, 0.1, 1e-12),
+    ],
+)
+def test_a_flow_meshed_anew(
+    meshed: Any,
+    sizes: tuple[Any, Any],
+    conditions: list[Condition],
+    order: int,
+    most: float,
+    left: float,
+) -> None:
+    """Continuity holds again; the pressure and given values stay."""
+    coarse, fine = map(meshed, sizes)
+    with flow(coarse, conditions, order) as source, flow(fine, conditions, order) as fluid:
         source.solve(1e-12)
         receive(fluid, source)
+        fluid.constraints.update(0.0)
+        compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
         before = fluid.state.x.array.copy()
-        assert np.abs(continuity(fluid)).max() > 1e-4
-        change = projected(fluid)
-        assert np.abs(continuity(fluid)).max() < 1e-14
-        assert abs(net_flux(fluid)) < 1e-13
-        assert 1e-4 < change < 1e-2
-        pressure = fluid.space.pressure_map
-        assert (fluid.state.x.array[pressure] == before[pressure]).all()
-        for condition in fluid.constraints.dirichlet:
-            held = condition.dof_indices()[0]
-            assert len(held)
-            assert (fluid.state.x.array[held] == before[held]).all()
+        assert np.abs(continuity(fluid)).max() > 1e-5
+        assert 1e-5 < projected(fluid) < most
+        assert np.abs(continuity(fluid)).max() < left
+        held = [condition.dof_indices()[0] for condition in fluid.constraints.dirichlet]
+        assert all(map(len, held))
+        kept = np.concatenate([fluid.space.pressure_map, *held])
+        assert (fluid.state.x.array[kept] == before[kept]).all()
 
 
 def test_the_nearest() -> None:
@@ -139,21 +166,16 @@ def distance(u: Any, v: Any) -> float:
 
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_noise_is_removed(gdim: int) -> None:
-    """In a closed box and from far off; what is left is left alone when asked again."""
+    """In a closed box and from far off; what is left is left alone when asked again, and nothing is."""
     sides = SIDES[: 2 * gdim]
     with flow(unit_box(gdim, 3 if gdim == 3 else 6), closed(*sides)) as fluid:
+        assert projected(fluid) == 0.0 and not fluid.state.x.array.any()
         disturb(fluid, 1.0)
         assert 0.3 < projected(fluid) < 1.0
         assert np.abs(continuity(fluid)).max() < 1e-13
         before = fluid.state.x.array.copy()
         assert projected(fluid) < 1e-12
         assert fluid.state.x.array == pytest.approx(before, abs=1e-10)
-
-
-def test_nothing_stays_nothing() -> None:
-    with flow(unit_box(2, 3), closed(*SIDES[:4])) as fluid:
-        assert projected(fluid) == 0.0
-        assert not fluid.state.x.array.any()
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -173,26 +195,6 @@ def test_the_change_is_of_the_order_of_the_transfer(order: int) -> None:
     assert orders[-1] > order + 0.8, (changes, orders)
 
 
-def test_quadratic_cells_and_a_turning_boundary() -> None:
-    """The ring between a turning and a resting circle, meshed anew: nodes lie outside, boundary values are set."""
-
-    def turning(x: np.ndarray, t: float) -> np.ndarray:
-        return np.vstack([-x[1], x[0]])
-
-    conditions = [Prescribed("inner", turning), no_slip("outer")]
-    with (
-        flow(ring(0.5, 1.0, 24, 2), conditions) as source,
-        flow(ring(0.5, 1.0, 32, 2), conditions) as fluid,
-    ):
-        source.solve(1e-12)
-        receive(fluid, source)
-        fluid.constraints.update(0.0)
-        compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
-        assert abs(net_flux(fluid)) < 1e-13
-        assert projected(fluid) < 1e-2
-        assert np.abs(continuity(fluid)).max() < 1e-13
-
-
 def test_a_closed_box_that_takes_in_more_than_it_lets_out() -> None:
     """Continuity fails at the pinned node alone, and by the net flux: v = (x, 0) leaves the square at rate 1."""
     with flow(unit_box(2, 4), [Prescribed(name, lambda x, t: x) for name in SIDES[:4]]) as fluid:
@@ -202,18 +204,6 @@ def test_a_closed_box_that_takes_in_more_than_it_lets_out() -> None:
         left = np.sort(np.abs(continuity(fluid)))
         assert left[-1] == pytest.approx(1.0, rel=1e-10)
         assert left[-2] < 1e-12
-
-
-def test_a_ball_in_three_dimensions() -> None:
-    stream = Prescribed("outer", lambda x, t: np.vstack([x[1], 0 * x[0], 0 * x[0]]))
-    conditions = [stream, no_slip("body")]
-    with flow(ball_in_box(0.5), conditions) as source, flow(ball_in_box(0.6), conditions) as fluid:
-        source.solve(1e-12)
-        receive(fluid, source)
-        fluid.constraints.update(0.0)
-        compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
-        assert projected(fluid) < 0.1
-        assert np.abs(continuity(fluid)).max() < 1e-12
 
 
 RANKS = """
@@ -264,17 +254,11 @@ def test_two_ranks_agree_with_one(mpirun: Any) -> None:
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-8, abs=1e-10)
 
 
-# Two parts that move in one flow and on one mesh: the inner and the outer disc of a ring.
+# Two parts that move on one mesh: the inner and the outer disc of a ring.
 
 
 INNER, OUTER = 0.5, 1.0
 CENTRE = Placement((0.0, 0.0))
-STEP, STEPS = 0.05, 4
-
-
-def rate(t: float) -> float:
-    """Spin of the outer disc, begun smoothly."""
-    return float(np.sin(np.pi * min(t, 0.5)) ** 2)
 
 
 def nodes_at(domain: Domain, radius: float) -> np.ndarray:
@@ -296,43 +280,6 @@ def test_each_part_moves_its_own_boundary() -> None:
     expected = made[at[OUTER], :2] @ turned.T + [0.0, -0.03]
     assert moved[at[OUTER], :2] == pytest.approx(expected, abs=1e-12)
     assert 0.0 < motion.quality().worst < 1.0
-
-
-@pytest.fixture
-def pair() -> Iterator[tuple[RigidPart, RigidPart, Transient]]:
-    """The outer disc turns as it is told, the inner one as the flow lets it; neither has mass."""
-    model = FlowModel(unsteady=True, moving_mesh=True)
-    domain = ring(INNER, OUTER, 24, 2)
-    with Fluid(domain, model, [Carried("inner"), Carried("outer")], 0.1) as fluid:
-        freedoms = {
-            "inner": Freedom((False, False, True)),
-            "outer": Freedom.none(2, lambda t: [0.0, 0.0, rate(t)]),
-        }
-        parts = [
-            RigidPart(
-                fluid,
-                RigidBody(Inertia(0.0, np.zeros(1)), freedom),
-                BodyState.at(CENTRE),
-                RigidDisplacement(domain, name, CENTRE, turning=True),
-                lambda state: np.zeros(3),
-            )
-            for name, freedom in freedoms.items()
-        ]
-        coupling = Coupling(fluid, parts, MeshMotion(domain))
-        yield parts[0], parts[1], Transient(fluid, 2, 1e-9, interface=coupling)
-
-
-def test_two_parts_turn_in_one_flow(pair: tuple[RigidPart, RigidPart, Transient]) -> None:
-    """Viscous fluid drags the inner disc along, all but at once; it has no mass, so that no couple is left on it."""
-    inner, outer, transient = pair
-    for _ in range(STEPS):
-        report = transient.advance(STEP).report
-        assert report.residuals[-1] <= 1e-9 and report.corrected <= 3  # type: ignore[attr-defined]
-    assert outer.state.spin[0] == pytest.approx(rate(STEP * STEPS), rel=1e-12)
-    assert 0.7 * outer.state.spin[0] < inner.state.spin[0] < outer.state.spin[0]
-    couples = [abs(part.end.flow_load[2]) for part in (inner, outer)]
-    assert couples[0] < 1e-6 * couples[1]
-    assert inner.state.place == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 # The linear answer of the flow to motions of a body: from the cells at the body only, yet the whole traction.
@@ -360,8 +307,7 @@ def differenced(fluid: Fluid, way: Floats) -> Floats:
     return (ends[0] - ends[1]) / (2 * NUDGE)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_the_traction_answers_as_the_whole_residual_does(axis: int) -> None:
+def test_the_traction_answers_as_the_whole_residual_does() -> None:
     domain = box_around(DISC, PLACE, cell=0.1, far=0.2)
     conditions = [Prescribed("top", lid), *(no_slip(name) for name in ("left", "right", "bottom"))]
     with floating(domain, DISC, PLACE, conditions, 10.0) as found:
@@ -371,14 +317,14 @@ def test_the_traction_answers_as_the_whole_residual_does(axis: int) -> None:
         fluid.solve(1e-12)
         at_body = fluid.space.velocity_map.reshape(-1, 2)[blocks]
         motion = np.zeros_like(fluid.state.x.array)
-        motion[at_body[:, axis]] = 1.0
+        motion[at_body[:, 0]] = 1.0
         change, traction = fluid.response(motion, np.zeros_like(fluid.residual()))
         residual = differenced(fluid, change)
         held = np.concatenate(
             [condition.dof_indices()[0] for condition in fluid.constraints.dirichlet]
         )
     largest = np.abs(residual).max()
-    assert change[at_body[:, axis]] == pytest.approx(1.0)
+    assert change[at_body[:, 0]] == pytest.approx(1.0)
     assert traction[at_body] == pytest.approx(residual[at_body], abs=1e-7 * largest)
     assert (
         np.abs(np.delete(residual, held)).max() < 1e-7 * largest
@@ -396,35 +342,31 @@ def shear(x: np.ndarray, t: float) -> np.ndarray:
     return np.vstack([(0.5 + x[2]) * np.sin(np.pi * min(t, 0.5)) ** 2, 0 * x[0], 0 * x[0]])
 
 
-def released(fluid: Fluid, ratio: float) -> tuple[RigidPart, Coupling]:
-    """A ball of a density ratio, at rest."""
+@contextmanager
+def released(cell: float, ratio: float, **terms: Any) -> Iterator[tuple[RigidPart, Coupling]]:
+    """A ball of a density ratio, at rest in a flow with further terms."""
+    model = FlowModel(unsteady=True, moving_mesh=True, **terms)
     mass = ratio * 4 / 3 * np.pi * RADIUS**3
     body = RigidBody(Inertia(mass, np.full(3, 0.4 * mass * RADIUS**2)))
-    placement = Placement(CENTRE_IN_SPACE)
-    displacement = RigidDisplacement(fluid.domain, "body", placement, turning=False)
-    part = RigidPart(fluid, body, BodyState.at(placement), displacement, lambda state: np.zeros(6))
-    return part, Coupling(fluid, [part], MeshMotion(fluid.domain))
+    placement, conditions = (
+        Placement(CENTRE_IN_SPACE),
+        [Prescribed("outer", shear), Carried("body")],
+    )
+    with Fluid(ball_in_box(cell), model, conditions, 20.0) as fluid:
+        moved = RigidDisplacement(fluid.domain, "body", placement, turning=False)
+        part = RigidPart(fluid, body, BodyState.at(placement), moved, lambda state: np.zeros(6))
+        yield part, Coupling(fluid, [part], MeshMotion(fluid.domain))
 
 
-@pytest.fixture(params=[0.0, pytest.param(1.0, marks=pytest.mark.slow)])
-def ball(request: pytest.FixtureRequest):
-    model = FlowModel(unsteady=True, moving_mesh=True)
-    conditions = [Prescribed("outer", shear), Carried("body")]
-    with Fluid(ball_in_box(0.35), model, conditions, 20.0) as fluid:
-        part, coupling = released(fluid, request.param)
-        yield part, Transient(fluid, 2, 1e-9, interface=coupling)
-
-
-def test_a_ball_is_carried_along_and_turns_with_the_shear(
-    ball: tuple[RigidPart, Transient],
-) -> None:
+@pytest.mark.parametrize("ratio", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
+def test_a_ball_is_carried_along_and_turns_with_the_shear(ratio: float) -> None:
     """It follows the stream at its centre, rolls about the axis across it, and feels no side."""
-    part, transient = ball
-    corrected = []
-    for _ in range(8):  # until the stream has nearly its full strength
-        report = transient.advance(0.05).report
-        assert report.residuals[-1] <= 1e-9
-        corrected.append(report.corrected)
+    with released(0.35, ratio) as (part, coupling):
+        transient = Transient(coupling.fluid, 2, 1e-9, interface=coupling)
+        # Until the stream has nearly its full strength.
+        reports: list[Any] = [transient.advance(0.05).report for _ in range(8)]
+    assert max(one.residuals[-1] for one in reports) <= 1e-9
+    corrected = [one.corrected for one in reports]
     assert max(corrected) <= 4 and np.mean(corrected) <= 3
     state = part.state
     stream = float(shear(np.array([[0.6], [0.5], [0.5]]), state.time)[0, 0])
@@ -432,10 +374,8 @@ def test_a_ball_is_carried_along_and_turns_with_the_shear(
     assert state.spin[1] > 0.0  # the upper side is carried faster, along x: a turn from z to x
     # 580 unstructured cells break the symmetry: 4e-4 of the stream and, with two versions of gmsh, a fiftieth and a
     # tenth of the spin. Earlier on, while the spin is small, its share is larger.
-    assert (
-        abs(state.velocity[1]) < 1e-3 * stream
-        and np.abs(state.spin[[0, 2]]).max() < 0.15 * state.spin[1]
-    )
+    assert abs(state.velocity[1]) < 1e-3 * stream
+    assert np.abs(state.spin[[0, 2]]).max() < 0.15 * state.spin[1]
     assert abs(np.linalg.norm(state.orientation) - 1.0) < 1e-14
 
 
@@ -443,26 +383,20 @@ def test_a_ball_goes_by_blocks_as_it_goes_by_factors() -> None:
     """Without mass, by six modes; GMRES leaves of each step no more than its tolerance."""
     found = []
     for solver in ("direct", "block"):
-        model = FlowModel(unsteady=True, moving_mesh=True, solver=solver)
-        conditions = [Prescribed("outer", shear), Carried("body")]
-        with Fluid(ball_in_box(0.5), model, conditions, 20.0) as fluid:
-            part, coupling = released(fluid, 0.0)
-            transient = Transient(fluid, 2, 1e-8, interface=coupling)
-            corrected = [transient.advance(0.1).report.corrected for _ in range(3)]
-            assert max(corrected) <= 4
+        with released(0.5, 0.0, solver=solver) as (part, coupling):
+            transient = Transient(coupling.fluid, 2, 1e-8, interface=coupling)
+            reports: list[Any] = [transient.advance(0.1).report for _ in range(3)]
+            assert max(one.corrected for one in reports) <= 4
             found.append(part.state.velocities * [1, 1, 1, RADIUS, RADIUS, RADIUS])
-    for one in found[1:]:
-        assert np.abs(one - found[0]).max() < 1e-6 * np.abs(found[0]).max()
+    direct, blocks = found
+    assert np.abs(blocks - direct).max() < 1e-6 * np.abs(direct).max()
 
 
 def test_a_mesh_that_folds_stops_the_run_by_name() -> None:
     """Steps so long that the ball leaves its box: every halving still folds cells."""
-    model = FlowModel(unsteady=True, moving_mesh=True, inertia=False)
-    conditions = [Prescribed("outer", shear), Carried("body")]
-    with Fluid(ball_in_box(0.35), model, conditions, 20.0) as fluid:
-        part, coupling = released(fluid, 1.0)
+    with released(0.35, 1.0, inertia=False) as (part, coupling):
         part.state = BodyState.at(Placement(CENTRE_IN_SPACE), [1e6, 0, 0, 0, 0, 0])
         part.past = [part.state]
         with pytest.raises(ConvergenceError, match="fold over: use a larger"):
-            Transient(fluid, 2, 1e-9, interface=coupling).advance(1.0)
-        assert np.allclose(fluid.domain.mesh.geometry.x, coupling.places[0])
+            Transient(coupling.fluid, 2, 1e-9, interface=coupling).advance(1.0)
+        assert np.allclose(coupling.fluid.domain.mesh.geometry.x, coupling.places[0])

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from incipient.body.rigidbody import MeanLoad, RigidBody
-from incipient.body.rkf45 import FIFTH, FOURTH, NODES, STAGES, Integrator, Tolerances
+from incipient.body.rkf45 import Integrator, Tolerances
 from incipient.body.state import BodyState, Freedom, Inertia, rotation_matrix
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
@@ -153,26 +153,6 @@ def test_mean_load_is_an_impulse(added: float) -> None:
     assert end.orientation[0] == pytest.approx(0.25 * (2.0 + 3.5), rel=1e-10)
 
 
-def test_first_iterate_solves_the_linearised_balance() -> None:
-    """(M + A) (U - U(n)) = dt F + A (U* - U(n)), by hand."""
-    mass, added = (
-        np.diag([2.0, 2.0, 0.5]),
-        np.array([[3.0, 1.0, 0.2], [1.0, 2.0, 0.1], [0.2, 0.1, 0.7]]),
-    )
-    start, guess, load = (
-        np.array([1.0, 0.0, 2.0]),
-        np.array([1.5, 0.3, 1.0]),
-        np.array([4.0, 3.0, 1.5]),
-    )
-    end = (
-        RigidBody(planar(2.0, 0.5))
-        .motion(BodyState.at(Placement((0.0, 0.0)), start), 0.1, load, added, guess)
-        .end
-    )
-    exact = start + np.linalg.solve(mass + added, 0.1 * load + added @ (guess - start))
-    np.testing.assert_allclose(end.velocities, exact, rtol=1e-13)
-
-
 def test_prescribed_motion() -> None:
     """Place and angle follow the imposed velocities whatever the load, without inertia, too."""
     freedom = Freedom.none(2, lambda t: [np.cos(t), t, -1.0])
@@ -201,7 +181,6 @@ def test_state_within_the_step_and_contact_time() -> None:
     """Dropped from 1: at sqrt(2 / g) on the ground, found within a step of 1."""
     body = RigidBody(planar(1.0, 1.0))
     motion = body.motion(BodyState.at(Placement((0.0, 1.0)), time=3.0), 1.0, [0.0, -9.81, 0.0])
-    assert motion.at(3.25).place[1] == pytest.approx(1 - 9.81 / 32, rel=1e-13)
     touching = motion.first(lambda state: state.place[1])
     assert touching is not None and touching.time == pytest.approx(3 + np.sqrt(2 / 9.81), rel=1e-14)
     assert touching.place[1] == pytest.approx(0.0, abs=1e-13)
@@ -383,45 +362,6 @@ def test_drag_converges_at_once_and_is_bdf2(mass: float) -> None:
         )
 
 
-@pytest.mark.parametrize("mass", [0.0, 0.01, 1.0, 1e6])
-def test_second_order_in_time(mass: float) -> None:
-    """m U' = f(t) - U with f = t^2 / (1 + t): velocity and place against scipy, halving the step four times."""
-
-    def drive(t):
-        return max(1.0, mass) * t**2 / (1 + t)
-
-    if mass > 0.0:
-        reference = solve_ivp(
-            lambda t, y: [y[1], (drive(t) - y[1]) / mass],
-            (0, 2),
-            [0, 0],
-            "Radau",
-            rtol=1e-11,
-            atol=1e-13,
-        ).y[:, -1]
-    else:
-        reference = np.array([np.log(3.0), 4 / 3])  # of t^2 / (1 + t): t^2 / 2 - t + log(1 + t)
-    body, resistance = RigidBody(planar(mass, mass)), np.eye(3)
-    errors = []
-    for steps in (20, 40, 80, 160):
-        end = march(
-            body,
-            at_rest(2),
-            steps,
-            2 / steps,
-            lambda t, u: np.array([drive(t), 0, 0]) - u,
-            resistance,
-            1e-9,
-        )[-1]
-        errors.append([abs(end.place[0] - reference[0]), abs(end.velocity[0] - reference[1])])
-    place, velocity = np.transpose(errors)
-    assert rates(place)[-1] == pytest.approx(2.0, abs=0.1)
-    # 2.02, 1.88 and 2.03 at 160 steps.
-    assert (
-        velocity[-1] < 1e-10 if mass == 0.0 else rates(velocity)[-1] == pytest.approx(2.0, abs=0.15)
-    )
-
-
 def test_second_order_in_space() -> None:
     """An asymmetric top with drag and a turning couple: orientation and spin halve to a quarter."""
     body, start = RigidBody(TOP), spinning([1.0, 0.4, -0.7])
@@ -477,13 +417,11 @@ def test_named_errors() -> None:
     body = RigidBody(planar(1.0, 1.0))
     with pytest.raises(ConvergenceError, match="not finite"):
         body.motion(at_rest(2), 0.1, [np.nan, 0.0, 0.0])
-    with pytest.raises(SceneError, match="degrees"):
-        Freedom((True, False))
 
 
 def test_corrections_run_out(monkeypatch) -> None:
     """A body that turns several times in a step still converges; were it not to, it would say so."""
-    body, wild = RigidBody(TOP, tolerances=Tolerances(1e-6, 1e-8)), spinning([30.0, 20.0, 10.0])
+    body, wild = RigidBody(TOP), spinning([30.0, 20.0, 10.0])
     args = (0.2, np.ones(6), 10.0 * np.diag(np.arange(1.0, 7.0)), np.ones(6))
     gained = body.momentum(body.motion(wild, *args).end)[3:] - body.momentum(wild)[3:]
     assert np.linalg.norm(gained) > 1.0
@@ -495,15 +433,8 @@ def test_corrections_run_out(monkeypatch) -> None:
 # The Runge-Kutta-Fehlberg integrator against exact solutions, scipy's and SUNDIALS's.
 
 
-LOOSE = Tolerances(1.0, 1e300)  # every step passes: the step stays at its largest length
-
-
-def fixed(rate, step: float) -> Integrator:
-    return Integrator(rate, LOOSE, largest_step=step)
-
-
-def tight(rate, tolerance: float = 1e-10, **settings) -> Integrator:
-    return Integrator(rate, Tolerances(tolerance, tolerance), **settings)
+def tight(rate, tolerance: float = 1e-10) -> Integrator:
+    return Integrator(rate, Tolerances(tolerance, tolerance))
 
 
 def solved(integrator: Integrator, t: float, y, end: float) -> np.ndarray:
@@ -526,24 +457,14 @@ def kepler(t, y):
     return np.concatenate([y[2:], -y[:2] / np.hypot(*y[:2]) ** 3])
 
 
-@pytest.mark.parametrize(("order", "b"), [(4, FOURTH), (5, FIFTH)])
-def test_order_conditions(order: int, b: np.ndarray) -> None:
-    """The conditions of rooted trees up to order four, and the quadratures of fifth order (Hairer et al. II.1)."""
-    c, a = NODES, np.column_stack([STAGES, np.zeros(6)])
-    np.testing.assert_allclose(a.sum(axis=1), c, atol=1e-15)
-    for power in range(order):
-        assert b @ c**power == pytest.approx(1 / (power + 1), abs=1e-15)
-    assert b @ a @ c == pytest.approx(1 / 6, abs=1e-15)
-    assert b @ (c * (a @ c)) == pytest.approx(1 / 8, abs=1e-15)
-    assert b @ a @ c**2 == pytest.approx(1 / 12, abs=1e-15)
-    assert b @ a @ a @ c == pytest.approx(1 / 24, abs=1e-15)
-
-
 def test_convergence_order() -> None:
     errors = []
     for count in (8, 16, 32, 64):
-        y = solved(fixed(riccati, 1.0 / count), 0.0, [1.0], 1.0)
-        errors.append(abs(y[0] - 1 / (1 + np.sin(1.0))))
+        integrator = Integrator(riccati, Tolerances(1.0, 1e300))  # every step passes
+        integrator.init(0.0, [1.0])
+        for step in range(count):
+            integrator.advance((step + 1) / count)
+        errors.append(abs(integrator.y[0] - 1 / (1 + np.sin(1.0))))
     # At 64 steps the next term of the error makes 0.11 of an order.
     assert rates(errors)[-1] == pytest.approx(5, abs=0.15)
 
@@ -558,80 +479,6 @@ def test_the_error_is_proportional_to_the_tolerance() -> None:
     slope = np.polyfit(np.log10(tolerances), np.log10(errors), 1)[0]
     assert slope == pytest.approx(1.0, abs=0.05)
     assert (errors < 30 * tolerances).all()
-
-
-def test_a_quartic_is_exact_in_a_step() -> None:
-    """And the error estimate says so: one step is enough."""
-    integrator = tight(lambda t, y: np.array([5 * t**3 - 2 * t]))
-    assert solved(integrator, 0.0, [1.0], 2.0)[0] == pytest.approx(1 + 5 / 4 * 16 - 4, rel=1e-14)
-    assert integrator.statistics.steps == 1
-
-
-@pytest.mark.parametrize(
-    ("rate", "start", "end", "invariant", "near"),
-    [
-        # x - log x + y - log y of x' = x (1 - y), y' = y (x - 1)
-        (
-            lambda t, y: np.array([y[0] * (1 - y[1]), y[1] * (y[0] - 1)]),
-            [0.5, 2.0],
-            50.0,
-            lambda y: (y - np.log(y)).sum(),
-            1e-8,
-        ),
-        # The energy of an orbit of semi-axis 1
-        (
-            kepler,
-            [0.4, 0.0, 0.0, 2.0],
-            4 * np.pi,
-            lambda y: 0.5 * y[2:] @ y[2:] - 1 / np.hypot(*y[:2]),
-            1e-9,
-        ),
-    ],
-)
-def test_invariants_are_kept(rate, start, end, invariant, near) -> None:
-    y = solved(tight(rate, 1e-11), 0.0, start, end)
-    assert invariant(y) == pytest.approx(invariant(np.array(start)), abs=near)
-
-
-def test_a_stiff_decay_stays_stable() -> None:
-    """y' = -1000 (y - cos t): steps are held at the bound of stability (about 3.7 / 1000 for order 5) or below."""
-    integrator = Integrator(lambda t, y: -1000 * (y - np.cos(t)), Tolerances(1e-5, 1e-5))
-    exact = (1e6 * np.cos(2.0) + 1e3 * np.sin(2.0)) / (1e6 + 1)
-    assert solved(integrator, 0.0, [2.0], 2.0)[0] == pytest.approx(exact, abs=2e-5)
-    assert integrator.statistics.steps < 1500
-
-
-def test_vector_of_absolute_tolerances() -> None:
-    """A component with a coarse absolute tolerance does not shorten the steps; one with a fine one does."""
-
-    def two(t, y):
-        return np.array([np.cos(t), 40 * np.cos(40 * t)])
-
-    steps = []
-    for absolute in ([1e-8, 1e2], [1e2, 1e-8]):
-        integrator = Integrator(two, Tolerances(0.0, np.array(absolute)), largest_step=1.0)
-        y = solved(integrator, 0.0, [0.0, 0.0], 3.0)
-        exact = np.array([np.sin(3.0), np.sin(120.0)])
-        assert (np.abs(y - exact) < 10 * np.array(absolute)).all()
-        steps.append(integrator.statistics.steps)
-    assert steps[1] > 5 * steps[0]
-
-
-def test_dense_output_order() -> None:
-    """The error within one step falls with h^6, as that of the step, and both ends are those of the step."""
-    errors = []
-    for h in (0.8, 0.4, 0.2, 0.1):
-        integrator = fixed(oscillator, h)
-        integrator.init(0.0, [1.0, 0.0])
-        integrator.advance(h)
-        inner = np.linspace(0.0, h, 41)
-        exact = np.array([np.cos(inner), -np.sin(inner)]).T
-        dense = np.array([integrator.interpolate(t) for t in inner])
-        np.testing.assert_array_equal(dense[[0, -1]], [[1.0, 0.0], integrator.y])
-        errors.append(np.abs(dense - exact).max())
-    assert rates(errors)[-1] == pytest.approx(6, abs=0.05)
-    with pytest.raises(ValueError, match="not within the last step"):
-        integrator.interpolate(-0.1)
 
 
 def test_a_root_counts_once_and_only_where_the_function_falls() -> None:
@@ -664,34 +511,6 @@ def test_roots_are_as_accurate_as_the_steps() -> None:
         ball.init(ball.t, [ball.y[0], -0.5 * ball.y[1]])
 
 
-def test_statistics() -> None:
-    """Six evaluations a step (the last one begins the next), five a failure, one at the start."""
-    calls = []
-
-    def counted(t, y):
-        calls.append(t)
-        return kepler(t, y)
-
-    integrator = tight(counted, 1e-8)
-    integrator.init(0.0, [0.4, 0.0, 0.0, 2.0])
-    integrator.advance(10.0)
-    s = integrator.statistics
-    assert s.evaluations == len(calls) == 6 * s.steps + 5 * s.error_test_failures + 1
-    assert s.error_test_failures < 0.2 * s.steps and s.next_step > 0.0
-
-
-def test_a_step_cut_short_to_land_keeps_the_length_that_was_meant() -> None:
-    integrator = tight(oscillator, 1e-6)
-    integrator.init(0.0, [1.0, 0.0])
-    integrator.advance(5.0)
-    meant, steps, t = integrator.statistics.next_step, integrator.statistics.steps, integrator.t
-    integrator.advance(t + 1e-3 * meant)
-    assert integrator.t == t + 1e-3 * meant
-    assert integrator.statistics.next_step >= meant
-    integrator.advance(integrator.t)  # no step to take
-    assert integrator.statistics.steps == steps + 1
-
-
 def test_rates_that_are_not_finite_shorten_the_step() -> None:
     """sqrt(1 - t) does not exist beyond 1: steps that reach there are refused."""
 
@@ -708,14 +527,15 @@ def test_rates_that_are_not_finite_shorten_the_step() -> None:
     assert 0.99 < integrator.t <= 1.0  # the last good state is kept
 
 
-def test_singular_solutions_stop_by_name() -> None:
+def test_singular_solutions_stop_by_name(monkeypatch) -> None:
     integrator = tight(lambda t, y: y**2)  # 1 / (1 - t)
     integrator.init(0.0, [1.0])
     with pytest.raises(ConvergenceError), np.errstate(over="ignore", invalid="ignore"):
         integrator.advance(2.0)
     assert integrator.t == pytest.approx(1.0, abs=1e-6)
+    monkeypatch.setattr("incipient.body.rkf45.MAX_STEPS", 3)
     with pytest.raises(ConvergenceError, match="3 steps"):
-        solved(tight(oscillator, 1e-12, max_steps=3), 0.0, [1.0, 0.0], 100.0)
+        solved(tight(oscillator, 1e-12), 0.0, [1.0, 0.0], 100.0)
     with pytest.raises(ConvergenceError, match="initial time"):
         tight(lambda t, y: y * np.nan).init(0.0, [1.0])
 
@@ -729,10 +549,11 @@ def test_against_scipy(tolerance: float) -> None:
     start, end = [0.4, 0.0, 0.0, 2.0], 20.0
     reference = solve_ivp(kepler, (0, end), start, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
     other = solve_ivp(kepler, (0, end), start, "RK45", rtol=tolerance, atol=tolerance)
-    integrator = tight(kepler, tolerance)
+    calls = []
+    integrator = tight(lambda t, y: calls.append(t) or kepler(t, y), tolerance)
     error = np.abs(solved(integrator, 0.0, start, end) - reference).max()
     assert error < 3 * np.abs(other.y[:, -1] - reference).max()
-    assert integrator.statistics.evaluations < 1.5 * other.nfev
+    assert len(calls) < 1.5 * other.nfev
 
 
 @pytest.mark.slow
@@ -767,8 +588,6 @@ def test_against_sundials(tolerance: float) -> None:
         abs(float(np.ravel(theirs.t_events)[0]) - np.pi),
         np.abs(np.ravel(theirs.y_events) - exact).max(),
     ]
-    print(
-        f"tolerance {tolerance}: ours {ours} {integrator.statistics.evaluations}, CVODE {cvodes} {theirs.nfev}"
-    )
+    print(f"tolerance {tolerance}: ours {ours}, CVODE {cvodes}")
     assert max(ours) < max(100 * tolerance, max(cvodes))
     assert max(cvodes) < 1e4 * tolerance

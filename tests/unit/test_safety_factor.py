@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import message, on_bed
-from scipy.optimize import linprog
 
 from incipient.accuracy.errorbars import with_safety
 from incipient.accuracy.goal import bar_of_safety
@@ -38,7 +37,7 @@ from incipient.contact.robustness import (
 from incipient.contact.safety import ConeState, SafetyStatus, safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
-from incipient.evaluation.contact_verdict import find_contacts
+from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, SafetyBar, Term
 from incipient.results.loads import Forces, Torques
 
@@ -75,15 +74,6 @@ def pocket(angle, radius=0.5):
     return Contacts(radius * normals, normals)
 
 
-def spheres(count, spacing):
-    """Contacts of a sphere of radius 1/2 on a ring of equal ones, and sine, cosine of their angle."""
-    sine = spacing / (2.0 * math.sin(math.pi / count))
-    cosine = math.sqrt(1.0 - sine**2)
-    around = 2.0 * np.pi * np.arange(count) / count
-    ring = np.column_stack([sine * np.cos(around), sine * np.sin(around), np.full(count, -cosine)])
-    return Contacts(0.5 * ring, ring), sine, cosine
-
-
 def wedge(half_angle):
     """A wedge in a slot: a contact on each side, at an angle to the vertical, the load between."""
     normals = [[s * math.cos(half_angle), -math.sin(half_angle), 0.0] for s in (-1.0, 1.0)]
@@ -101,266 +91,187 @@ def is_balanced(result, acting, contacts, friction):
     return max(misses) <= 1e-10 * max(1.0, np.abs(forces).max())
 
 
-class TestBlockOnAnIncline:
-    """Slides if s F + sin > friction cos, topples if (s F + sin) height > half base cos."""
-
-    @pytest.mark.parametrize("slope", np.radians([0.0, 5.0, 15.0]))
-    @pytest.mark.parametrize("friction", [0.3, 0.4, 5.0])
-    @pytest.mark.parametrize("height", [0.5, 2.0])
-    def test_slides_or_topples(self, slope, friction, height):
-        expected = min(friction, 1.0 / height) * math.cos(slope) - math.sin(slope)
-        acting, contacts = block(slope, height=height)
-        result = safety_factor(acting, contacts, friction)
-        assert result.value == pytest.approx(expected, rel=1e-12)
-        assert result.status is SafetyStatus.CRITICAL
-        assert is_balanced(result, acting, contacts, friction)
-        topples = 1.0 / height < friction
-        upstream, downstream = result.contact_states
-        assert upstream is (ConeState.UNLOADED if topples else ConeState.EDGE)
-        assert downstream is (ConeState.INSIDE if topples else ConeState.EDGE)
-        in_3d = safety_factor(*box(slope, [1.0, 0.0, 0.0], height), friction)
-        assert in_3d.value == pytest.approx(expected, rel=1e-9)
-
-    def test_pushed_along_the_contour(self):
-        # The circle of friction: sin^2 + (s F)^2 = (friction cos)^2, here with F = 2.
-        acting, contacts = box(0.2, [0.0, 2.0, 0.0], height=0.1)
-        expected = math.sqrt((0.5 * math.cos(0.2)) ** 2 - math.sin(0.2) ** 2) / 2.0
-        assert safety_factor(acting, contacts, 0.5).value == pytest.approx(expected, rel=1e-9)
-
-    @pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
-    def test_holds_up_to_the_friction_angle(self, friction):
-        for factor, value in ((0.999999, math.inf), (1.000001, 0.0)):
-            result = safety_factor(*block(math.atan(factor * friction), force=(0.0, 0.0)), friction)
-            assert (result.value, result.held) == (value, value > 0.0)
-            assert result.status is (SafetyStatus.NO_FLOW if value else SafetyStatus.UNHELD)
-
-    def test_held_by_the_flow_only(self):
-        # Steeper than friction, held by a flow uphill between sin - friction cos and sin + friction cos.
-        slope = math.radians(40.0)
-        acting, contacts = block(slope, height=0.1, force=(-1.0, 0.0))
-        result = safety_factor(acting, contacts, 0.3)
-        low, high = (math.sin(slope) + sign * 0.3 * math.cos(slope) for sign in (-1.0, 1.0))
-        assert (result.value, result.status) == (0.0, SafetyStatus.HELD_BY_FLOW)
-        assert result.interval == pytest.approx((low, high), rel=1e-12)
-        assert (result.factor, result.held) == (result.interval[1], False)
-        assert is_balanced(result, acting, contacts, 0.3)
-        assert safety_factor(*block(slope, height=0.1, force=(-0.7, 0.0)), 0.3).held
+def in_3d(force=(0, 0, 0), torque=(0, 0, 0), contacts=ON_PLANE):
+    return Load(force, torque, DOWN_3D, [0, 0, 0]), contacts
 
 
-class TestDiscInAPocket:
-    @pytest.mark.parametrize("angle", np.radians([10.0, 30.0, 60.0]))
-    @pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])
-    def test_pivot_angle(self, angle, friction):
-        # s F = W tan(theta), with friction or without: at that load the upstream contact carries nothing.
-        acting = load((2.0, 0.0))
-        result = safety_factor(acting, pocket(angle), friction)
-        assert result.value == pytest.approx(math.tan(angle) / 2.0, rel=1e-12)
-        assert result.contact_states[0] is ConeState.UNLOADED
-        assert is_balanced(result, acting, pocket(angle), friction)
-        assert not result.jams
+def ladder(place):
+    """At 60 degrees to the floor; a person's weight at `place` along it is the flow's load."""
+    foot, top = np.zeros(3), np.array([0.5, math.sqrt(0.75), 0.0])
+    torque = np.cross((place - 0.5) * (top - foot), [0.0, -1.0, 0.0])
+    acting = Load([0.0, -1.0, 0.0], torque, DOWN, 0.5 * top)
+    return acting, Contacts([foot, top], [DOWN, [1.0, 0.0, 0.0]])
 
-    def test_with_a_torque(self):
-        # About the downstream contact: s (F R cos + tau) = W R sin, the flow turning it over (clockwise).
-        result = safety_factor(load((0.5, 0.0), -0.2), pocket(0.6), 1.0)
-        expected = 0.5 * math.sin(0.6) / (0.5 * 0.5 * math.cos(0.6) + 0.2)
-        assert result.value == pytest.approx(expected, rel=1e-12)
 
-    def test_a_torque_alone_needs_friction(self):
-        assert safety_factor(load(torque=-0.1), pocket(0.6), 0.0).status is SafetyStatus.NO_RESERVE
-        # Both contacts slip: with normal forces N1, N2 and friction m N along the surface
-        # sin (N1 - N2) + m cos (N1 + N2) = 0, cos (N1 + N2) + m sin (N1 - N2) = W, torque = m R (N1 + N2).
-        total = 1.0 / (math.cos(0.6) * (1.0 + 0.2**2))
-        result = safety_factor(load(torque=-1.0), pocket(0.6), 0.2)
-        assert result.value == pytest.approx(0.2 * 0.5 * total, rel=1e-12)
-        assert result.contact_states == (ConeState.EDGE, ConeState.EDGE)
+INF, (NONE, INSIDE, EDGE) = math.inf, ConeState
+STEEP = math.radians(40.0)
+# Both contacts of a pocket slip: with normal forces N1, N2 and friction m N along the surface
+# sin (N1 - N2) + m cos (N1 + N2) = 0, cos (N1 + N2) + m sin (N1 - N2) = W, torque = m R (N1 + N2).
+SLIPS = 0.2 * 0.5 / (math.cos(0.6) * (1.0 + 0.2**2))
+CLIMBED = 0.3 * (math.sqrt(3.0) + 0.3) / (1.0 + 0.3**2)
+# A pocket of three equal spheres: sine of the contacts' angle to the vertical; arm of the gap between two of them.
+RING = np.radians([0.0, 120.0, 240.0])
+THREE = np.column_stack([np.cos(RING), np.sin(RING), np.full(3, -math.sqrt(2.0))]) / math.sqrt(3.0)
+ARM, GAP = 0.25 / math.sqrt(3.0), np.array([0.5, math.sqrt(0.75), 0.0])
+ABOVE = Contacts([[0.0, 0.5, 0.0]], [[0.0, 1.0, 0.0]])
 
-    def test_jams_if_friction_bridges_it(self):
-        # The line between the contacts is in both cones if friction >= cot(theta): then it holds anything.
-        angle = np.radians(60.0)
-        free, held = (
-            safety_factor(load((1.0, 0.0)), pocket(angle), part / math.tan(angle))
-            for part in (0.999, 1.001)
+# Load and contacts, friction, status, smallest and largest balanced factor, states of the contacts, and accuracy.
+FACTORS = [
+    # A block slides if s F + sin > friction cos, topples if (s F + sin) height > half base cos.
+    *(
+        (
+            case,
+            friction,
+            "CRITICAL",
+            (0.0, min(friction, 1.0 / height) * math.cos(slope) - math.sin(slope)),
+            tuple(state for state in states for _ in case[1].points[::2]),
+            near,
         )
-        assert (free.value, free.jams) == (pytest.approx(math.tan(angle)), False)
-        assert (held.value, held.jams, held.status) == (math.inf, True, SafetyStatus.UNLIMITED)
-
-
-class TestSphereOnSpheres:
-    """A sphere in a pocket of three or four: s F = W tan(theta) cos(pi/count) / cos(delta).
-
-    theta: of the normals to the vertical; delta: of the flow to the nearest gap between neighbours. At that load
-    the resultant passes through the line of the two contacts beside the gap, over which the sphere rolls.
-    """
-
-    @pytest.mark.parametrize("count", [3, 4])
-    @pytest.mark.parametrize("spacing", [1.0, 1.2, 1.35])
-    @pytest.mark.parametrize("friction", [0.0, 0.15])
-    @pytest.mark.parametrize("turn", [0.0, 0.2, math.pi / 3, 2.5])
-    def test_pivot(self, count, spacing, friction, turn):
-        contacts, sine, cosine = spheres(count, spacing)
-        acting = Load([math.cos(turn), math.sin(turn), 0.0], [0, 0, 0], DOWN_3D, [0, 0, 0])
-        delta = (turn % (2.0 * math.pi / count)) - math.pi / count
-        expected = sine / cosine * math.cos(math.pi / count) / math.cos(delta)
-        result = safety_factor(acting, contacts, friction)
-        assert result.value == pytest.approx(expected, rel=1e-9)
-        assert result.status is SafetyStatus.CRITICAL
-        assert is_balanced(result, acting, contacts, friction)
-
-    def test_with_lift_and_torque(self):
-        # Through a gap, about the line of its two contacts, R the radius: the torque R tau helps to turn over,
-        # s (F R cos + L R sin cos(pi/3) + tau) = W R sin cos(pi/3).
-        contacts, sine, cosine = spheres(3, 1.0)
-        way = math.pi / 3
-        force = [0.5 * math.cos(way), 0.5 * math.sin(way), 0.2]
-        torque = 0.1 * np.array([-math.sin(way), math.cos(way), 0.0])
-        result = safety_factor(Load(force, torque, DOWN_3D, [0, 0, 0]), contacts, 0.8)
-        arm = 0.5 * sine * math.cos(way)
-        assert result.value == pytest.approx(arm / (0.5 * 0.5 * cosine + 0.2 * arm + 0.1), rel=1e-9)
-
-
-class TestLadder:
-    """Friction m on floor and wall, weight at the middle: it stands if tan(angle) >= (1 - m^2) / (2 m)."""
-
-    @staticmethod
-    def ladder(angle, person=0.0, place=1.0):
-        """At `angle` to the floor; a person's weight at `place` along it is the flow's load."""
-        foot, top = np.zeros(3), np.array([math.cos(angle), math.sin(angle), 0.0])
-        torque = np.cross((place - 0.5) * (top - foot), [0.0, -person, 0.0])
-        acting = Load([0.0, -person, 0.0], torque, DOWN, 0.5 * top)
-        return acting, Contacts([foot, top], [DOWN, [1.0, 0.0, 0.0]])
-
-    @pytest.mark.parametrize("friction", [0.2, 0.5])
-    @pytest.mark.parametrize("factor", [0.999999, 1.000001])
-    def test_stands(self, friction, factor):
-        limit = (1.0 - friction**2) / (2.0 * friction)
-        held = safety_factor(*self.ladder(math.atan(factor * limit)), friction).held
-        assert held is (factor > 1.0)
-
-    @pytest.mark.parametrize("place", [0.7, 1.0])
-    def test_climbing(self, place):
-        # Both ends at their limit: P = W (k - 1/2) / (place - k), k = m (tan(angle) + m) / (1 + m^2).
-        angle, friction = math.radians(60.0), 0.3
-        k = friction * (math.tan(angle) + friction) / (1.0 + friction**2)
-        result = safety_factor(*self.ladder(angle, 1.0, place), friction)
-        assert result.value == pytest.approx((k - 0.5) / (place - k), rel=1e-12)
-        assert result.contact_states == (ConeState.EDGE, ConeState.EDGE)
-        # Below k the ladder carries anyone.
-        anyone = safety_factor(*self.ladder(angle, 1.0, 0.99 * k), friction)
-        assert anyone.status is SafetyStatus.UNLIMITED
-
-
-class TestSphereOnAPlane:
-    @pytest.mark.parametrize(
-        ("force", "torque"),
-        [
+        for slope in np.radians([0.0, 5.0, 15.0])
+        for friction, height, states in (
+            (0.3, 0.5, (EDGE, EDGE)),
+            (0.4, 2.0, (EDGE, EDGE)),
+            (5.0, 2.0, (NONE, INSIDE)),
+        )
+        for case, near in (
+            (block(slope, height=height), 1e-12),
+            (box(slope, [1.0, 0.0, 0.0], height), 1e-9),
+        )
+    ),
+    # The circle of friction: sin^2 + (s F)^2 = (friction cos)^2, here with F = 2 along the contour.
+    (
+        box(0.2, [0.0, 2.0, 0.0], height=0.1),
+        0.5,
+        "CRITICAL",
+        (0.0, 0.5 * math.sqrt((0.5 * math.cos(0.2)) ** 2 - math.sin(0.2) ** 2)),
+        None,
+        1e-9,
+    ),
+    # Steeper than friction, held by a flow uphill between sin - friction cos and sin + friction cos.
+    (
+        block(STEEP, height=0.1, force=(-1.0, 0.0)),
+        0.3,
+        "HELD_BY_FLOW",
+        tuple(math.sin(STEEP) + sign * 0.3 * math.cos(STEEP) for sign in (-1.0, 1.0)),
+        None,
+        1e-12,
+    ),
+    # Disc in a pocket: s F = W tan(theta); at that load the contact upstream carries nothing.
+    *(
+        (
+            (load((2.0, 0.0)), pocket(angle)),
+            friction,
+            "CRITICAL",
+            (0.0, 0.5 * math.tan(angle)),
+            (NONE, INSIDE if friction else EDGE),
+            1e-12,
+        )
+        for angle in np.radians([10.0, 30.0, 60.0])
+        for friction in (0.0, 0.5)
+    ),
+    ((load(torque=-0.1), pocket(0.6)), 0.0, "NO_RESERVE", (0.0, 0.0), None, 1e-12),
+    ((load(torque=-1.0), pocket(0.6)), 0.2, "CRITICAL", (0.0, SLIPS), (EDGE, EDGE), 1e-12),
+    # Through a gap of a pocket of three, about the line of its two contacts: the torque R tau helps to turn over,
+    # s (F R cos + L R sin cos(pi/3) + tau) = W R sin cos(pi/3).
+    (
+        in_3d(
+            0.5 * GAP + [0.0, 0.0, 0.2],
+            0.1 * np.array([-GAP[1], GAP[0], 0.0]),
+            Contacts(0.5 * THREE, THREE),
+        ),
+        0.8,
+        "CRITICAL",
+        (0.0, ARM / (0.25 * math.sqrt(2.0 / 3.0) + 0.2 * ARM + 0.1)),
+        None,
+        1e-9,
+    ),
+    # A ladder, friction on floor and wall at their limits: P = W (k - 1/2) / (place - k), k = m (tan + m) / (1 + m^2).
+    *(
+        (
+            ladder(place),
+            0.3,
+            "CRITICAL",
+            (0.0, (CLIMBED - 0.5) / (place - CLIMBED)),
+            (EDGE, EDGE),
+            1e-12,
+        )
+        for place in (0.7, 1.0)
+    ),
+    (ladder(0.99 * CLIMBED), 0.3, "UNLIMITED", (0.0, INF), None, 1e-12),
+    # Nothing holds what turns a sphere about its contact.
+    *(
+        (in_3d(force, torque), 0.7, "NO_RESERVE", (0.0, 0.0), (INSIDE,), 1e-12)
+        for force, torque in (
             ([0, 0, 0], [0, 0.1, 0]),
             ([0.1, 0, 0], [0, 0, 0]),
             ([0, 0, 0], [0, 0, 0.1]),
             ([0.1, 0.2, 0], [0, 0.1, 0.1]),
-        ],
+        )
+    ),
+    # F at the centre and the torque -F R: the contact answers -F up to s F = friction (W - s lift).
+    (in_3d([0.3, 0.4, 0.0], [0.2, -0.15, 0.0]), 0.7, "CRITICAL", (0.0, 1.4), (EDGE,), 1e-10),
+    (in_3d([0.3, 0.0, 0.2], [0.0, -0.15, 0.0]), 0.5, "CRITICAL", (0.0, 1.25), (EDGE,), 1e-10),
+    # s L = W: no contact carries anything there.
+    (box(0.0, [0.0, 0.0, 4.0]), 0.5, "CRITICAL", (0.0, 0.25), (NONE,) * 4, 1e-10),
+    ((load(weight=(0.0, 0.0)), pocket(0.5)), 0.5, "NO_FLOW", (0.0, INF), (NONE, NONE), 1e-12),
+    # Without weight there is no size to compare with: any or none.
+    *(
+        ((load(force, weight=(0.0, 0.0)), pocket(0.5)), 0.1, status, (0.0, high), None, 1e-12)
+        for force, status, high in (
+            ((0.2, -1.0), "UNLIMITED", INF),
+            ((1.0, -0.2), "NO_RESERVE", 0.0),
+            ((0.0, 1.0), "NO_RESERVE", 0.0),
+        )
+    ),
+    # A contact above: the flow presses to it, the weight pulls sideways past all friction, or is held by the flow.
+    ((load((0.0, 1.0), weight=(1.0, 0.0)), ABOVE), 0.0, "UNHELD", None, (NONE,), 1e-12),
+    ((load((0.0, 1.0)), ABOVE), 0.5, "HELD_BY_FLOW", (1.0, INF), None, 1e-13),
+    # Drag D, downward force P: s D = friction (W + s P) never binds if D <= friction P.
+    (box(0.0, [0.29, 0.0, -1.0], height=0.01), 0.3, "UNLIMITED", (0.0, INF), None, 1e-7),
+    (box(0.0, [0.31, 0.0, -1.0], height=0.01), 0.3, "CRITICAL", (0.0, 30.0), None, 1e-7),
+    # Tiny friction, and a weight tiny beside the flow: s F = friction W.
+    (box(0.0, [1.0, 0.0, 0.0]), 1e-5, "CRITICAL", (0.0, 1e-5), None, 1e-6),
+    (block(0.0, force=(1e9, 0.0)), 0.5, "CRITICAL", (0.0, 0.5e-9), None, 1e-6),
+]
+
+
+@pytest.mark.parametrize(("case", "friction", "status", "interval", "states", "near"), FACTORS)
+def test_factors(case, friction, status, interval, states, near):
+    result = safety_factor(*case, friction)
+    assert result.status.name == status
+    assert result.interval == (interval and pytest.approx(interval, rel=near, abs=1e-12))
+    held = status not in ("HELD_BY_FLOW", "UNHELD")
+    assert result.value == (result.interval[1] if held else 0.0)
+    if states is not None:
+        assert result.contact_states == states
+    if interval is not None:
+        assert is_balanced(result, *case, friction)
+        assert result.held is (interval[0] <= 1.0 <= interval[1])
+
+
+def test_frictionless_contacts_of_a_pocket_carry_the_weight():
+    """N = W / (2 cos) each."""
+    forces = safety_factor(load(), pocket(0.5), 0.0).contact_forces
+    inward = np.array([[math.sin(0.5), math.cos(0.5)], [-math.sin(0.5), math.cos(0.5)]])
+    assert forces[:, :2] == pytest.approx(0.5 / math.cos(0.5) * inward)
+
+
+def test_a_pocket_jams_if_friction_bridges_it():
+    """The line between the contacts is in both cones if friction >= cot(theta): then it holds anything."""
+    angle = np.radians(60.0)
+    free, held = (
+        safety_factor(load((1.0, 0.0)), pocket(angle), part / math.tan(angle))
+        for part in (0.999, 1.001)
     )
-    def test_nothing_holds_what_turns_it(self, force, torque):
-        result = safety_factor(Load(force, torque, DOWN_3D, [0, 0, 0]), ON_PLANE, 0.7)
-        assert (result.value, result.status) == (0.0, SafetyStatus.NO_RESERVE)
-        assert result.contact_forces == pytest.approx(np.array([[0.0, 0.0, 1.0]]))
-        assert result.interval == (0.0, 0.0)
-
-    def test_balanced_about_the_contact(self):
-        # F at the centre and the torque -F R: the contact answers -F up to s F = friction (W - s lift).
-        aside = Load([0.3, 0.4, 0.0], [0.2, -0.15, 0.0], DOWN_3D, [0, 0, 0])
-        result = safety_factor(aside, ON_PLANE, 0.7)
-        assert result.value == pytest.approx(0.7 / 0.5, rel=1e-10)
-        assert result.contact_states == (ConeState.EDGE,)
-        lifted = Load([0.3, 0.0, 0.2], [0.0, -0.15, 0.0], DOWN_3D, [0, 0, 0])
-        value = safety_factor(lifted, ON_PLANE, 0.5).value
-        assert value == pytest.approx(0.5 / (0.3 + 0.5 * 0.2), rel=1e-10)
+    assert (free.value, free.jams) == (pytest.approx(math.tan(angle)), False)
+    assert (held.value, held.jams, held.status) == (math.inf, True, SafetyStatus.UNLIMITED)
 
 
-class TestWedge:
-    @pytest.mark.parametrize("way", [(0.0, 1.0), (0.0, -1.0), (0.3, 0.9)])
-    def test_jams_below_the_friction_angle(self, way):
-        contacts = wedge(math.atan(0.5) - 1e-6)
-        result = safety_factor(load(way), contacts, 0.5)
-        assert (result.value, result.jams, result.factor) == (math.inf, True, 1.0)
-        assert is_balanced(result, load(way), contacts, 0.5)
-
-    def test_is_pulled_out_above_it(self):
-        # No cone has a downward force: pulled up by s F = W it leaves. Pressed down it holds anything.
-        contacts = wedge(math.atan(0.5) + 1e-6)
-        result = safety_factor(load((0.0, 2.0)), contacts, 0.5)
-        assert (result.value, result.jams) == (pytest.approx(0.5, abs=1e-6), False)
-        assert safety_factor(load((0.0, -2.0)), contacts, 0.5).value == math.inf
-
-
-class TestSpecialLoads:
-    def test_lifting(self):
-        # s L = W: no contact carries anything there.
-        result = safety_factor(*box(0.0, [0.0, 0.0, 4.0]), 0.5)
-        assert result.value == pytest.approx(0.25, rel=1e-10)
-        assert result.contact_states == (ConeState.UNLOADED,) * 4
-        assert np.abs(result.contact_forces).max() < 1e-9
-
-    def test_no_load_and_no_flow(self):
-        result = safety_factor(load(weight=(0.0, 0.0)), pocket(0.5), 0.5)
-        assert (result.value, result.status, result.held) == (math.inf, SafetyStatus.NO_FLOW, True)
-        assert not result.contact_forces.any()
-        # Frictionless: N = W / (2 cos) each.
-        result = safety_factor(load(), pocket(0.5), 0.0)
-        assert (result.value, result.status) == (math.inf, SafetyStatus.NO_FLOW)
-        inward = np.array([[math.sin(0.5), math.cos(0.5)], [-math.sin(0.5), math.cos(0.5)]])
-        assert result.contact_forces[:, :2] == pytest.approx(0.5 / math.cos(0.5) * inward)
-
-    @pytest.mark.parametrize(
-        ("force", "value"), [((0.2, -1.0), math.inf), ((1.0, -0.2), 0.0), ((0.0, 1.0), 0.0)]
-    )
-    def test_weightless(self, force, value):
-        # Without weight there is no size to compare with: any or none.
-        result = safety_factor(load(force, weight=(0.0, 0.0)), pocket(0.5), 0.1)
-        status = SafetyStatus.UNLIMITED if value else SafetyStatus.NO_RESERVE
-        assert (result.value, result.status) == (value, status)
-
-    def test_held_by_an_infinite_flow_only(self):
-        # Contact above a sphere: the flow presses to it, the weight pulls sideways past all friction.
-        contact = Contacts([[0.0, 0.5, 0.0]], [[0.0, 1.0, 0.0]])
-        result = safety_factor(load((0.0, 1.0), weight=(1.0, 0.0)), contact, 0.0)
-        assert (result.value, result.status, result.interval) == (0.0, SafetyStatus.UNHELD, None)
-        assert not result.contact_forces.any()
-        result = safety_factor(load((0.0, 1.0)), contact, 0.5)
-        assert result.status is SafetyStatus.HELD_BY_FLOW and result.held
-        assert result.interval == pytest.approx((1.0, math.inf), abs=1e-13)
-
-    def test_torque_only(self):
-        # A block of half base 1 under its weight tips at torque = W half base.
-        acting = load((0.0, 0.0), -2.0, centre=(0.0, 0.5))
-        assert safety_factor(acting, block(0.0)[1], 0.5).value == pytest.approx(0.5)
-
-    @pytest.mark.parametrize(("drag", "value"), [(0.29, math.inf), (0.31, 0.3 / (0.31 - 0.3))])
-    def test_pressed_by_the_flow(self, drag, value):
-        # Drag D, downward force P: s D = friction (W + s P) never binds if D <= friction P.
-        result = safety_factor(*box(0.0, [drag, 0.0, -1.0], height=0.01), 0.3)
-        assert result.value == pytest.approx(value, rel=1e-7)
-
-    @pytest.mark.parametrize("friction", [1e3, 1e5, 1e7, 3e8, math.inf])
-    def test_huge_friction(self, friction):
-        # Only toppling is left: s F height = W half base.
-        in_3d = safety_factor(*box(0.0, [1.0, 0.0, 0.0], height=2.0), friction).value
-        assert in_3d == pytest.approx(0.5, rel=1e-6)
-        in_2d = safety_factor(*block(0.0, height=2.0), friction).value
-        assert in_2d == pytest.approx(0.5, rel=1e-8)
-
-    def test_extreme_sizes(self):
-        # Tiny friction, no friction, a weight tiny beside the flow: s F = friction W.
-        case = box(0.0, [1.0, 0.0, 0.0])
-        assert safety_factor(*case, 1e-5).value == pytest.approx(1e-5, rel=1e-6)
-        assert safety_factor(*case, 0.0).value == pytest.approx(0.0, abs=1e-9)
-        strong = block(0.0, force=(1e9, 0.0))
-        assert safety_factor(*strong, 0.5).value == pytest.approx(0.5e-9, rel=1e-6)
-
-    def test_contact_at_the_centre(self):
-        # Allowed: without an arm it holds forces only.
-        contacts = Contacts([[0.0, 0.0, 0.0]], [DOWN])
-        assert safety_factor(load((0.5, 0.0)), contacts, 1.0).value == pytest.approx(2.0)
-        assert safety_factor(load(torque=0.1), contacts, 1.0).value == 0.0
+@pytest.mark.parametrize("friction", [1e3, 1e7, 3e8, math.inf])
+def test_huge_friction_leaves_toppling(friction):
+    """s F height = W half base."""
+    for case, near in ((box(0.0, [1.0, 0.0, 0.0], 2.0), 1e-6), (block(0.0, height=2.0), 1e-8)):
+        assert safety_factor(*case, friction).value == pytest.approx(0.5, rel=near)
 
 
 class TestInput:
@@ -376,10 +287,6 @@ class TestInput:
         with pytest.raises(SceneError, match=match):
             safety_factor(load(), contacts, friction)
 
-    def test_a_law_counts_as_its_coefficient(self):
-        case = block(0.1)
-        assert safety_factor(*case, FrictionCone.of(0.3)).value == safety_factor(*case, 0.3).value
-
     def test_plain_data(self):
         stored = plain(safety_factor(load((0.0, -1.0)), pocket(0.5), 0.5))
         assert (stored["value"], stored["status"], stored["interval"]) == (
@@ -388,46 +295,6 @@ class TestInput:
             [0.0, None],
         )
         assert json.loads(json.dumps(stored, allow_nan=False)) == stored
-
-
-def pyramid_factor(acting, contacts, friction, sides, wider):
-    """The safety factor with pyramids instead of cones, by a linear program written independently."""
-    columns = []
-    for point, normal in zip(contacts.points, contacts.normals, strict=True):
-        one = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-        one /= np.linalg.norm(one)
-        angle = 2.0 * np.pi * np.arange(sides)[:, None] / sides
-        along = np.cos(angle) * one + np.sin(angle) * np.cross(normal, one)
-        forces = -normal + wider * friction * along
-        columns.append(np.vstack([forces.T, np.cross(point - acting.centre, forces).T]))
-    system = np.column_stack([*columns, [*acting.flow_force, *acting.flow_couple]])
-    cost = np.zeros(system.shape[1])
-    cost[-1] = -1.0
-    answer = linprog(cost, A_eq=system, b_eq=-np.array([*acting.weight, 0, 0, 0]), method="highs")
-    if answer.status == 0:
-        return -answer.fun
-    return math.inf if answer.status == 3 else None
-
-
-def test_between_pyramids():
-    """64-sided pyramids inside and around the cones give bounds of the factor, 0.12 % apart in friction."""
-    compared = 0
-    for seed in range(60):
-        random = np.random.default_rng(seed)
-        count = random.integers(3, 7)
-        normals = random.normal(size=(count, 3)) * [1.0, 1.0, 0.3] - [0.0, 0.0, 1.0]
-        normals /= np.linalg.norm(normals, axis=1)[:, None]
-        contacts = Contacts(0.5 * normals + 0.1 * random.normal(size=(count, 3)), normals)
-        acting = Load(random.normal(size=3), 0.2 * random.normal(size=3), [0, 0, -2], [0, 0, 0])
-        interval = safety_factor(acting, contacts, 0.4).interval
-        inside = pyramid_factor(acting, contacts, 0.4, 64, 1.0)
-        around = pyramid_factor(acting, contacts, 0.4, 64, 1.0 / math.cos(math.pi / 64))
-        if around is None:
-            assert interval is None
-        elif inside is not None:
-            assert inside * (1.0 - 1e-7) <= interval[1] <= around * (1.0 + 1e-7)
-            compared += 0.0 < interval[1] < math.inf
-    assert compared > 20
 
 
 FRESH = """
@@ -498,12 +365,13 @@ def bar(force: float, **errors: float) -> SafetyBar:
     return bar_of_safety(load, pocket_with_bar(), 0.0, (1.0, 0.125 * np.eye(3)), of_loads)
 
 
-def test_safety_factor_and_its_bar() -> None:
-    found = bar(0.98, discretisation=0.01)
-    assert found.value == pytest.approx(1.0 / 0.98)
-    assert (found.low, found.high) == pytest.approx((1.0 / 0.99, 1.0 / 0.97))
-    assert found.certain
-    assert len(found.modes) == 1
+@pytest.mark.parametrize(("force", "error"), [(0.98, 0.01), (1.05, 0.02), (0.5, 0.0)])
+def test_safety_factor_and_its_bar(force: float, error: float) -> None:
+    """1/F, with F to the error: at rest, moving, or without an error."""
+    found = bar(force, **({"gap": error} if error else {}))
+    ends = 1.0 / (force + error), 1.0 / (force - error)
+    assert (found.value, found.low, found.high) == pytest.approx((1.0 / force, *ends))
+    assert (found.certain, len(found.modes), found.decisive) == (True, 1, "gap" if error else "")
     assert "certain within the error bars" in found.sentence()
 
 
@@ -514,17 +382,6 @@ def test_not_certain_and_what_decides() -> None:
     assert len(found.modes) == 2
     assert found.decisive == "gap"
     assert "reduce the error of the gap" in found.sentence()
-
-
-def test_moving_for_certain() -> None:
-    found = bar(1.05, gap=0.02)
-    assert found.certain
-    assert found.high < 1.0
-
-
-def test_no_terms_no_bar() -> None:
-    found = bar(0.5)
-    assert (found.low, found.high, found.decisive) == (found.value, found.value, "")
 
 
 def held_disc(torque: float, error: float, friction: float = 0.1, inert: bool = True) -> SafetyBar:
@@ -585,20 +442,6 @@ def test_a_mode_is_not_certain_without_proof() -> None:
     block = bar_of_safety(load, contacts, 0.3, (1.0, np.eye(3)), {"gap": 0.1 * np.eye(6)[0]})
     assert block.certain
     assert "it moves (sliding, at this load and at the worst within the bars)" in block.sentence()
-
-
-def test_held_by_the_flow_alone() -> None:
-    """Its weight alone moves the block; the flow pushes back with 1 +- error, and 0.1 to 1.1 times that hold it."""
-    contacts = Contacts(np.array([[-1.0, 0, 0], [1.0, 0, 0]]), np.tile([0, -1.0, 0], (2, 1)))
-    load = Load(np.array([-1.0, 0, 0]), np.zeros(3), np.array([0.6, -1.0, 0]), np.zeros(3))
-    errors = {"gap": 0.2 * np.eye(6)[0], "domain": 0.05 * np.eye(6)[0]}
-    found = bar_of_safety(load, contacts, 0.5, (1.0, np.eye(3)), errors)
-    assert (found.value, found.low, found.high, found.certain) == (0.0, 0.0, 0.0, False)
-    assert found.decisive == "gap"
-    assert found.relative > 0.0
-    assert "0.08 to 1.467 times the flow's load may hold it" in found.sentence()
-    del errors["gap"]
-    assert bar_of_safety(load, contacts, 0.5, (1.0, np.eye(3)), errors).modes == ("rest",)
 
 
 def term(doubt: str = "") -> Term:
@@ -678,8 +521,12 @@ class TestBatch:
         ("contacts", "gdim"), [(1, 2), (2, 2), (3, 2), (4, 2), (1, 3), (2, 3), (4, 3)]
     )
     def test_as_one_by_one(self, contacts: int, gdim: int, flat: bool) -> None:
-        """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves."""
-        cases = random_cases(120, contacts, gdim, flat)
+        """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves. A tenth of them without inertia."""
+        cases, rng = random_cases(120, contacts, gdim, flat), np.random.default_rng(5)
+        known = np.arange(120) % 10 > 0
+        inertia = np.where(known[:, None, None], cases.inertia, np.nan)
+        weight = cases.weight * rng.uniform(0.5, 2.0, (120, 1))
+        cases = replace(cases, weight=weight, mass=np.where(known, 1.0, np.nan), inertia=inertia)
         batch = judge_many(cases)
         exact = [judged(*cases.case(number)) for number in range(len(cases))]
         assert batch.mode_names == [one.label for one in exact]
@@ -688,24 +535,6 @@ class TestBatch:
         factors = [one.safety.value for one in exact]
         assert batch.factors == pytest.approx(factors, rel=near, abs=near)
         assert batch.alone <= (11 if gdim == 3 else 0) and not batch.reasons
-
-    @pytest.mark.parametrize("gdim", [2, 3])
-    def test_without_inertia_under_weights_of_their_own(self, gdim: int) -> None:
-        """As each alone, with weights from half to twice the usual one: at rest or moving, by no mode."""
-        acting, contacts, friction, _ = random_cases(1, 3, gdim).case(0)
-        rng = np.random.default_rng(5)
-        force, torque = rng.standard_normal((2, 60, 3))
-        if gdim == 2:
-            force, torque = force * [1.0, 1.0, 0.0], torque * [0.0, 0.0, 1.0]
-        weight = acting.weight * rng.uniform(0.5, 2.0, (60, 1))
-        surface = contacts.points, contacts.normals
-        cases = Cases(*surface, 0.5 * force, 0.1 * torque, weight, acting.centre, friction)
-        batch = judge_many(cases)
-        exact = [judged(*cases.case(number)) for number in range(60)]
-        assert batch.mode_names == [one.label for one in exact]
-        assert set(batch.mode_names) == {"rest", "moves"} and batch.alone < 5
-        factors = [one.safety.value for one in exact]
-        assert batch.factors == pytest.approx(factors, rel=1e-9, abs=1e-9)
 
     @pytest.mark.parametrize("gdim", [2, 3])
     def test_loads_on_the_boundary_and_none_at_all(self, gdim: int) -> None:
@@ -727,59 +556,6 @@ class TestBatch:
             alone = judged(*cases.case(number))
             assert batch.labels[batch.modes[number]] == alone.label
             assert batch.factors[number] == pytest.approx(alone.safety.value, rel=1e-9, abs=1e-9)
-
-    def test_blocks_slide_or_tip_in_any_plane(self) -> None:
-        """A block of half width b pushed at height h: at mu W it slides, at W b / h it tips; in a tilted plane too.
-
-        In a tilted plane the case counts as one in 3-D, whose factors are good to 1e-9 (3.6e-11 measured).
-        """
-        rng, count = np.random.default_rng(0), 3000
-        half, height, friction = (rng.uniform(0.2, 1.0, count) for _ in range(3))
-        push, weight = rng.uniform(0.1, 1.0, count), rng.uniform(0.5, 2.0, count)
-        points = np.zeros((count, 2, 3))
-        points[:, 0, 0], points[:, 1, 0], points[..., 1] = -half, half, -height[:, None]
-        normals = np.broadcast_to([0.0, -1.0, 0.0], points.shape)
-        down = weight[:, None] * [0.0, -1.0, 0.0]
-        cases = cases_of(points, normals, push, down, friction, INERT)
-        expected = np.minimum(friction, half / height) * weight / push
-        slides = (friction < half / height) & (expected < 1.0)
-        tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        for turn, near in (
-            (np.eye(3), 1e-12),
-            (np.roll(np.eye(3), 1, axis=0), 1e-12),
-            (tilt, 1e-9),
-        ):
-            vectors = ("points", "normals", "force", "weight")
-            turned = {name: getattr(cases, name) @ turn.T for name in vectors}
-            batch = judge_many(replace(cases, **turned))
-            assert batch.factors == pytest.approx(expected, rel=near)
-            assert {batch.mode_names[place] for place in np.flatnonzero(slides)} == {"sliding"}
-            assert batch.alone == 0
-
-    def test_spheres_in_pockets_of_three(self) -> None:
-        """Unit spheres on three of size s, pushed along the line from one of them to the middle: they pivot.
-
-        Contacts lie at sine q = 2 s / (sqrt 3 (1 + s)) off the vertical. The sphere leaves the back one and turns about
-        the two in front when F cos q = W sin q / 2 times the push.
-        """
-        rng, count = np.random.default_rng(1), 400
-        size, push = rng.uniform(0.5, 1.5, count), rng.uniform(0.05, 0.4, count)
-        sine = 2.0 * size / (np.sqrt(3.0) * (1.0 + size))
-        cosine = np.sqrt(1.0 - sine**2)
-        around = np.radians([180.0, 60.0, -60.0])
-        flat = [sine[:, None] * np.cos(around), sine[:, None] * np.sin(around)]
-        points = np.stack([*flat, np.tile(-cosine[:, None], 3)], axis=2)
-        weight = np.tile([0.0, 0.0, -1.0], (count, 1))
-        batch = judge_many(cases_of(points, points, push, weight, np.full(count, 0.5), UNKNOWN))
-        assert batch.factors == pytest.approx(0.5 * sine / cosine / push, rel=1e-9)
-        assert set(batch.mode_names) == {"rest", "moves"} and batch.alone < 20
-
-    def test_chunks_say_the_same(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        cases = random_cases(90, 2, 2)
-        once = judge_many(cases)
-        monkeypatch.setattr("incipient.contact.batch.CHUNK", 40)
-        parts = judge_many(cases)
-        assert parts.mode_names == once.mode_names and np.array_equal(parts.factors, once.factors)
 
     def test_wrong_loads_are_refused(self) -> None:
         good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
@@ -821,18 +597,6 @@ def test_numpy_and_scipy_are_enough() -> None:
 
 
 class TestErrorBox:
-    def test_all_corners_move_and_a_load_between_them_rests(self) -> None:
-        """Friction 0.1 holds a torque of 0.0572 at most; without one the disc rests at any factor."""
-        acting, box_, angle = load((0.0, 0.0), 0.1), ErrorBox.of(0.25 * TORQUE), math.pi / 6
-        corners = [
-            safety_factor(acting.shifted(change), pocket(angle), 0.1) for change in box_.corners()
-        ]
-        assert not any(corner.held for corner in corners)
-        found = safety_range(acting, pocket(angle), 0.1, box_)
-        assert not found.moves and not found.rests
-        assert found.high == math.inf
-        assert found.low == pytest.approx(min(corner.value for corner in corners))
-
     def test_block_in_3d(self) -> None:
         """It slides once s |F| > friction W, and the least |F| is on a side of the box, not at a corner."""
         case = box(0.0, [0.3, 0.0, 0.0], height=0.1)
@@ -892,12 +656,6 @@ class TestErrorBox:
         interval = safety_factor(acting, pocket(0.5), 0.3).interval
         assert found.possible == found.guaranteed == interval
 
-    def test_friction_that_is_not_known(self) -> None:
-        base = Contacts([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], BLOCK.normals)
-        errors = ErrorBox(0.1 * ALONG_X[:, None], friction=0.1)
-        found = safety_range(load((0.3, 0.0)), base, 0.5, errors)
-        assert (found.low, found.high) == pytest.approx((0.4 / 0.4, 0.6 / 0.2))
-
     def test_a_program_without_answer_claims_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Stopped after one step the method has no answer: the grain may then rest at any factor."""
         acting, square = box(0.0, [0.6, 0.0, 0.0], height=0.1)
@@ -922,8 +680,8 @@ class TestErrorBox:
 
     @pytest.mark.parametrize("gdim", [2, 3])
     def test_no_load_of_random_boxes_is_outside(self, gdim: int) -> None:
-        """And both ends are reached: the lower one at a corner, the upper one by a search that knows no programs."""
-        rng, said, reached = np.random.default_rng(gdim), set(), 0
+        """Nor outside the guaranteed interval; the lower end is that of a corner."""
+        rng, said = np.random.default_rng(gdim), set()
         cases = random_cases(60, 3, gdim)
 
         def margin(factor: float) -> float:
@@ -959,22 +717,6 @@ class TestErrorBox:
                 if found.guaranteed is not None:
                     assert margin(alone.interval[0]) <= margin(found.guaranteed[0]) + ROUND_OFF
                     assert margin(found.guaranteed[1]) - ROUND_OFF <= margin(alone.interval[1])
-            if reached < 6 and count < 6 and 0.05 < margin(found.high) < 0.95:
-                corners = [
-                    safety_factor(acting.shifted(change), contacts, friction).value
-                    for change in errors.corners()
-                ]
-                assert min(corners) == pytest.approx(found.low, abs=ROUND_OFF)
-                best, step, place = margin(at(np.zeros(count)).value), 1.0, np.zeros(count)
-                while step > 1e-4 and best < margin(found.high) - 1e-3:
-                    tried = np.clip(place + step * rng.normal(size=(12, count)), -1.0, 1.0)
-                    values = [margin(at(share).value) for share in tried]
-                    step *= 1.0 if max(values) > best else 0.6
-                    if max(values) > best:
-                        best, place = max(values), tried[int(np.argmax(values))]
-                assert best == pytest.approx(margin(found.high), abs=0.01)
-                reached += 1
-        assert reached == 6
         assert said == {(True, False), (False, True), (False, False)}
 
 
@@ -984,24 +726,22 @@ def pushed(force: float, torque: float = 0.0) -> Load:
 
 
 class TestProbabilities:
-    @pytest.mark.parametrize(("force", "error"), [(0.3, 0.1), (0.45, 0.05), (0.5, 0.2)])
-    def test_block_pushed_with_an_error(self, force: float, error: float) -> None:
+    @pytest.mark.parametrize(
+        ("force", "error", "of"),
+        [(0.3, 0.1, "flow_force x"), (0.5, 0.2, "flow_force x"), (0.45, 0.05, "friction")],
+    )
+    def test_block_pushed_with_an_error(self, force: float, error: float, of: str) -> None:
         # It slides if |F| > friction N = 0.5: P = 1 - Phi((0.5 - f) / s) + Phi((-0.5 - f) / s).
         ends = [erf((value - force) / (error * sqrt(2.0))) for value in (0.5, -0.5)]
         exact = 1.0 - 0.5 * (ends[0] - ends[1])
-        found = probabilities(pushed(force), BLOCK, 0.5, StandardErrors([error, 0, 0]), 400, 3)
+        errors = (
+            StandardErrors(friction=error) if of == "friction" else StandardErrors([error, 0, 0])
+        )
+        found = probabilities(pushed(force), BLOCK, 0.5, errors, 400, 3)
         for judge in (found.moves_equilibrium, found.moves_criteria):
             assert abs(judge.value - exact) < 4.0 * judge.standard_error
         # On a plane and without a torque both judges say the same of every case.
-        assert (found.same.value, found.most) == (1.0, "flow_force x")
-
-    def test_block_on_a_plane_of_uncertain_friction(self) -> None:
-        # It slides if friction < F / N = 0.3.
-        found = probabilities(pushed(0.3), BLOCK, 0.35, StandardErrors(friction=0.05), 400, 5)
-        exact = 0.5 * (1.0 + erf((0.3 - 0.35) / (0.05 * sqrt(2.0))))
-        moves = found.moves_equilibrium
-        assert abs(moves.value - exact) < 4.0 * moves.standard_error
-        assert set(found.influence) == {"friction"} and found.influence["friction"] > 0.95
+        assert (found.same.value, found.most) == (1.0, of)
 
     def test_modes_of_each_judge_add_up_to_one(self) -> None:
         errors = StandardErrors([0.2, 0.2, 0.0], [0.0, 0.0, 0.2], 0.1)
@@ -1016,11 +756,6 @@ class TestProbabilities:
         assert found.margin == tuple(sorted(found.margin))
         assert "probability" in found.sentence
         assert plain(found) == plain(again) and found.margin != other.margin
-
-    def test_without_errors_one_case_is_all(self) -> None:
-        found = probabilities(pushed(0.6), BLOCK, 0.5, StandardErrors(), 12, 0)
-        assert found.moves_equilibrium.value == 1.0
-        assert (found.influence, found.most) == ({}, None)
 
     @pytest.mark.parametrize(
         ("count", "total", "words"),
@@ -1040,15 +775,6 @@ class TestProbabilities:
         found = Probability.of(count, total)
         assert (found.value, found.words) == (count / total, words)
         assert found.standard_error == pytest.approx(sqrt(a * b / ((a + b) ** 2 * (a + b + 1))))
-
-    def test_a_load_that_is_held_but_never_drawn(self) -> None:
-        # A disc on a plane is held only without a torque about the contact, which has a probability of zero.
-        errors = StandardErrors([0, 0, 0], [0, 0, 0.1])
-        found = probabilities(pushed(0.0, 0.1), DISC, 0.5, errors, 100)
-        assert found.moves_equilibrium.words == ">97.1%"
-        assert (found.within.low, found.within.high) == (0.0, np.inf)
-        assert "it may rest and it may move" in found.within.sentence
-        assert not found.within.certain
 
     @pytest.mark.parametrize(
         ("force", "says"),
@@ -1102,16 +828,6 @@ class TestProbabilities:
         none = draw(pushed(1.0), 0.05, StandardErrors(friction=0.5), 1000, 0)
         assert none["friction"].min() == 0.0 and np.ptp(none["flow_force x"]) == 0.0
 
-    @pytest.mark.parametrize(
-        ("wrong", "match"),
-        [
-            ({"flow_force": [-0.1, 0, 0]}, "flow_force"),
-            ({"flow_couple": [0.1, 0.2]}, "flow_couple"),
-            ({"friction": math.nan}, "friction"),
-        ],
-    )
-    def test_refused(self, wrong: dict[str, Any], match: str) -> None:
-        with pytest.raises(SceneError, match=match):
-            StandardErrors(**wrong)
+    def test_refused(self) -> None:
         with pytest.raises(SceneError, match="samples is 0"):
             probabilities(*block(0.1), 0.5, StandardErrors(), 0)

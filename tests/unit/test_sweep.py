@@ -9,7 +9,7 @@ import math
 import random
 import sqlite3
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +23,10 @@ from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
-from incipient.scene import Scene, example, load, loads
-from incipient.scene.section import unit_of
+from incipient.scene import example, load, loads
 from incipient.sweep.cases import Source, SweepCase, axes_of, combined, resolved, table_of_cases
 from incipient.sweep.procedure import Means
-from incipient.sweep.refinement import SweepRefinement, direction
+from incipient.sweep.refinement import SweepRefinement, refined_key
 from incipient.sweep.request import parsed_seconds, requested
 from incipient.sweep.store import DONE, FAILED, WAITING, Store
 from incipient.sweep.table import as_csv, in_words, pockets, rows, size_classes
@@ -39,31 +38,21 @@ from incipient.sweep.worker import CaseOutcome, computed
 SOURCE = Source("mine", example())
 
 
-def test_ranges_hold_both_ends_and_equal_ratios_or_differences() -> None:
-    assert axes_of(
-        [
-            "fluid.reynolds=log:0.1:1000:5",
-            "contact.friction=lin:0.2:0.6:3",
-            'a.b=1,[2, 3],"x, y",log:1:4:2',
-        ]
-    ) == {
-        "fluid.reynolds": ("0.1", "1.0", "10.0", "100.0", "1000.0"),
-        "contact.friction": ("0.2", "0.4", "0.6"),
-        "a.b": ("1", "[2, 3]", '"x, y"', "1.0", "4.0"),
-    }
-
-
-def test_axes_of_python_and_toml_are_those_of_the_command_line() -> None:
-    nested = {
-        "fluid": {"reynolds": "log:1:100:3"},
-        "bed.offset": [[0.0, 1.0]],
-        "flow.kind": ["shear"],
-        "body.diameter": np.array([0.5, 1.0]),
-        "contact.friction": 0.5,
-    }
-    listed = ["fluid.reynolds=1.0,10.0,100.0", "bed.offset=[0.0, 1.0]", "flow.kind=shear"]
-    assert axes_of(nested) == axes_of([*listed, "body.diameter=0.5,1.0", "contact.friction=0.5"])
-    assert "over body.x: has no values" in message(lambda: axes_of({"body.x": []}))
+@pytest.mark.parametrize(
+    ("over", "axes"),
+    [
+        (["a.b=log:0.1:1000:5"], {"a.b": ("0.1", "1.0", "10.0", "100.0", "1000.0")}),
+        (["a.b=lin:0.2:0.6:3", "a.c=2"], {"a.b": ("0.2", "0.4", "0.6"), "a.c": ("2",)}),
+        (['a.b=1,[2, 3],"x, y",log:1:4:2'], {"a.b": ("1", "[2, 3]", '"x, y"', "1.0", "4.0")}),
+        # Of Python and TOML.
+        ({"a": {"b": "log:1:100:3"}, "c.d": 0.5}, {"a.b": ("1.0", "10.0", "100.0"), "c.d": ("0.5",)}),
+        ({"a.b": np.array([0.5, 1.0]), "a.c": ["x"]}, {"a.b": ("0.5", "1.0"), "a.c": ("x",)}),
+        # Lists of different lengths, as polygons are.
+        ({"a.x": [[[0, 1]], [[1, 2], [3, 4]]]}, {"a.x": ("[[0, 1]]", "[[1, 2], [3, 4]]")}),
+    ],
+)  # fmt: skip
+def test_axes_have_all_values_of_a_key_as_text(over: Any, axes: dict[str, Any]) -> None:
+    assert axes_of(over) == axes
 
 
 def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path) -> None:
@@ -75,69 +64,74 @@ def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path)
         ("a.x=2", "a.y=4"),
     ]
     assert combined(axes, True) == [("a.x=1", "a.y=3"), ("a.x=2", "a.y=4")]
-    # Lists of different lengths, as polygons are, and one value by itself.
-    assert axes_of({"a": {"x": [[[0, 1]], [[1, 2], [3, 4]]], "y": 2.5}}) == {
-        "a.x": ("[[0, 1]]", "[[1, 2], [3, 4]]"),
-        "a.y": ("2.5",),
-    }
     path = tmp_path / "cases.csv"
-    path.write_text('b.x,b.y\n1,"[2, 3]"\n4,\n')
+    path.write_text('b.x,b.y,\n1,"[2, 3]",\n4,,\n')  # an empty column, as spreadsheets write it
     listed = table_of_cases(path)
     assert listed == [("b.x=1", "b.y=[2, 3]"), ("b.x=4",)]
     assert combined(axes_of(["a.x=1,2"]), False, listed)[-1] == ("b.x=4", "a.x=2")
 
 
+PAIR = axes_of(["a.x=1,2", "a.y=3"])
+
+
+def refined(*over: str, together: bool = False, **how: Any) -> Any:
+    return requested([Source("mine", BLOCK)], over, together, task="judge", **how).refinement([])
+
+
 @pytest.mark.parametrize(
-    ("axis", "said"),
+    ("call", "said"),
     [
-        ("fluid.reynolds", "is not a key with values"),
-        ("fluid.reynolds=", "is not a key with values"),
-        ("fluid.reynolds=log:0:1:3", "ends above zero"),
-        ("fluid.reynolds=log:1:x:3", "is not a range of numbers"),
-        ("fluid.reynolds=lin:0:1:0", "gives 0 values"),
-        ("fluid.reynolds=lin:1:nan:5", "1 to nan are not finite numbers"),
-        ("fluid.reynolds=log:1:inf:5", "1 to inf are not finite numbers"),
-        ("fluid.reynolds=1,,2", "has an empty value"),
+        (lambda: axes_of({"body.x": []}), "over body.x: has no values"),
+        (lambda: axes_of(["fluid.reynolds"]), "is not a key with values"),
+        (lambda: axes_of(["fluid.reynolds="]), "is not a key with values"),
+        (lambda: axes_of(["a.x=log:0:1:3"]), "ends above zero"),
+        (lambda: axes_of(["a.x=log:1:x:3"]), "is not a range of numbers"),
+        (lambda: axes_of(["a.x=lin:0:1:0"]), "gives 0 values"),
+        (lambda: axes_of(["a.x=lin:1:nan:5"]), "1 to nan are not finite numbers"),
+        (lambda: axes_of(["a.x=1,,2"]), "has an empty value"),
+        (lambda: axes_of(["a.x=1,2"] * 2), "given twice"),
+        (lambda: combined(PAIR, True), "a.x 2, a.y 1"),
+        (lambda: combined(axes_of([f"a.x{n}=lin:0:1:1000" for n in range(3)]), False), "at most 100000"),
+        (lambda: combined(PAIR, False, [("a.x=1",)]), "--over a.x: the table of cases has it as well"),
+        (lambda: requested([SOURCE]), "nothing is varied"),
+        (
+            requested([SOURCE], ["fluid.reynolds=1,-1"]).cases,
+            "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1",
+        ),
+        (lambda: table_of_cases(Path("absent.csv")), "cannot be read"),
+        (lambda: parsed_seconds("soon", "wall"), "is not a time"),
+        (lambda: parsed_seconds("1h and 5", "wall"), "is not a time"),
+        (lambda: parsed_seconds("-1h", "wall"), "is not a time"),
+        (lambda: Means(memory_mib=float("nan")), "--memory nan: is not above zero"),
+        (lambda: Means(memory_mib=60), "--memory 60: the libraries of a worker process take"),
+        (lambda: Means(jobs=0), "--jobs 0: is not above zero"),
+        (lambda: Means(tries=0), "--tries 0: is not above zero"),
+        (
+            lambda: Means(scheduler="tcp://here:1", jobs=2),
+            "are started by you; give --nworkers to its `dask worker` instead",
+        ),
+        (lambda: refined("a.b=x,y", refine=True), "no key is varied over numbers"),
+        (lambda: refined("a.b=[0],[1]", refine=True), "no key is varied over numbers"),
+        (lambda: refined("a.b=1,2", "a.c=1,2", together=True, refine=True), "refines one key; leave out --zip"),
+        (lambda: refined("a.b=1,2", refine=2.0), "--refine 2: is not a fraction of the range"),
+        (lambda: refined("a.b=1,2", refine=True, most=0), "--most 0: is not a number of cases"),
+        (lambda: refined("a.b=1,2", most=5), "--most: applies to a refinement"),
+    ],
+)  # fmt: skip
+def test_wrong_requests_are_refused(call: Callable[[], object], said: str) -> None:
+    assert said in message(call)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a.x,a.y\n1\n", "row 2 has a different number of cells"),
+        ("a.x,a.x\n1,2\n", "has two columns a.x; remove one of them"),
     ],
 )
-def test_wrong_axes_are_refused(axis: str, said: str) -> None:
-    assert said in message(lambda: axes_of([axis]))
-
-
-def test_wrong_requests_are_refused(tmp_path: Path) -> None:
-    pair = axes_of(["a.x=1,2", "a.y=3"])
-    assert "a.x 2, a.y 1" in message(lambda: combined(pair, True))
-    assert "given twice" in message(lambda: axes_of(["a.x=1,2"] * 2))
-    assert "nothing is varied" in message(lambda: requested([SOURCE]))
-    many = axes_of([f"a.x{n}=lin:0:1:1000" for n in range(3)])
-    assert "at most 100000" in message(lambda: combined(many, False))
-    ragged = tmp_path / "cases.csv"
-    ragged.write_text("a.x,a.y\n1\n")
-    assert "row 2 has a different number of cells" in message(lambda: table_of_cases(ragged))
-    ragged.write_text("a.x,a.x\n1,2\n")
-    assert "has two columns a.x; remove one of them" in message(lambda: table_of_cases(ragged))
-    ragged.write_text("a.x,,\n1,,\n")  # empty columns, as spreadsheets write them
-    assert table_of_cases(ragged) == [("a.x=1",)]
-    ragged.write_text("a.x,a.y\n1,2\n")
-    assert "--over a.x: the table of cases has it as well" in message(
-        lambda: combined(pair, False, table_of_cases(ragged))
-    )
-    assert "cannot be read" in message(lambda: table_of_cases(tmp_path / "absent.csv"))
-    wrong = requested([SOURCE], ["fluid.reynolds=1,-1"])
-    assert "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1" in message(wrong.cases)
-    for text in ("soon", "h", "1h and 5", "-1h"):
-        assert "is not a time" in message(lambda text=text: parsed_seconds(text, "wall"))
-
-
-def test_means_that_are_no_positive_numbers_are_refused() -> None:
-    assert "--memory nan: is not above zero" in message(lambda: Means(memory_mib=float("nan")))
-    assert "--memory 60: the libraries of a worker process take" in message(
-        lambda: Means(memory_mib=60)
-    )
-    assert "--jobs 0: is not above zero" in message(lambda: Means(jobs=0))
-    assert "--tries 0: is not above zero" in message(lambda: Means(tries=0))
-    remedy = "are started by you; give --nworkers to its `dask worker` instead"
-    assert remedy in message(lambda: Means(scheduler="tcp://here:1", jobs=2))
+def test_wrong_tables_of_cases_are_refused(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "cases.csv").write_text(text)
+    assert said in message(lambda: table_of_cases(tmp_path / "cases.csv"))
 
 
 @pytest.mark.parametrize(
@@ -194,33 +188,22 @@ def test_the_curve_beside_ours_is_that_of_soulsby_and_whitehouse() -> None:
 
 
 def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
-    tmp_path: Path, capsys: Any
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of each key the unit that `incipient new` writes beside it."""
-    axes = [
-        "body.diameter=0.5,10",
-        "bed.kind=flat",
-        "contact.friction=0.25",
-    ]
-    request, file = requested([SOURCE], axes), tmp_path / "sweep.sqlite"
-    cases = request.cases()
+    """Of each key the unit that `incipient new` writes beside it; the first cases are printed, all are counted."""
+    monkeypatch.setattr("incipient.commands.sweep.FIRST", 2)
+    axes, file = ["body.diameter=0.5,10,3", "bed.kind=flat"], tmp_path / "sweep.sqlite"
+    cases = requested([SOURCE], axes).cases()
     with Store(file, make=True) as store:
         store.add(cases)
         outcome = CaseOutcome(json.dumps({"verdict": None}), wall=2.5)
-        store.finish([(cases[0].identity, 1, outcome)])
+        store.finish(cases[0].identity, 1, outcome)
     assert main(["table", str(file)]) == 0
-    head, first, second = capsys.readouterr().out.splitlines()
+    head, first, second, count = capsys.readouterr().out.splitlines()
     places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]
     assert first[: places[0]].endswith("  0.5") and second[: places[0]].endswith("   10")
-    assert (
-        first[: places[1]].endswith("  2.5")
-        and "bed.kind " in head
-        and "contact.friction [-]" in head
-    )
-    assert (
-        unit_of(Scene, "gravity.acceleration") == "length/time^2"
-        and unit_of(Scene, "no.such") == ""
-    )
+    assert first[: places[1]].endswith("  2.5") and "bed.kind " in head
+    assert count.startswith("3 cases: 1 done, 2 waiting; the first 2 are shown")
 
 
 def test_brackets_in_a_stage_are_no_markup(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
@@ -252,7 +235,9 @@ def filled(path: Path, count: int = 40) -> list[dict[str, Any]]:
     """A file of cases of which `count` are done, and its table."""
     with Store(path, make=True) as store:
         store.add(CASES)
-        store.finish([(case.identity, 1, outcome(n)) for n, case in enumerate(CASES[:count])])
+        with store.transaction():
+            for n, case in enumerate(CASES[:count]):
+                store.finish(case.identity, 1, outcome(n))
         store.write_view()
     return rows(path)
 
@@ -265,32 +250,25 @@ def changed(path: Path, statement: str) -> list[Any]:
 
 
 def test_cases_wait_are_finished_and_wait_again_after_a_failure(tmp_path: Path) -> None:
-    path = tmp_path / "sweep.sqlite"
-    with Store(path, make=True) as store:
-        store.add(CASES[:3])
-        store.finish([("case0", 1, outcome(2.0)), ("case1", 3, CaseOutcome(reason="too heavy"))])
-        store.add(CASES[:4])
-        states = {"case0": DONE, "case1": FAILED, "case2": WAITING, "case3": WAITING}
-        assert store.states() == states and store.keys() == ["a.x"]
-        assert store.columns(states) == {"case0": {"drag": 2.0, "held": True}}
-        store.add(CASES[:2], retry=True)
-        assert store.states() == states | {"case1": WAITING}
-    first, second, *_ = rows(path)
-    assert (first["a.x"], first["drag"], first["versions"]) == (0, 2.0, "incipient 1")
-    assert (second["tries"], second["reason"], "drag" in second) == (3, "", False)
-
-
-def test_the_view_has_varied_keys_and_quantities_infinite_ones_too(tmp_path: Path) -> None:
+    """Their view has the varied keys and the quantities, also infinite ones and parts of a list."""
     path, odd = tmp_path / "sweep.sqlite", SweepCase("odd", "run", "s", ("b.0=1",), '{"b": [7]}')
     with Store(path, make=True) as store:
         store.add([*CASES[:2], odd])
-        store.finish([("case1", 1, CaseOutcome("{}", {"shields": math.inf}))])
-        store.finish([("odd", 1, CaseOutcome("{}", {"shields": 0.5}))])
+        store.finish("case0", 1, outcome(math.inf))
+        store.finish("case1", 3, CaseOutcome(reason="heavy"))
+        store.add(CASES[:3])
+        states = {"case0": DONE, "case1": FAILED, "odd": WAITING, "case2": WAITING}
+        assert store.states() == states and store.keys() == ["a.x", "b.0"]
+        assert store.columns(states) == {"case0": {"drag": math.inf, "held": True}}
         store.write_view()
-    query = 'SELECT "a.x", "b.0", shields, status FROM results'
-    expected = [(0, None, None, WAITING), (1, None, math.inf, DONE)]
-    assert changed(path, query) == [*expected, (None, 7, 0.5, DONE)]
-    assert rows(path)[1]["shields"] == math.inf
+        store.add(CASES[:2], retry=True)
+        assert store.states() == states | {"case1": WAITING}
+    first, second, *_ = rows(path)
+    assert (first["a.x"], first["drag"], first["versions"]) == (0, math.inf, "incipient 1")
+    assert (second["tries"], second["reason"], "drag" in second) == (3, "", False)
+    query = 'SELECT "a.x", "b.0", drag, status FROM results'
+    assert changed(path, query)[0] == (0, None, math.inf, DONE)
+    assert changed(path, query)[2] == (None, 7, None, WAITING)
 
 
 def test_files_of_others_and_of_other_versions_are_refused(tmp_path: Path) -> None:
@@ -308,6 +286,7 @@ def test_files_of_others_and_of_other_versions_are_refused(tmp_path: Path) -> No
             Store(path, make=True)
     with pytest.raises(OutputError, match="no such file"):
         Store(tmp_path / "absent.sqlite")
+    assert not (tmp_path / "absent.sqlite").exists() and text.read_text().startswith("not a")
 
 
 def test_a_second_writer_is_refused_and_readers_are_not(tmp_path: Path) -> None:
@@ -317,7 +296,7 @@ def test_a_second_writer_is_refused_and_readers_are_not(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match="another sweep writes to it; wait"):
             Store(path, make=True)
         assert len(rows(path)) == 40
-        store.finish([("case1", 1, outcome(1.0))])
+        store.finish("case1", 1, outcome(1.0))
     with Store(path, make=True) as store:
         assert store.states()["case1"] == DONE
 
@@ -341,70 +320,49 @@ def test_random_bytes_give_one_line_or_a_table(tmp_path: Path) -> None:
     assert refused > 40
 
 
-def test_the_table_prints_the_first_cases_and_counts_all(
-    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("incipient.commands.tabulate.FIRST", 30)
-    path = tmp_path / "sweep.sqlite"
-    filled(path, 38)
-    assert main(["table", str(path)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 32
-    assert lines[-1].startswith("40 cases: 38 done, 2 waiting; the first 30 are shown")
-
-
 def at_rest(slope: float, *centre: float, **columns: float) -> dict[str, Any]:
     """The row of a grain of size 20 on a bed with a slope."""
     axes = {f"centre_{axis}": x for axis, x in zip("xyz", centre, strict=True) if x}
-    return {"bed.slope": slope, "fluid.reynolds": 1.0, "grain_size": 20.0, **axes, **columns}
+    return {"bed.slope": slope, "body.x": 60.0, "grain_size": 20.0, **axes, **columns}
 
 
 @pytest.mark.parametrize(
     ("second", "line"),
     [
+        (at_rest(0.0, 70.0, 0.0, 9.0) | {"body.x": 70.0}, None),  # moved by its own section
         (at_rest(5.0, 60.0, 0.0, 9.0), None),
         (at_rest(5.0, 60.1, 0.0, 9.0), None),  # half a percent of its size
         (at_rest(5.0, 62.0, 0.0, 9.0), "(0.1 of its size apart, 0 degrees turned)"),
         # In place, but turned by 0.1 rad about y: 5% of its size on its surface; in 2-D by an angle.
         (at_rest(5.0, 60.0, 0.0, 9.0, rotation_y=0.1), "(0 of its size apart, 5.7 degrees turned)"),
         (at_rest(5.0, 60.0, 0.0, 9.0, rotation=-0.1), "(0 of its size apart, 5.7 degrees turned)"),
-        (at_rest(5.0, 62.0, 0.0, 9.0) | {"fluid.reynolds": 2.0}, None),  # no neighbour
-        ({"bed.slope": 5.0, "fluid.reynolds": 1.0}, None),  # failed
+        (at_rest(5.0, 62.0, 0.0, 9.0) | {"body.x": 61.0}, None),  # no neighbour
+        ({"bed.slope": 5.0, "body.x": 60.0}, None),  # failed
     ],
 )
 def test_neighbours_that_rest_elsewhere_are_named(second: dict[str, Any], line: str | None) -> None:
-    lines = pockets([second, at_rest(0.0, 60.0, 0.0, 9.0)], ["bed.slope", "fluid.reynolds"])
-    assert len(lines) == (line is not None)
-    if line is not None:
-        assert lines[0].startswith(
-            "bed.slope = 0 and 5: the grain rests on other points of the bed"
-        )
-        assert line in lines[0] and 'body.settle = "level"' in lines[0]
-
-
-def test_a_grain_moved_by_its_own_section_is_not_named() -> None:
-    table = [at_rest(0.0, x, 0.0, 9.0) | {"body.x": x} for x in (60.0, 70.0)]
-    assert pockets(table, ["body.x"]) == []
+    lines = pockets([second, at_rest(0.0, 60.0, 0.0, 9.0)], ["bed.slope", "body.x"])
+    said = "bed.slope = 0 and 5: the grain rests on other points of the bed {}; body.settle = "
+    starts = [] if line is None else [said.format(line)]
+    assert [told[: len(start)] for told, start in zip(lines, starts, strict=True)] == starts
 
 
 # Cases that a sweep adds: on the boundary of analytical solutions, within the budget, the same ones each time.
 
 
-# A block on a slope of tangent t, with its weight turned instead: its force along the slope is t + 0.1 with the flow's.
-# It slides where that is above friction, and tips over its lower edge where it is above width over height, 0.5.
+# A block on a slope of tangent t = 0.7, with its weight turned instead: its force along the slope is t + 0.1 with the
+# flow's. It slides where that is above friction, and is too wide to tip below a tangent of 2.
 BLOCK = """
 [load]
-weight = [0.0, -1.0]
+weight = [0.7, -1.0]
 flow_force = [0.1, 0.0]
 flow_couple = 0.0
 centre = [0.0, 0.5]
 [contacts]
-points = [[-0.25, 0.0], [0.25, 0.0]]
+points = [[-1.0, 0.0], [1.0, 0.0]]
 normals = [[0.0, -1.0], [0.0, -1.0]]
-friction = 0.3
 """
-SLOPE = "load.weight=[0.0, -1.0],[0.5, -1.0],[1.0, -1.0]"
-PUSH = 0.1
+FRICTION, TANGENT, PUSH = "contacts.friction=0.0,0.5,1.0", 0.7, 0.1
 
 
 class Judged:
@@ -412,22 +370,18 @@ class Judged:
 
     def __init__(self, tolerance: float, *over: str, most: int | None = None):
         request = requested(
-            [Source("block", BLOCK)],
-            over,
-            task="judge",
-            refine=tolerance,
-            most=most,
+            [Source("block", BLOCK)], over, task="judge", refine=tolerance, most=most
         )
         self.results: dict[str, dict[str, Any]] = {}
         self.cases: list[SweepCase] = []
         following = request.cases()
-        found = request.refinement(following)
-        assert isinstance(found, SweepRefinement)
-        self.refinement = found
+        refinement = request.refinement(following)
+        assert isinstance(refinement, SweepRefinement)
         while following:
             self.cases += following
             self.results |= {case.identity: judged(case) for case in following}
-            following = found.following(self.results)
+            following = refinement.following(self.results)
+        self.lines = "\n".join(refinement.lines())
 
     def at(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Tangent, friction and whether it rests, of all cases."""
@@ -444,140 +398,60 @@ def judged(case: SweepCase) -> dict[str, Any]:
     return outcome.columns
 
 
-def test_the_slope_at_which_a_block_slides_is_found_to_the_tolerance() -> None:
-    """It slides from t = 0.3 - 0.1 on."""
-    found = Judged(0.002, SLOPE)
-    slope, _, rests = found.at()
-    low, high = float(slope[rests].max()), float(slope[~rests].min())
-    assert low <= 0.3 - PUSH <= high and high - low <= 0.002
-    assert (
-        f"rest at load.weight=[{low!r}, -1.0], moves at load.weight=[{high!r}, -1.0]"
-        in "\n".join(found.refinement.lines())
-    )
-    assert len(found.cases) < 40  # 501 are as near to each other everywhere
-    again = Judged(0.002, SLOPE)
+def test_the_friction_at_which_a_block_rests_is_found_to_the_tolerance() -> None:
+    """From t + 0.1 on, for each value of another key; the same cases each time."""
+    over = FRICTION, "load.weight=[0.2, -1.0],[0.7, -1.0]"
+    found, again = Judged(0.002, *over), Judged(0.002, *over)
+    slope, friction, rests = found.at()
+    for tangent in (0.2, 0.7):
+        mine = slope == tangent
+        low, high = float(friction[mine & ~rests].max()), float(friction[mine & rests].min())
+        assert low <= tangent + PUSH <= high and high - low <= 0.002
+        ends = f"moves at contacts.friction={low!r}, rest at contacts.friction={high!r}"
+        assert f"{ends} (load.weight=[{tangent}, -1.0])" in found.lines
+    assert len(found.cases) < 80  # 501 are as near to each other everywhere
     assert [case.identity for case in again.cases] == [case.identity for case in found.cases]
 
 
 def test_the_curve_is_straight_between_cases() -> None:
     """S = (friction - t) / 0.1: interpolated, S/(1 + S) is nowhere farther off than the tolerance of its range."""
-    found = Judged(0.02, SLOPE)
-    slope, _, _ = found.at()
-    slope = np.unique(slope)
-    dense = np.linspace(0.0, 1.0, 5001)
+    friction = np.unique(Judged(0.02, FRICTION).at()[1])
+    # The tolerance of the friction says how near cases are at the kink.
+    dense = [x for x in np.linspace(0.0, 1.0, 5001) if abs(x - TANGENT) >= 0.02]
 
-    def share(t: np.ndarray) -> np.ndarray:
-        factor = np.maximum((0.3 - t) / PUSH, 0.0)
+    def share(at: Any) -> np.ndarray:
+        factor = np.maximum((np.asarray(at) - TANGENT) / PUSH, 0.0)
         return np.asarray(factor / (1.0 + factor))
 
-    missed = np.abs(np.interp(dense, slope, share(slope)) - share(dense))
-    kinks = (dense > 0.3 - 0.02) & (
-        dense < 0.3 + 0.02
-    )  # where the tolerance of the slope says how near cases are
-    assert missed[~kinks].max() <= 0.02 * 0.75
-
-
-def test_the_boundary_over_a_second_key_is_found_for_each_of_its_values() -> None:
-    """It rests where t + 0.1 <= min(friction, 0.5)."""
-    found = Judged(1.0 / 64.0, SLOPE, "contacts.friction=0.15,0.4,0.7")
-    slope, friction, rests = found.at()
-    for one in (0.15, 0.4, 0.7):
-        edge, mine = min(one, 0.5) - PUSH, friction == one
-        low, high = slope[mine & rests].max(), slope[mine & ~rests].min()
-        assert low <= edge + 1e-9 and edge <= high and high - low <= 1.0 / 64.0
-
-
-def test_what_is_no_number_makes_families_refined_by_themselves() -> None:
-    one, two = Judged(0.05, SLOPE), Judged(0.05, SLOPE, "contacts.convex=true,false")
-    assert len(two.cases) == 2 * len(one.cases)
-    changes = [line for line in two.refinement.lines() if "rest at" in line]
-    assert len(changes) == 2 and sum("contacts.convex=false" in line for line in changes) == 1
+    missed = np.abs(np.interp(dense, friction, share(friction)) - share(dense))
+    assert missed.max() <= 0.02 * 0.75
 
 
 def test_the_budget_is_kept_and_said() -> None:
-    found = Judged(0.001, SLOPE, most=9)
+    found = Judged(0.001, FRICTION, most=9)
     assert len(found.cases) <= 9
-    assert "9 cases are spent before the tolerance is reached" in "\n".join(
-        found.refinement.lines()
-    )
-
-
-@pytest.mark.slow
-def test_a_sweep_goes_on_to_the_same_cases(tmp_path: Path, capfd: Any) -> None:
-    """In two parts, by processes, what is judged here at once."""
-    scene, file = tmp_path / "block.toml", tmp_path / "sweep.sqlite"
-    scene.write_text(
-        BLOCK
-        + '[sweep]\ndo = "judge"\nrefine = 0.05\n[sweep.over]\nload.weight = [[0, -1], [1, -1]]\n'
-    )
-    assert cli.main(["sweep", str(scene), "--out", str(file), "--jobs", "1", "--most", "5"]) == 0
-    assert "raise --most" in capfd.readouterr().out
-    assert incipient.sweep.run(scene, file, jobs=1).known == 5
-    whole = Judged(0.05, "load.weight=[0, -1],[1, -1]")
-    factors = {name: columns["safety_factor"] for name, columns in whole.results.items()}
-    assert {row["id"]: row["safety_factor"] for row in incipient.sweep.rows(file)} == factors
-
-
-def test_between_values_are_equal_ratios_or_differences() -> None:
-    def between(text: str, position: float) -> str:
-        return direction(axes_of([text]), False)[0].settings(position)[0]
-
-    assert between("a.b=log:1:100:3", 0.25) == "a.b=3.16227766017"
-    assert between("a.b=lin:1:100:3", 0.25) == "a.b=25.75"
-    assert between("a.b=1,100", 0.5) == "a.b=10.0"
-    assert between("a.b=3,2,1", 0.25) == "a.b=1.5"
-    assert between("a.b=[0, 1],[1, 3]", 0.5) == "a.b=[0.5, 2.0]"
-    together, others = direction(axes_of(["a.b=1,2", "a.c=9,5"]), True)
-    assert together.settings(0.25) == ("a.b=1.25", "a.c=8.0") and not others
-    first, others = direction(axes_of(["a.b=1,1.0", "a.c=1,2", "a.d=1,2"]), False)
-    assert first.settings(1.0) == ("a.c=2",) and [*others] == ["a.b", "a.d"]
+    assert "9 cases are spent before the tolerance is reached; raise --most" in found.lines
 
 
 @pytest.mark.parametrize(
-    ("over", "together", "refined", "said"),
+    ("text", "position", "setting"),
     [
-        (["a.b=x,y"], False, {"refine": True}, "no key is varied over numbers"),
-        (["a.b=1,2", "a.c=x,y"], True, {"refine": True}, "a.c is varied with other keys"),
-        (["a.b=1,2"], False, {"refine": 2.0}, "--refine 2: is not a fraction of the range"),
-        (["a.b=1,2"], False, {"refine": True, "most": 0}, "--most 0: is not a number of cases"),
-        (["a.b=1,2"], False, {"most": 5}, "--most: applies to a refinement"),
+        ("a.b=log:1:100:3", 0.25, "a.b=3.16227766017"),
+        ("a.b=lin:1:100:3", 0.25, "a.b=25.75"),
+        ("a.b=1,100", 0.5, "a.b=10.0"),
+        ("a.b=3,2,1", 0.25, "a.b=1.5"),
+        ("a.b=3,2,1", 1.0, "a.b=3"),
     ],
 )
-def test_wrong_refinements_are_refused(
-    over: Sequence[str], together: bool, refined: dict[str, Any], said: str
+def test_between_values_are_equal_ratios_or_differences(
+    text: str, position: float, setting: str
 ) -> None:
-    def refused() -> None:
-        requested([Source("mine", BLOCK)], over, together, task="judge", **refined).refinement([])
-
-    assert said in message(refused)
-
-
-def test_a_refinement_without_anything_that_changes_is_refused(tmp_path: Path, capsys: Any) -> None:
-    """A channel without a grain has no safety factor, and begins to move in no mode."""
-    scene = tmp_path / "channel.toml"
-    scene.write_text(
-        "[domain]\nlength = 4.0\nheight = 1.0\n[fluid]\nreynolds = 10.0\nscale = 'flow'\n[flow]\nkind = 'poiseuille'\n"
-        "[numerics]\nmesh_size = 4.0\nerror_bars = false\n[output]\nfields = false\n"
-    )
-    order = [
-        "sweep",
-        str(scene),
-        "--out",
-        str(tmp_path / "x.sqlite"),
-        "--jobs",
-        "1",
-        "--refine",
-        "0.1",
-    ]
-    assert cli.main([*order, "--over", "fluid.reynolds=10,20"]) == 2
-    assert (
-        "--quantity safety_factor: no case has this column; available:" in capsys.readouterr().err
-    )
+    key, others = refined_key(axes_of(["a.a=1,1.0", text, "a.d=1,2"]))
+    assert key.setting(position) == setting and [*others] == ["a.a", "a.d"]
 
 
 def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> None:
     scene = tmp_path / "block.toml"
-    order = ["sweep", str(scene), "--out", str(tmp_path / "x.sqlite"), "--jobs", "1"]
     head = '[sweep]\ndo = "judge"\n'
     for extra, said in (
         ('refine = "much"\n', 'sweep.refine: is "much"'),
@@ -588,7 +462,7 @@ def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> 
         ),
     ):
         scene.write_text(BLOCK + head + extra + "[sweep.over]\ncontacts.friction = [0.1, 0.2]\n")
-        assert cli.main(order) == 2
+        assert cli.main(["sweep", str(scene), "--out", f"{tmp_path}/x.sqlite", "--jobs", "1"]) == 2
         complaint = capsys.readouterr().err
         assert said in complaint and complaint.count("incipient: ") == 1
 
@@ -603,44 +477,30 @@ CASES_OF_TABLES = Path(__file__).parents[2] / "demos" / "cases"
 def file(tmp_path: Path) -> Path:
     """A sweep of three judged cases, of which one waits and one moves."""
     source = Source.of(CASES_OF_TABLES / "block_on_incline.toml")
-    axes = ["contacts.friction=0.2,0.5,0.6"]
-    cases = requested([source], axes, task="judge").cases()
+    cases = requested([source], ["contacts.friction=0.2,0.5,0.6"], task="judge").cases()
     with Store(tmp_path / "sweep.sqlite", make=True) as store:
         store.add(cases)
-        store.finish([(case.identity, 1, computed("judge", case.text)) for case in cases[:2]])
+        for case in cases[:2]:
+            store.finish(case.identity, 1, computed("judge", case.text))
     return tmp_path / "sweep.sqlite"
 
 
-def assert_same(one: list[dict[str, Any]], other: list[dict[str, Any]]) -> None:
-    """The same numbers and words; what a case does not have is missing, not a number or none."""
-    assert len(one) == len(other)
-    for mine, theirs in zip(one, other, strict=True):
-        for name in {*mine, *theirs}:
-            a, b = mine.get(name), theirs.get(name)
-            none = [
-                value is None or (isinstance(value, float) and math.isnan(value))
-                for value in (a, b)
-            ]
-            assert all(none) or (a == b and not any(none)), name
+def present(row: dict[str, Any]) -> dict[str, Any]:
+    """What a row has: of a frame without NaN, of Parquet without nulls."""
+    return {name: value for name, value in row.items() if value is not None and value == value}
 
 
-def test_a_frame_has_the_rows(file: Path) -> None:
-    pytest.importorskip("pandas")
-    frame, rows = incipient.sweep.frame(file), incipient.sweep.rows(file)
-    assert frame["contacts.friction"].tolist() == [0.2, 0.5, 0.6]
-    assert frame["status"].tolist() == ["done", "done", "waiting"]
-    # By hand: (friction cos 20 - sin 20)/0.1, at 0.2 zero.
-    assert frame["safety_factor"].tolist()[:2] == pytest.approx([0.0, 1.278], abs=1e-3)
-    assert_same(frame.to_dict("records"), rows)
-
-
-def test_parquet_has_the_rows(file: Path, tmp_path: Path, capsys: Any) -> None:
+def test_frames_and_parquet_have_the_rows(file: Path, tmp_path: Path, capsys: Any) -> None:
     pytest.importorskip("pandas")
     parquet = pytest.importorskip("pyarrow.parquet")
-    target = tmp_path / "table.parquet"
+    target, rows = tmp_path / "table.parquet", [*map(present, incipient.sweep.rows(file))]
+    assert [row["contacts.friction"] for row in rows] == [0.2, 0.5, 0.6]
+    # By hand: (friction cos 20 - sin 20)/0.1, at 0.2 zero.
+    assert [row["safety_factor"] for row in rows[:2]] == pytest.approx([0.0, 1.278], abs=1e-3)
+    assert [*map(present, incipient.sweep.frame(file).to_dict("records"))] == rows
     assert cli.main(["table", str(file), "--parquet", str(target)]) == 0
     assert capsys.readouterr().out.strip() == str(target)
-    assert_same(parquet.read_table(target).to_pylist(), incipient.sweep.rows(file))
+    assert [*map(present, parquet.read_table(target).to_pylist())] == rows
     assert cli.main(["table", str(file), "--parquet", str(tmp_path / "absent" / "x.parquet")]) == 5
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -675,27 +535,21 @@ def grains(path: Path) -> Path:
     return path
 
 
-def test_classes_of_a_table_of_grains(tmp_path: Path) -> None:
+def test_classes_of_a_table_of_grains(tmp_path: Path, capsys: Any) -> None:
     """Percentiles of 0.05/D within the spread of the class: 10% and its width; a tenth is not moved by any flow."""
-    found = size_classes(grains(tmp_path / "grains.csv"), [1.0, 1.1, 2.0, 3.0, 5.0])
-    assert sum(one["grains"] for one in found) == 4000
-    assert [one["without_threshold"] for one in found][:3] == pytest.approx(
-        [0.1 * one["grains"] for one in found][:3], rel=0.35
+    path = grains(tmp_path / "grains.csv")
+    assert cli.main(["table", str(path), "--size-classes", "1,1.1,2,3,5"]) == 0
+    found = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    counts, stuck = (
+        np.array([float(row[name]) for row in found]) for name in ("grains", "without_threshold")
     )
-    first = found[0]
+    assert counts.sum() == 4000 and stuck[:3] == pytest.approx(0.1 * counts[:3], rel=0.35)
+    first = {name: float(cell) for name, cell in found[0].items()}
     # Nine tenths have thresholds, so that the median of all is their percentile 50/0.9.
     expected = 0.05 / 1.05 * (0.9 + 0.2 * 0.5 / 0.9)
     assert first["shields_50"] == pytest.approx(expected, rel=0.02)
     assert first["shields_16"] < first["shields_50"] < first["shields_84"] < np.inf
-    assert found[3] == {"size_low": 3.0, "size_high": 5.0, "grains": 0, "without_threshold": 0}
-
-
-def test_the_command_prints_csv(tmp_path: Path, capsys: Any) -> None:
-    path = grains(tmp_path / "grains.csv")
-    assert cli.main(["table", str(path), "--size-classes", "1,2,3"]) == 0
-    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
-    assert [row["size_low"] for row in rows] == ["1.0", "2.0"]
-    assert float(rows[0]["shields_50"]) > float(rows[1]["shields_50"]) > 0.0
+    assert (found[3]["size_low"], found[3]["grains"], found[3]["shields_50"]) == ("3.0", "0", "")
     assert cli.main(["table", str(path), "--size-classes", "1,x"]) == 2
     assert "is not a list of numbers" in capsys.readouterr().err
 
@@ -714,17 +568,17 @@ def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("bounds", "size", "said"),
+    ("name", "bounds", "size", "said"),
     [
-        ([2.0, 1.0], None, "2, 1 do not increase"),
-        ([1.0], None, "do not increase"),
-        ([1.0, 2.0], "weight", "has no column weight"),
-        ([10.0, 20.0], None, "has no threshold of a diameter from 10 to 20"),
+        ("grains", [2.0, 1.0], None, "2, 1 do not increase"),
+        ("grains", [1.0], None, "do not increase"),
+        ("grains", [1.0, 2.0], "weight", "has no column weight"),
+        ("grains", [10.0, 20.0], None, "has no threshold of a diameter from 10 to 20"),
+        ("absent", [1.0, 2.0], None, "cannot be read"),
     ],
 )
-def test_what_is_wrong_is_said(
-    bounds: list[float], size: str | None, said: str, tmp_path: Path
+def test_wrong_classes_are_refused(
+    name: str, bounds: list[float], size: str | None, said: str, tmp_path: Path
 ) -> None:
-    path = grains(tmp_path / "grains.csv")
-    assert said in message(lambda: size_classes(path, bounds, size))
-    assert "cannot be read" in message(lambda: size_classes(tmp_path / "absent.csv", [1.0, 2.0]))
+    grains(tmp_path / "grains.csv")
+    assert said in message(lambda: size_classes(tmp_path / f"{name}.csv", bounds, size))

@@ -45,7 +45,6 @@ from incipient.contact import Load
 from incipient.contact.safety import safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
-from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
@@ -56,6 +55,7 @@ from incipient.meshes.model import meshed
 from incipient.planning.layout import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Trial
+from incipient.results.contact_verdict import find_contacts
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads

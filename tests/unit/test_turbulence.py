@@ -8,7 +8,7 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
-from domains import ring, unit_box
+from domains import named_by_planes, ring, unit_box
 from floating import Floating, box_around
 from moving import RandomMotion, Steps
 from mpi4py import MPI
@@ -33,48 +33,31 @@ from incipient.forms.k_omega_sst import BETA_STAR as SST_BETA_STAR
 from incipient.forms.k_omega_sst import EXPONENT, KOmegaSST
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc
-from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
 from incipient.planning.wall_conditions import UFL
 from incipient.results.wall_report import WallReport
-from incipient.turbulence import linear
 from incipient.turbulence.coupled_flow import half_where_reversed
 from incipient.turbulence.developed import developed, of_discharge
 from incipient.turbulence.in_time import InTime
-from incipient.turbulence.linear import ROUGH, BlockByBlock, CompressedFactors
+from incipient.turbulence.linear import ROUGH, BlockByBlock
 from incipient.turbulence.wall_law import WallLaw
 
 # k and epsilon by themselves, in given velocities, against exact solutions; that they stay positive.
 
 
-KAPPA = np.sqrt(
-    1.3 * (1.92 - 1.44) * np.sqrt(0.09)
-)  # of the logarithmic law that these constants have
+# kappa of the logarithmic layer of k-epsilon.
+KAPPA = np.sqrt(1.3 * (1.92 - 1.44) * np.sqrt(0.09))
+BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds far from walls
 
 
-def rectangle(low, high, cells, names=("bottom", "right", "top", "left")):
-    """A rectangle of triangles with named sides."""
-    kind = dolfinx.mesh.CellType.triangle
-    mesh = dolfinx.mesh.create_rectangle(
-        MPI.COMM_SELF, [np.array(low), np.array(high)], cells, kind
-    )
-    sides = ((1, low[1]), (0, high[0]), (1, high[1]), (0, low[0]))
-    found = [
-        dolfinx.mesh.locate_entities_boundary(
-            mesh, 1, lambda x, a=axis, p=place: np.isclose(x[a], p)
-        )
-        for axis, place in sides
-    ]
-    facets = np.concatenate(found).astype(np.int32)
-    tags = np.repeat(np.arange(1, 5, dtype=np.int32), [len(one) for one in found])
-    order = np.argsort(facets)
-    return Domain(
-        mesh,
-        dolfinx.mesh.meshtags(mesh, 1, facets[order], tags[order]),
-        dict(zip(names, range(1, 5), strict=True)),
-    )
+def rectangle(low, high, cells):
+    """A rectangle of triangles with the sides "left", "right", "bottom" and "top"."""
+    mesh = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, np.array([low, high], dtype=float), cells)
+    (left, bottom), (right, top) = low, high
+    planes = {"left": (0, left), "right": (0, right), "bottom": (1, bottom), "top": (1, top)}
+    return named_by_planes(mesh, planes)
 
 
 def uniform(k, epsilon):
@@ -95,39 +78,65 @@ def through_time(fields, times):
     return np.array(found)
 
 
-def test_homogeneous_turbulence_decays_as_it_must():
-    """k = k0 (1 + (C_2 - 1) e0 t/k0)^-1.08696, epsilon with -2.08696 (exact); second order in the step."""
+@pytest.mark.parametrize(
+    ("model", "start", "rate", "powers"),
+    [
+        # k = k0 (1 + (C_2 - 1) e0 t/k0)^-1.087, epsilon with -2.087.
+        (k_epsilon, (2.0, 0.5), 0.92 * 0.25, (-1 / 0.92, -1 / 0.92 - 1)),
+        (k_omega, (2.0, 3.0), BETA * 3.0, (-BETA_STAR / BETA, -1.0)),
+    ],
+)
+def test_homogeneous_turbulence_decays_as_it_must(model, start, rate, powers):
+    """By the exact powers of time, at second order."""
     errors = []
     for steps in (50, 100):
         times = np.expm1(np.linspace(0.0, np.log(1001.0), steps + 1))
-        with k_epsilon(rectangle((0, 0), (1, 1), (1, 1)), uniform(2.0, 0.5)) as fields:
+        with model(rectangle((0, 0), (1, 1), (1, 1)), uniform(*start)) as fields:
             fields.carried_by(dolfinx.fem.Constant(fields.domain.mesh, (0.0, 0.0)), 0.01)
-            k, epsilon = through_time(fields, times).T
-        age = 1 + 0.92 * 0.25 * times[1:]
-        exact = 2.0 * age ** (-1 / 0.92), 0.5 * age ** (-1 / 0.92 - 1)
-        errors.append(max(np.abs(k / exact[0] - 1).max(), np.abs(epsilon / exact[1] - 1).max()))
-        late = np.log(times[-1] / times[-16])
-        assert np.log(k[-16] / k[-1]) / late == pytest.approx(1.08696, rel=0.02)
-        assert np.log(epsilon[-16] / epsilon[-1]) / late == pytest.approx(2.08696, rel=0.02)
+            found = through_time(fields, times)
+        exact = start * (1 + rate * times[1:, None]) ** powers
+        errors.append(np.abs(found / exact - 1).max())
     assert errors[1] < 1e-2 and errors[0] / errors[1] > 3.0
 
 
-def test_homogeneous_shear_tends_to_its_limit():
-    """With (k/epsilon)' = 0 the equations give P/epsilon = (C_2 - 1)/(C_1 - 1), and S k/epsilon = sqrt(that/C_mu).
+SHEAR = 2.0
 
-    Then k grows at the rate (P/epsilon - 1) epsilon/k.
-    """
-    shear, produced = 2.0, 0.92 / 0.44
-    ratio = np.sqrt(produced / 0.09)
-    with k_epsilon(rectangle((0, 0), (1, 1), (1, 1)), uniform(1.0, 2.0)) as fields:
-        x = ufl.SpatialCoordinate(fields.domain.mesh)
-        # The velocity at the only place that counts is zero: convection of what is uniform vanishes anyway.
-        fields.carried_by(ufl.as_vector([shear * x[1], 0]), 0.01)
-        times = np.linspace(0.0, 40.0, 161)
-        k, epsilon = through_time(fields, times).T
-    assert shear * k[-1] / epsilon[-1] == pytest.approx(ratio, rel=1e-4)
-    rate = np.log(k[-1] / k[-2]) / (times[-1] - times[-2])
-    assert rate == pytest.approx((produced - 1) * shear / ratio, rel=1e-3)
+
+def epsilon_in_shear(time, state):
+    k, epsilon = state
+    made = 0.09 * k**2 / epsilon * SHEAR**2
+    return made - epsilon, (1.44 * made - 1.92 * epsilon) * epsilon / k
+
+
+def omega_in_shear(time, state):
+    k, omega = state
+    made = min(k / omega * SHEAR**2, 10 * BETA_STAR * k * omega)
+    return made - BETA_STAR * k * omega, GAMMA * SHEAR**2 - BETA * omega**2
+
+
+@pytest.mark.parametrize(
+    ("model", "rates", "start", "limit"),
+    [
+        # k/epsilon and omega that no longer change (exact).
+        (k_epsilon, epsilon_in_shear, (1.0, 2.0), np.sqrt(0.92 / 0.44 / 0.09) / SHEAR),
+        (k_omega, omega_in_shear, (1.0, 0.5), SHEAR * np.sqrt(GAMMA / BETA)),
+    ],
+)
+def test_homogeneous_shear_follows_its_equations(model, rates, start, limit):
+    """By scipy in both quantities themselves, at second order."""
+    errors = []
+    for steps in (160, 320):
+        times = np.expm1(np.linspace(0.0, np.log(21.0), steps + 1))
+        exact = solve_ivp(rates, (0.0, 20.0), start, rtol=1e-9, atol=1e-12, t_eval=times).y[:, 1:]
+        with model(rectangle((0, 0), (1, 1), (1, 1)), uniform(*start)) as fields:
+            x = ufl.SpatialCoordinate(fields.domain.mesh)
+            # The velocity at the only place that counts is zero: convection of what is uniform vanishes anyway.
+            fields.carried_by(ufl.as_vector([SHEAR * x[1], 0]), 0.01)
+            found = through_time(fields, times).T
+        errors.append(np.abs(np.log(found / exact)).max())
+    k, second = found[:, -1]
+    assert (k / second if model is k_epsilon else second) == pytest.approx(limit, rel=1e-3)
+    assert errors[1] < 3e-3 and errors[0] / errors[1] > 3.0
 
 
 def steady(fields, tolerance=1e-9):
@@ -137,45 +146,13 @@ def steady(fields, tolerance=1e-9):
         assert np.isfinite(fields.step((1 / step, -1 / step, 0.0), (before, before), tolerance))
 
 
-def test_turbulence_decays_along_a_stream():
-    """The decay with x/U in place of t, diffusion being 1e-4 of convection."""
-
-    def exact(x):
-        age = 1 + 0.92 * x[0]
-        return np.log([1e-4 * age ** (-1 / 0.92), 1e-4 * age ** (-1 / 0.92 - 1)])
-
-    errors = []
-    for cells in (4, 8):
-        with k_epsilon(rectangle((0, 0), (4, 1), (cells, 1)), exact, ("left",)) as fields:
-            fields.state.interpolate(lambda x: exact(0 * x))
-            fields.carried_by(dolfinx.fem.Constant(fields.domain.mesh, (1.0, 0.0)), 1e-6)
-            steady(fields)
-            places = np.column_stack([np.linspace(0.1, 3.9, 40), np.full(40, 0.5)])
-            errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
-    assert errors[1] < 5e-3 and errors[0] / errors[1] > 3.5
-
-
-def along_the_stagnation_streamline(most):
-    """k at y = 0.3 over that at y = 4 in the flow (x, -y), by the equations along its streamlines."""
-
-    def rates(time, logarithms):
-        lost = np.exp(logarithms[1] - logarithms[0])
-        made = min(0.09 * 4 / lost, most * lost)  # 2 D : D = 4
-        return made - lost, 1.44 * made - 1.92 * lost
-
-    path = solve_ivp(rates, (0.0, np.log(4 / 0.3)), np.log([1e-6, 1e-6 / 40]), rtol=1e-8, atol=1e-8)
-    return np.exp(path.y[0, -1]) / 1e-6
-
-
 def test_what_the_limiter_does_where_a_flow_meets_a_wall():
     """Turbulence with k/epsilon = 40 in a flow onto a wall, of strain one, where diffusion is nothing.
 
-    P/epsilon would be 576. At most ten, k/epsilon falls at the rate 9 - (1.44 10 - 1.92) = -3.48 and k grows by
-    (T0/(T0 - 3.48 t))^(9/3.48), to 1.94 times (exact); without the limiter to hundreds of times.
+    P/epsilon would be 576, and k grow to hundreds of times. At most ten, k/epsilon falls at the rate 9 - (1.44 10 -
+    1.92) = -3.48 and k grows by (T0/(T0 - 3.48 t))^(9/3.48), to 1.94 times (exact).
     """
-    expected, late = along_the_stagnation_streamline(10.0), np.log(4 / 0.3)
-    assert expected == pytest.approx((40 / (40 - 3.48 * late)) ** (9 / 3.48), rel=1e-6)
-    assert expected < 2.0 and along_the_stagnation_streamline(1e6) > 500.0
+    expected = (40 / (40 - 3.48 * np.log(4 / 0.3))) ** (9 / 3.48)
     domain = rectangle((0, 0.3), (1, 4), (1, 60))
     with k_epsilon(domain, uniform(1e-6, 1e-6 / 40), ("top",)) as fields:
         x = ufl.SpatialCoordinate(domain.mesh)
@@ -192,39 +169,54 @@ def test_what_the_limiter_does_where_a_flow_meets_a_wall():
     assert np.exp(found) / 1e-6 == pytest.approx(expected, rel=5e-3)
 
 
-@pytest.mark.parametrize("wall", [False, True])
-def test_the_logarithmic_layer_is_a_solution(wall):
-    """U = ln(y)/kappa, k = 1/sqrt(C_mu), epsilon = 1/(kappa y), kappa = 0.4327, solves the equations (exact).
+# Powers of the wall distance as which the second quantity goes, and kappa of both models' logarithmic layers.
+IN_LAYERS = {
+    k_epsilon: lambda y, kappa: 1 / (kappa * y),
+    k_omega: lambda y, kappa: 1 / (0.3 * kappa * y),
+}
 
-    Given on top and at the sides; at the bottom, too, or with the conditions of Neumann's type at a wall one away.
+
+@pytest.mark.parametrize(
+    ("model", "kappa"),
+    [(k_epsilon, KAPPA), (k_omega, np.sqrt((0.075 / 0.09 - 5.0 / 9.0) * 0.3 / 0.5))],
+)
+def test_the_logarithmic_layer_is_a_solution(model, kappa):
+    """U = ln(y)/kappa, k = 1/0.3, epsilon = 1/(kappa y) or omega = 1/(0.3 kappa y) solve the equations (exact).
+
+    kappa is 0.4327, or that of the inner model (Menter 1994). Given on top and at the sides; at the bottom the wall is
+    one away.
     """
 
     def exact(x):
-        return np.log([0 * x[1] + 1 / 0.3, 1 / (KAPPA * x[1])])
+        return np.log([0 * x[1] + 1 / 0.3, IN_LAYERS[model](x[1], kappa)])
 
-    assert pytest.approx(0.4327, abs=1e-4) == KAPPA
-    errors, sides = [], ("top", "left", "right") if wall else ("top", "left", "right", "bottom")
+    errors, given = [], ("top", "left", "right")
     for cells in (3, 6):
         domain = rectangle((0, 1), (4, 5), (2, cells))
-        with k_epsilon(domain, exact, sides, {"bottom": 1.0} if wall else {}) as fields:
-            fields.state.x.array[:] += 0.3 * np.sin(np.arange(len(fields.state.x.array)))
+        with model(domain, exact, given, {"bottom": 1.0}, viscosity=1e-9) as fields:
+            fields.state.x.array[:] += 0.1 * np.sin(np.arange(len(fields.state.x.array)))
             y = ufl.SpatialCoordinate(domain.mesh)[1]
-            fields.carried_by(ufl.as_vector([ufl.ln(y) / KAPPA, 0 * y]), 1e-9)
+            fields.carried_by(ufl.as_vector([ufl.ln(y) / kappa, 0 * y]), 1e-9)
             steady(fields)
             places = np.column_stack([np.full(40, 2.1), np.linspace(1.0, 5.0, 40)])
             errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
-    assert errors[1] < 0.02 and errors[0] / errors[1] > 3.5
+    assert errors[1] < 0.02 and errors[0] / errors[1] > 3.0
 
 
 MOST_CUTS = 20  # after which a run ends, and says that k and epsilon do not converge
 
 
-def random_steps(number, seed):
-    """How often a step had to be cut to a quarter: at random from states, in shear and by steps over many decades.
+@pytest.mark.parametrize(
+    ("number", "seed"), [(12, 3), pytest.param(1000, 4, marks=pytest.mark.slow)]
+)
+def test_starts_meshes_and_steps_leave_k_and_epsilon_positive(number, seed):
+    """They are exponentials: what may fail is a step, which says so, and is taken in parts.
 
-    Every twelve of them have a mesh of their own, of stretched cells whose corners lie at random.
+    At random from states, in shear and by steps over many decades up to 1000; every twelve of them have a mesh of their
+    own, of stretched cells whose corners lie at random. Each has a step that is short enough, 19 quarterings at most:
+    upwinding that is longer than the step weighs the rate more along the flow than by itself, and six starts had none.
     """
-    random, cuts = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
     for _ in range(-(-number // 12)):
         cells, height = random.integers(1, 5, 2), 10 ** random.uniform(-1, 1)
         domain = rectangle((0, 0), (1, height), tuple(map(int, cells)))
@@ -240,79 +232,16 @@ def random_steps(number, seed):
                 start += 0.5 * random.standard_normal(size)
                 fields.state.x.array[:] = start
                 shear.value, step = 10.0 ** random.uniform(-3, 3, 2)
-                cut = 0
-                while not np.isfinite(
-                    fields.step((1 / step, -1 / step, 0.0), (start, start), 1e-6)
-                ):
+                cut, past = 0, (start, start)
+                while not np.isfinite(fields.step((1 / step, -1 / step, 0.0), past, 1e-6)):
                     fields.state.x.array[:] = start
                     step, cut = 0.25 * step, cut + 1
-                    if cut == MOST_CUTS:
-                        break
+                    assert cut < MOST_CUTS
                 found = np.exp(fields.state.x.array)
                 assert np.isfinite(found).all() and (found > 0.0).all()
-                cuts.append(cut)
-    return cuts
-
-
-def test_no_start_and_no_step_makes_k_or_epsilon_negative():
-    """They are exponentials: what may fail is a step, which says so, and is taken in parts."""
-    assert max(random_steps(12, 3)) < MOST_CUTS
-
-
-@pytest.mark.slow
-def test_a_thousand_starts_meshes_and_steps_leave_k_and_epsilon_positive():
-    """Each has a step that is short enough, 19 quarterings at most of steps up to 1000.
-
-    Upwinding that is longer than the step weighs the rate more along the flow than by itself: six starts had no step.
-    """
-    cuts = random_steps(1000, 4)
-    assert len(cuts) >= 1000 and max(cuts) < MOST_CUTS
 
 
 # k and omega by themselves, in given velocities, against exact solutions, and developed flow in one dimension.
-
-
-BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds far from walls
-
-
-def far_from_walls(k, omega):
-    return k_omega(rectangle((0, 0), (1, 1), (1, 1)), uniform(k, omega))
-
-
-def test_homogeneous_turbulence_decays_as_it_must_by_k_omega():
-    """omega = w0/(1 + beta w0 t), k = k0 (1 + beta w0 t)^(-beta*/beta) (exact); second order in the step."""
-    errors = []
-    for steps in (50, 100):
-        times = np.expm1(np.linspace(0.0, np.log(1001.0), steps + 1))
-        with far_from_walls(2.0, 3.0) as fields:
-            fields.carried_by(dolfinx.fem.Constant(fields.domain.mesh, (0.0, 0.0)), 0.01)
-            k, omega = through_time(fields, times).T
-        age = 1 + BETA * 3.0 * times[1:]
-        exact = 2.0 * age ** (-BETA_STAR / BETA), 3.0 / age
-        errors.append(max(np.abs(k / exact[0] - 1).max(), np.abs(omega / exact[1] - 1).max()))
-    assert errors[1] < 1e-2 and errors[0] / errors[1] > 3.0
-
-
-def test_homogeneous_shear_follows_its_equations():
-    """By scipy in k and omega themselves, at second order; in the end omega = S (gamma/beta)^(1/2) (exact)."""
-    shear, start = 2.0, (1.0, 0.5)
-
-    def rates(time, state):
-        k, omega = state
-        made = min(k / omega * shear**2, 10 * BETA_STAR * k * omega)
-        return made - BETA_STAR * k * omega, GAMMA * shear**2 - BETA * omega**2
-
-    errors = []
-    for steps in (160, 320):
-        times = np.expm1(np.linspace(0.0, np.log(21.0), steps + 1))
-        exact = solve_ivp(rates, (0.0, 20.0), start, rtol=1e-9, atol=1e-12, t_eval=times).y[:, 1:]
-        with far_from_walls(*start) as fields:
-            x = ufl.SpatialCoordinate(fields.domain.mesh)
-            fields.carried_by(ufl.as_vector([shear * x[1], 0]), 0.01)
-            found = through_time(fields, times).T
-        errors.append(np.abs(np.log(found / exact)).max())
-    assert found[1, -1] == pytest.approx(shear * np.sqrt(GAMMA / BETA), rel=1e-4)
-    assert errors[1] < 3e-3 and errors[0] / errors[1] > 3.0
 
 
 @pytest.mark.parametrize("distance", [0.1, 1.0])
@@ -337,68 +266,7 @@ def test_next_to_a_smooth_wall_only_molecules_matter(distance):
             steady(fields)
             places = np.column_stack([np.full(30, 0.45), np.linspace(0.0, 1.0, 30) + distance])
             errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
-    print(errors)
     assert errors[1] < 0.1 * distance**-0.5 and errors[0] / errors[1] > 3.0
-
-
-def test_the_logarithmic_layer_is_a_solution_next_to_a_far_wall():
-    """U = ln(y)/kappa, k = 1/sqrt(beta*), omega = 1/(sqrt(beta*) kappa y) solve the inner model (Menter 1994, exact).
-
-    kappa^2 = (beta/beta* - gamma) sqrt(beta*)/sigma_omega = 0.1667. They are given but at the bottom, whose wall is one
-    away.
-    """
-    kappa = np.sqrt((0.075 / 0.09 - 5.0 / 9.0) * 0.3 / 0.5)
-
-    def exact(x):
-        return np.log([0 * x[1] + 1 / 0.3, 1 / (0.3 * kappa * x[1])])
-
-    errors = []
-    for cells in (3, 6):
-        domain = rectangle((0, 1), (4, 5), (2, cells))
-        given = ("top", "left", "right")
-        with k_omega(domain, exact, given, {"bottom": 1.0}, viscosity=1e-9) as fields:
-            fields.state.x.array[:] += 0.1 * np.sin(np.arange(len(fields.state.x.array)))
-            y = ufl.SpatialCoordinate(domain.mesh)[1]
-            fields.carried_by(ufl.as_vector([ufl.ln(y) / kappa, 0 * y]), 1e-9)
-            steady(fields)
-            places = np.column_stack([np.full(40, 2.1), np.linspace(1.0, 5.0, 40)])
-            errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
-    print(errors)
-    assert errors[1] < 0.02 and errors[0] / errors[1] > 3.0
-
-
-def test_next_to_a_wall_that_moves_with_the_fluid_only_molecules_matter():
-    """That solution goes along with the wall, up by a fifth of the height to a top at rest: the mesh is squeezed."""
-    speed, end, below, distance = 0.2, 1.0, [0.0], 0.5
-
-    def exact(x):
-        y = x[1] - below[0] + distance
-        return np.array([np.log(1e-14) + EXPONENT * np.log(y), np.log(6 * 0.01 / 0.075 / y**2)])
-
-    errors = []
-    for cells in (8, 16):
-        below[0] = 0.0
-        domain = rectangle((0, 0), (1, 1), (3, cells))
-        made = domain.mesh.geometry.x[:, 1].copy()
-        given = ("top", "left", "right")
-        with k_omega(domain, exact, given, {"bottom": distance}) as fields:
-            height, x = fields.constant(0.0), ufl.SpatialCoordinate(domain.mesh)
-            fluid = dolfinx.fem.Constant(domain.mesh, (0.0, speed))
-            beside = ufl.as_vector([0, speed * (x[1] - height) / (1 - height)])
-            fields.carried_by(fluid, 0.01, carrier=beside)
-            past = [fields.state.x.array.copy()]
-            for number in range(cells):
-                below[0] = height.value = speed * end * (number + 1) / cells
-                domain.mesh.geometry.x[:, 1] = below[0] + (1 - below[0]) * made
-                fields.follow()
-                fields.give(exact, 0.01, {}, 0.0)
-                rate, _ = backward_difference(1 + (number > 0), end / cells, 1.0)
-                assert fields.step(rate, (past[0], past[-1]), 1e-10) <= 1e-10
-                past = [fields.state.x.array.copy(), past[0]]
-            places = np.column_stack([np.full(30, 0.45), np.linspace(below[0], 1.0, 30)])
-            errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
-    print(errors)
-    assert errors[1] < 0.02 and errors[0] / errors[1] > 3.0
 
 
 def test_distances_from_walls_are_those_of_geometry():
@@ -410,7 +278,7 @@ def test_distances_from_walls_are_those_of_geometry():
     assert distances(domain, ("bottom", "top", "left"), places) == pytest.approx(both)
 
 
-@pytest.mark.parametrize("re_tau", [180.0, 547.0, 1000.0, 2004.0])
+@pytest.mark.parametrize("re_tau", [180.0, 2004.0])
 def test_developed_flow_is_that_of_finite_volumes(re_tau):
     """In k and omega themselves, written for the tests: the same mean velocity within 0.1%."""
     assert developed(re_tau).mean == pytest.approx(k_omega_channel(re_tau), rel=1e-3)
@@ -424,7 +292,6 @@ def test_developed_flow_over_sand_obeys_the_law_of_rough_walls(sand, within):
         np.interp(y, found.heights, found.speed) - law.velocity(1.0, 1.0 / 20000.0, y)
         for y in (0.05, 0.1, 0.2)
     ]
-    print(sand, away)
     assert np.abs(away).max() < within
 
 
@@ -439,16 +306,13 @@ def test_powers_at_walls_are_those_of_developed_flow():
         assert np.abs(power - slope)[layer].max() < within
 
 
-def test_developed_flow_over_fine_roughness_is_that_over_a_smooth_wall():
-    """u* k_s/nu = 2, below 2.25, from which on roughness matters: heights ascend."""
-    rough = developed(500.0, 0.004)
-    assert rough.mean == developed(500.0).mean and (np.diff(rough.heights) > 0.0).all()
-
-
 def test_developed_flow_has_the_discharge_asked_for():
+    """Roughness of u* k_s/nu = 2 is below 2.25, from which on it matters."""
     found = of_discharge(11000.0)
     assert found.re_tau * found.mean == pytest.approx(11000.0, rel=1e-5)
     assert found.speed[-1] > found.mean > 0.8 * found.speed[-1]
+    rough = developed(500.0, 0.004)
+    assert rough.mean == developed(500.0).mean and (np.diff(rough.heights) > 0.0).all()
 
 
 def test_slow_flow_is_laminar():
@@ -493,121 +357,100 @@ def blocks():
     return made
 
 
-@pytest.fixture
-def solver(blocks, monkeypatch):
-    """With factors of the flow's block that are wrong in one direction, as those that leave something out may be."""
-
-    class Off(CompressedFactors):
-        def __init__(self, matrix):
-            wrong = blocks[0, 0].copy()
-            wrong[:, 0] *= 4.0
-            super().__init__(sparse(wrong))
-
-    monkeypatch.setattr(linear, "CompressedFactors", Off)
+def nest_of(blocks):
     nest = PETSc.Mat().createNest(
         [[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF
     )
     nest.assemble()
-    made = BlockByBlock(nest)
-    made.prepare()
-    yield made
-    made.destroy()
+    return nest
+
+
+def refill(nest, row, column, entries):
+    block = nest.getNestSubMatrix(row, column)
+    block.setValues(range(ROWS), range(ROWS), entries)
+    block.assemble()
 
 
 def solved(solver):
     right, x = solver.matrix.createVecs()
     right.setArray(np.linspace(1.0, 2.0, 2 * ROWS))
+    solver.prepare()
     solver.approximate(right, x)
     return right.array.copy(), x.array.copy()
 
 
-def test_together_both_are_solved_though_the_factors_are_off(solver, blocks):
+@pytest.mark.parametrize("coupled", [True, False])
+def test_older_factors_of_the_flow_serve_on(blocks, coupled):
+    """Wrong in one direction; where the flow depends on no turbulence GMRES needs two applications for that."""
+    wrong = blocks[0, 0].copy()
+    wrong[:, 0] *= 4.0
+    blocks[0, 1] *= coupled
+    solver = BlockByBlock(nest_of([[wrong, blocks[0, 1]], blocks[1]]))
+    solved(solver)
+    refill(solver.matrix, 0, 0, blocks[0, 0])
     b, x = solved(solver)
     whole = np.block([list(row) for row in blocks])
     assert np.linalg.norm(whole @ x - b) <= 1.01 * ROUGH * np.linalg.norm(b)
+    assert 1 < solver._solver.getIterationNumber() <= (10 if coupled else 3)
+    solver.destroy()
 
 
-def test_k_and_omega_are_solved_at_once(solver, monkeypatch):
-    """Where the flow depends on no turbulence GMRES needs two applications, for factors wrong in one direction."""
-    block = solver.matrix.getNestSubMatrix(0, 1)
-    block.zeroEntries()
-    block.assemble()
-    applied = []
-    once = BlockByBlock.apply
-    monkeypatch.setattr(
-        BlockByBlock, "apply", lambda self, *given: applied.append(once(self, *given))
-    )
+def test_factors_too_old_are_renewed_and_what_none_solve_is_not_finite(blocks):
+    """Of a flow unlike the one of its factors; of a matrix to whose range the right-hand side does not belong."""
+    solver = BlockByBlock(nest_of(blocks))
     solved(solver)
-    assert len(applied) <= 3  # the last one makes the solution of what the two span
+    unlike = blocks[0, 0].T - 30.0 * np.eye(ROWS)
+    refill(solver.matrix, 0, 0, unlike)
+    b, x = solved(solver)
+    whole = np.block([[unlike, blocks[0, 1]], list(blocks[1])])
+    assert np.linalg.norm(whole @ x - b) <= 1.01 * ROUGH * np.linalg.norm(b)
+    for column in (0, 1):
+        refill(solver.matrix, 1, column, np.zeros((ROWS, ROWS)))
+    assert np.isinf(solved(solver)[1]).all()
+    solver.destroy()
 
 
 def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, caplog):
     """0.6 of 440 n^(4/3) bytes of 40 unknowns are 36 kB, of which twice as much must be free."""
-    nest = PETSc.Mat().createNest(
-        [[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF
-    )
-    nest.assemble()
+    nest = nest_of(blocks)
     for free, told in ((78e3, 0), (66e3, 1)):
         monkeypatch.setattr(direct, "free_bytes", lambda free=free: free)
         BlockByBlock(nest).destroy()
-        assert (
-            sum("more than half of the free memory" in one.message for one in caplog.records)
-            == told
-        )
-
-
-def test_what_factors_cannot_solve_is_not_finite(solver, blocks):
-    """A matrix without an inverse, to whose range the right-hand side does not belong."""
-    for column in (0, 1):
-        block = solver.matrix.getNestSubMatrix(0, column)
-        block.zeroEntries()
-        block.assemble()
-    _, x = solved(solver)
-    assert np.isinf(x).all()
+        said = [one for one in caplog.records if "half of the free memory" in one.message]
+        assert len(said) == told
 
 
 def test_turns_that_newtons_method_takes_end():
-    """Newton's whole corrections of arctan(x) = 0 from 1.5 go to and fro and grow."""
+    """Newton's whole corrections of arctan(x) = 0 from 1.5 go to and fro and grow; those that go on or shrink stay."""
     x, last = np.array([1.5]), 0.0
     for _ in range(30):
         last = half_where_reversed(-np.arctan(x) * (1.0 + x**2), last)
         x = x + last
     assert abs(x[0]) < 1e-6
-
-
-def test_changes_that_go_on_or_shrink_are_whole():
-    last = np.array([1.0, 1.0, 1.0, 0.0])
-    assert half_where_reversed(np.array([0.8, -0.4, -0.6, -2.0]), last).tolist() == [
-        *(0.8, -0.4, -0.3, -2.0)
-    ]
+    changes, last = np.array([0.8, -0.4, -0.6, -2.0]), np.array([1.0, 1.0, 1.0, 0.0])
+    assert half_where_reversed(changes, last).tolist() == [0.8, -0.4, -0.3, -2.0]
 
 
 # Along walls of a turbulent flow, where it runs upstream and where it leaves; peaks of k; upwinding of its sources.
 
 
-def along(velocities):
-    """A level wall with velocities at places one apart."""
-    count = len(velocities)
-    places = np.column_stack([np.arange(count), np.zeros(count)]).astype(float)
-    flow = np.column_stack([velocities, np.zeros(count)]).astype(float)
-    normals, edges = np.tile([0.0, -1.0], (count, 1)), np.empty((0, 2), dtype=int)
-    return AlongWall(places, normals, np.ones(count), flow, np.ones(count), edges)
+def along(speeds, normals=(0.0, -1.0), closed=False):
+    """A wall of facets between nodes one apart, with speeds; closed: the last node is the first one's neighbour."""
+    count = len(speeds)
+    normals = np.array(np.broadcast_to(normals, (count, 2)), dtype=float)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    facets = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
+    places, lengths = (
+        np.column_stack([np.arange(count), np.zeros(count)]).astype(float),
+        np.ones(count),
+    )
+    flow = tangents * np.array(speeds, dtype=float)[:, None]
+    return AlongWall(places, normals, lengths, flow, lengths, facets if closed else facets[:-1])
 
 
 def coarse(wall, stresses):
     """The fraction with stresses signed by the direction of the flow, more than a quarter being too much."""
     return wall.coarse_fraction(wall.directions * np.abs(stresses), 0.25)
-
-
-def stressed(stresses, normals=(0.0, -1.0), closed=False):
-    """A wall of facets from node to node with stresses; closed: the last node is the first one's neighbour."""
-    count = len(stresses)
-    normals = np.broadcast_to(np.array(normals, dtype=float), (count, 2))
-    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-    facets = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
-    lengths = np.ones(count)
-    flow = tangents * np.array(stresses, dtype=float)[:, None]
-    return AlongWall(flow, normals, lengths, flow, lengths, facets if closed else facets[:-1])
 
 
 @pytest.mark.parametrize(
@@ -620,7 +463,7 @@ def stressed(stresses, normals=(0.0, -1.0), closed=False):
 )
 def test_the_change_of_the_stress_from_cell_to_cell(stresses, fraction):
     """By hand: the fraction of all change that lies in facets with more than a quarter, two at both ends left out."""
-    assert coarse(stressed(stresses), stresses) == pytest.approx(fraction)
+    assert coarse(along(stresses), stresses) == pytest.approx(fraction)
 
 
 def test_facets_at_corners_do_not_count_and_the_stress_turns_with_the_wall():
@@ -631,9 +474,9 @@ def test_facets_at_corners_do_not_count_and_the_stress_turns_with_the_wall():
     normals[corners] = 0.5 * (sides[corners] + sides[corners - 1])
     stresses = np.ones(64)
     stresses[[15, 17]] = 50.0
-    assert coarse(stressed(stresses, normals, closed=True), stresses) == 0.0
+    assert coarse(along(stresses, normals, closed=True), stresses) == 0.0
     stresses[24:28] = 5.0  # in the middle of a side, mean 3.8: one step of four up, one down
-    assert coarse(stressed(stresses, normals, closed=True), stresses) == 1.0
+    assert coarse(along(stresses, normals, closed=True), stresses) == 1.0
 
 
 def test_the_stress_along_the_triangles_of_a_wall_in_space():
@@ -667,33 +510,26 @@ def test_walls_with_corners_or_a_grain_are_called_unresolved_with_evidence_alone
 
 
 @pytest.mark.parametrize(
-    ("velocities", "spans"),
+    ("velocities", "face", "spans"),
     [
-        ([1, -1, -1, 1], ((0.5, 2.5),)),
-        ([1, 0, -1, -2, 1], ((1.0, 3.0 + 2.0 / 3.0),)),
-        ([-1, 0, 1], ((0.0, 1.0),)),
-        ([0, -1, 1], ((1.0, 1.5),)),
-        ([1, 1, 0], ()),
+        ([1, -1, -1, 1], None, ((0.5, 2.5),)),
+        ([1, 0, -1, -2, 1], None, ((1.0, 3.0 + 2.0 / 3.0),)),
+        ([-1, 0, 1], None, ((0.0, 1.0),)),
+        ([0, -1, 1], None, ((1.0, 1.5),)),
+        ([1, 1, 0], None, ()),
+        # A face that falls at x = 2.5, the node with velocity 0: no eddy in its corner, one that is shorter than what
+        # is behind, and flow attached behind the face.
+        ([1, 1, 1, 0, -1, -1, -1, -1, -1, 1], 3, ((2.5, 8.5),)),
+        ([1, 1, 1, 0, 1, -1, -1, -1, -1, 1], 3, ((2.5, 8.5),)),
+        ([1, 1, 1, 0, 1, 1, 1, 1, -1, 1], 3, ((7.5, 8.5),)),
     ],
 )
-def test_where_the_flow_runs_upstream_also_with_nodes_at_rest(velocities, spans):
-    """By straight lines from node to node, but for those at rest (by hand)."""
-    assert np.ravel(along(velocities).backward()) == pytest.approx(np.ravel(spans))
-
-
-@pytest.mark.parametrize(
-    ("velocities", "span"),
-    [
-        ([1, 1, 1, 0, -1, -1, -1, -1, -1, 1], (2.5, 8.5)),  # no eddy in the corner
-        ([1, 1, 1, 0, 1, -1, -1, -1, -1, 1], (2.5, 8.5)),  # one, shorter than what is behind
-        ([1, 1, 1, 0, 1, 1, 1, 1, -1, 1], (7.5, 8.5)),  # attached behind the face
-    ],
-)
-def test_the_flow_separates_at_a_face_in_spite_of_an_eddy_in_the_corner(velocities, span):
-    """By hand: a wall with nodes one apart and a face that falls at x = 2.5, the node with velocity 0."""
+def test_where_the_flow_runs_upstream_also_with_nodes_at_rest(velocities, face, spans):
+    """By straight lines from node to node, one apart, but for those at rest (by hand)."""
     wall = along(velocities)
-    wall.places[3, 0], wall.normals[3] = 2.5, (-1.0, 0.0)
-    assert np.ravel(wall.backward()) == pytest.approx(span)
+    if face is not None:
+        wall.places[face, 0], wall.normals[face] = 2.5, (-1.0, 0.0)
+    assert np.ravel(wall.backward()) == pytest.approx(np.ravel(spans))
 
 
 def test_the_outflow_is_at_the_end_wherever_a_domain_lies():
@@ -704,34 +540,29 @@ def test_the_outflow_is_at_the_end_wherever_a_domain_lies():
 
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_a_peak_of_k_at_one_node_does_not_grow(gdim):
-    """Eddies of its own make a peak of k spread; in logarithms it would grow for ever on a mesh that is too coarse.
+    """Diffusion lowers a peak of k, by the equation of k itself; by that of ln k it would grow on a coarse mesh.
 
-    A node 5 above its neighbours, which all diffuse alike: what is lost by diffusion, and what |grad K|^2 makes, tested
-    with the hat of the node.
+    ln k of a node 5 above its neighbours, which all diffuse alike: what is lost, tested with the hat of the node.
     """
     box = {2: dolfinx.mesh.create_unit_square, 3: dolfinx.mesh.create_unit_cube}[gdim]
     mesh = box(MPI.COMM_SELF, *[8] * gdim)
-    space = compat.space(mesh, ("Lagrange", 1))
-    peak = dolfinx.fem.Function(space)
-    (node,) = np.nonzero(
-        np.linalg.norm(space.tabulate_dof_coordinates()[:, :gdim] - 0.5, axis=1) < 1e-9
-    )
-    peak.x.array[node] = 5.0
-    test, slope, jacobian = ufl.TestFunction(space), ufl.grad(peak), ufl.Jacobian(mesh)
+    space = compat.space(mesh, ("Lagrange", 1), (2,))
+    state = dolfinx.fem.Function(space)
+    away = np.linalg.norm(space.tabulate_dof_coordinates()[:, :gdim] - 0.5, axis=1)
+    node = int(away.argmin())
+    state.x.array[2 * node] = 5.0
+    rest = dolfinx.fem.Constant(mesh, [0.0] * gdim)
+    measure, balance = ufl.dx(metadata={"quadrature_degree": 8}), forms.KEpsilon(c_mu=1e-30)
+    logarithms = ufl.split(state)
 
-    def made(across):
-        square = forms._square(slope, across)
-        form = (square * test - ufl.inner(slope, ufl.grad(test))) * ufl.dx(
-            metadata={"quadrature_degree": 4}
-        )
-        return petsc.assemble_vector(compat.form(form)).array[node[0]]
+    def lost(weighted):
+        lasting = ufl.exp(logarithms[1] - logarithms[0])  # what is destroyed is added again
+        fields = forms.FlowFields(rest, 1.0, measure, added=(lasting, 0), weighted=weighted)
+        form = forms.residual(logarithms, None, ufl.TestFunctions(space), fields, balance)
+        return petsc.assemble_vector(compat.form(form)).array[2 * node]
 
-    def across(vector):
-        change = ufl.dot(vector, jacobian)
-        return ufl.inner(change, change)
-
-    assert made(None) > 0.0
-    assert made(across) < 0.0
+    assert lost(False) < 0.0
+    assert lost(True) > 0.0
 
 
 @pytest.mark.parametrize(("balance", "part"), [(0.5, 1.0), (4.0, 0.25), (4000.0, 0.00025)])
@@ -762,165 +593,81 @@ def test_upwinding_lasts_no_longer_than_its_source(balance, part):
 
 
 SIDES = ("left", "right", "bottom", "top")
-STREAM, STEP = (0.6, -0.3), 0.01
-SLOPE, LEVEL = 3.0, -4.0
+STREAM, STEP = np.array([0.6, -0.3]), 0.01
 SAND = 0.15  # radius of a disc that moves
-
-
-def uniform_on_moving_meshes(x, stream):
-    return np.tile(np.array(stream)[:, None], x.shape[1])
-
-
-@contextmanager
-def carried(stream, values, inflow=(), added=lambda fields: (0, 0), model=k_epsilon):
-    """The unit square in a uniform stream that carries both quantities of a model on a mesh that moves."""
-    domain = unit_box(2, 4)
-    with model(domain, values, inflow) as fields:
-        flow = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity)
-        conditions = [Prescribed(name, steady_on_moving_meshes(stream)) for name in domain.names]
-        with Fluid(domain, flow, conditions, 100.0) as fluid:
-            fluid.state.x.array[fluid.space.velocity_map] = uniform_on_moving_meshes(
-                fluid.constraints.points.T, stream
-            ).T.ravel()
-            velocity, _ = ufl.split(fluid.state)
-            fields.carried_by(velocity, 0.01, added(fields), fluid.carrier(velocity))
-            yield fluid, fields
-
-
-def thrown(fluid, fields, values_at, radius=0.06, count=4):
-    """Steps with the mesh thrown at random; lengths differ."""
-    motion, steps = RandomMotion(fluid.domain.mesh, radius), Steps(fluid, 2)
-    past = [fields.state.x.array.copy()]
-    for number in range(count):
-        steps.advance(STEP * (1 + 0.3 * (number % 2)), motion.places())
-        fields.give(values_at(fluid.time), 0.01, {}, 0.0)
-        rate = [float(one.value) for one in fluid.rate]
-        assert fields.step(rate, (past[0], past[-1]), 1e-12) <= 1e-12
-        past = [fields.state.x.array.copy(), past[0]]
-
-
-@pytest.mark.parametrize(("model", "second"), [(k_epsilon, 0.1), (k_omega, 50.0)])
-def test_a_free_stream_stays_one_on_a_mesh_moved_at_random(model, second):
-    """What is uniform decays as on a mesh at rest, to round-off."""
-    ends = []
-    for radius in (0.0, 0.06):
-        values = partial(np.multiply.outer, np.log([0.02, second]))
-        with carried(STREAM, lambda x, v=values: v(1 + 0 * x[0]), model=model) as (fluid, fields):
-            thrown(fluid, fields, lambda t: lambda x: np.zeros((2, x.shape[1])), radius)
-            velocities = fluid.velocity.x.array.reshape(-1, 2)
-            assert velocities == pytest.approx(
-                uniform_on_moving_meshes(fluid.constraints.points.T, STREAM).T, abs=1e-12
-            )
-            ends.append(fields.state.x.array.reshape(-1, 2))
-    assert ends[1] == pytest.approx(np.tile(ends[0][0], (len(ends[1]), 1)), abs=1e-11)
-    assert ends[0][0, 0] < np.log(0.02) - 0.05
-
-
-def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh():
-    """ln k falls along the stream at a rate, ln epsilon at twice that, so that nu_t is uniform: exact in elements.
-
-    Where they are held up so against dissipation and diffusion they move with the stream, exact on moving nodes.
-    """
-
-    speed = float(np.linalg.norm(STREAM))
-
-    def exact(time):
-        along = np.array(STREAM) / speed
-        return lambda x: np.outer([1, 2], SLOPE * (along @ x[:2] - speed * time) + LEVEL)
-
-    def held_up(fields):
-        x, time = ufl.SpatialCoordinate(fields.domain.mesh), clock[0]
-        along = ufl.dot(ufl.as_vector([one / speed for one in STREAM]), x) - speed * time
-        lost, eddy = ufl.exp(SLOPE * along + LEVEL), 0.09  # epsilon/k, and nu_t = C_mu k^2/epsilon
-        diffused = [(0.01 + eddy / sigma) * (i * SLOPE) ** 2 for i, sigma in ((1, 1.0), (2, 1.3))]
-        return [c * lost - one for c, one in zip((1.0, 1.92), diffused, strict=True)]
-
-    clock = []
-
-    def added(fields):
-        clock.append(fields.constant(0.0))
-        return held_up(fields)
-
-    def at(time):
-        clock[0].value = time
-        return exact(time)
-
-    with carried(STREAM, exact(0.0), SIDES, added) as (fluid, fields):
-        thrown(fluid, fields, at)
-        points = fields.space.tabulate_dof_coordinates()
-        assert fields.state.x.array.reshape(-1, 2) == pytest.approx(
-            exact(fluid.time)(points.T).T, abs=1e-10
-        )
-
-
-def given(x):
-    return np.log([0 * x[0] + 0.01, 0 * x[0] + 0.02])
 
 
 def steady_on_moving_meshes(velocity):
     return lambda x, t: np.tile(np.array(velocity, dtype=float)[:, None], x.shape[1])
 
 
+@pytest.mark.parametrize(("model", "second"), [(k_epsilon, 0.1), (k_omega, 50.0)])
+def test_a_free_stream_stays_one_on_a_mesh_moved_at_random(model, second):
+    """What is uniform decays as on a mesh at rest, to round-off; the lengths of steps differ."""
+    ends, stream = [], steady_on_moving_meshes(STREAM)
+    for radius in (0.0, 0.06):
+        domain = unit_box(2, 4)
+        with model(domain, uniform(0.02, second)) as fields:
+            flow = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity)
+            conditions = [Prescribed(name, stream) for name in domain.names]
+            with Fluid(domain, flow, conditions, 100.0) as fluid:
+                points = fluid.constraints.points.T
+                fluid.state.x.array[fluid.space.velocity_map] = stream(points, 0.0).T.ravel()
+                velocity, _ = ufl.split(fluid.state)
+                fields.carried_by(velocity, 0.01, carrier=fluid.carrier(velocity))
+                motion, steps = RandomMotion(domain.mesh, radius), Steps(fluid, 2)
+                past = [fields.state.x.array.copy()]
+                for number in range(4):
+                    steps.advance(STEP * (1 + 0.3 * (number % 2)), motion.places())
+                    rate = [float(one.value) for one in fluid.rate]
+                    assert fields.step(rate, (past[0], past[-1]), 1e-12) <= 1e-12
+                    past = [fields.state.x.array.copy(), past[0]]
+                velocities = fluid.velocity.x.array.reshape(-1, 2)
+                assert velocities == pytest.approx(np.tile(STREAM, (len(velocities), 1)), abs=1e-12)
+                ends.append(fields.state.x.array.reshape(-1, 2))
+    assert ends[1] == pytest.approx(np.tile(ends[0][0], (len(ends[1]), 1)), abs=1e-11)
+    assert ends[0][0, 0] < np.log(0.02) - 0.05
+
+
+LAW = partial(WallLaw().drag, functions=UFL)
+
+
 @contextmanager
-def in_eddies(domain, body, state, entering, at_first, names=("body", *SIDES), along=True):
+def in_eddies(
+    fields, body, state, entering, at_first, distance=0.01, names=("body", *SIDES), frame=None
+):
     """A body along which the law of the wall holds, in a turbulent fluid that enters, or leaves, at other boundaries.
 
-    `along`: the mesh goes along with it as a whole. `at_first` (gdim,) is the fluid's velocity.
+    `at_first` (gdim,) is the fluid's velocity. `frame`: the fraction of the body's way that the whole mesh goes along.
     """
-    name, *outer = names
-    law = partial(WallLaw().drag, functions=UFL)
-    with k_epsilon(domain, given, outer, {name: 0.01}) as fields:
-        model = FlowModel(
-            unsteady=True,
-            moving_mesh=True,
-            viscosity=fields.viscosity,
-            shear_velocity=fields.shear_velocity(),
-        )
-        conditions = [
-            Friction(name, 0.01, law, moves=True),
-            *(Prescribed(side, entering) for side in outer),
-        ]
-        with Fluid(domain, model, conditions, 1e5) as fluid:
-            velocity, _ = ufl.split(fluid.state)
-            fields.carried_by(velocity, 1e-5, carrier=fluid.carrier(velocity))
-            fluid.state.x.array[fluid.space.velocity_map] = np.tile(
-                at_first, len(fluid.constraints.points)
-            )
-            displacement = RigidDisplacement(domain, name, state.placement, turning=False)
-            if along:
-                displacement.weights[:] = 1.0
-            part = RigidPart(fluid, body, state, displacement, lambda state: np.zeros(body.size))
-            coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
-            interface = InTime(fluid, fields, moving=coupling)
-            yield (
-                Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)),
-                fields,
-            )
+    (name, *outer), domain, nu = names, fields.domain, fields._molecules
+    eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
+    model = FlowModel(unsteady=True, moving_mesh=True, **eddies)
+    walls = [Prescribed(side, entering) for side in outer]
+    friction = Friction(name, distance, LAW, moves=True)
+    with fields, Fluid(domain, model, [friction, *walls], 1 / nu) as fluid:
+        velocity, _ = ufl.split(fluid.state)
+        fields.carried_by(velocity, nu, carrier=fluid.carrier(velocity))
+        fields.watch(fluid)
+        count = len(fluid.constraints.points)
+        fluid.state.x.array[fluid.space.velocity_map] = np.tile(at_first, count)
+        displacement = RigidDisplacement(domain, name, state.placement, turning=False)
+        if frame is not None:
+            displacement.weights[:, :2] = frame + (1 - frame) * displacement.weights[:, :2]
+        part = RigidPart(fluid, body, state, displacement, lambda state: np.zeros(body.size))
+        coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
+        transient = Transient(fluid, 2, 1e-9, interface=InTime(fluid, fields, moving=coupling))
+        yield Floating(fluid, coupling, part, transient), fields
 
 
-def in_box(course, along=True):
-    """A disc of 0.3 of a box on a course, in a fluid at rest as the disc is at first, which a stream enters at once."""
+def in_box(course):
+    """A disc of 0.3 of a box on a course, in a fluid at rest at first, which a stream enters at once."""
     place = Placement((0.5, 0.5))
-    first = course(0.0)
     body = RigidBody(Inertia(1.0, np.array([1.0])), Freedom((False,) * 3, course))
     domain = box_around(Disc(0.3), place, cell=0.08, far=0.2)
-    entering = steady_on_moving_meshes(STREAM + first[:2] * along)
-    return in_eddies(
-        domain, body, BodyState.at(place, first), entering, first[:2] * along, along=along
-    )
-
-
-def test_what_is_carried_along_bears_what_it_does_at_rest():
-    """Galilean invariance: with mesh and stream carried along too, force, couple, k and epsilon are the same."""
-    found = []
-    for velocity in ([0.0, 0.0], [1.7, -0.4]):
-        with in_box(lambda t, velocity=velocity: np.array([*velocity, 1.0])) as (floating, fields):
-            floating.march(3 * STEP, STEP)
-            found.append((floating.part.end.flow_load, fields.state.x.array.copy()))
-    (load, eddies), (moved, carried_along) = found
-    assert np.abs(load).min() > 1e-5
-    assert moved == pytest.approx(load, rel=1e-6)
-    assert carried_along == pytest.approx(eddies, abs=1e-6)
+    fields = k_epsilon(domain, uniform(0.01, 0.02), SIDES, {"body": 0.01}, viscosity=1e-5)
+    entering = steady_on_moving_meshes(STREAM)
+    return in_eddies(fields, body, BodyState.at(place, course(0.0)), entering, np.zeros(2))
 
 
 def free_disc(density):
@@ -943,18 +690,12 @@ def free_disc(density):
     mass = density * np.pi * a**2
     body = RigidBody(Inertia(mass, np.array([mass * a**2 / 2])))
     state = BodyState.at(Placement((0.0, 0.0)))
-    domain = ring(a, b, 24, 2)
-    return in_eddies(domain, body, state, entering, np.zeros(2), ("inner", "outer")), expected
+    values = uniform(0.01, 0.02)
+    fields = k_epsilon(ring(a, b, 24, 2), values, ("outer",), {"inner": 0.01}, viscosity=1e-5)
+    names = "inner", "outer"
+    return in_eddies(fields, body, state, entering, np.zeros(2), names=names), expected
 
 
-def set_off(made):
-    """Velocities of what is free in a flow that is set off at once, and how often they were corrected."""
-    with made as (floating, _):
-        steps, _ = floating.march(1e-6, 1e-6)
-        return floating.part.state.velocities, steps[-1].report.corrected
-
-
-@contextmanager
 def sand_in_box(frame):
     """A disc that goes through a box in a stream, by k-omega SST, seen from a frame that goes along.
 
@@ -962,51 +703,12 @@ def sand_in_box(frame):
     frame's, and of the other the mesh near the body takes as much as always.
     """
     place, way, frame = Placement((0.5, 0.5)), np.array([0.8, 0.2]), np.array(frame)
-    domain = box_around(Disc(2.0 * SAND), place, cell=0.08, far=0.2)
     course = np.array([*(way - frame), 4.0])
     body = RigidBody(Inertia(1.0, np.ones(1)), Freedom((False,) * 3, lambda t: course))
-    law = partial(WallLaw().drag, functions=UFL)
-    with k_omega(
-        domain,
-        lambda x: np.log([0 * x[0] + 0.01, 0 * x[0] + 20.0]),
-        SIDES,
-        {"body": 0.01},
-        viscosity=1e-3,
-    ) as fields:
-        model = FlowModel(
-            unsteady=True,
-            moving_mesh=True,
-            viscosity=fields.viscosity,
-            shear_velocity=fields.shear_velocity(),
-        )
-        stream = np.array(STREAM) - frame
-        conditions = [
-            Friction("body", 1e-3, law, moves=True),
-            *(Prescribed(side, steady_on_moving_meshes(stream)) for side in SIDES),
-        ]
-        with Fluid(domain, model, conditions, 1e3) as fluid:
-            velocity, _ = ufl.split(fluid.state)
-            fields.carried_by(velocity, 1e-3, carrier=fluid.carrier(velocity))
-            fields.watch(fluid)
-            fluid.state.x.array[fluid.space.velocity_map] = np.tile(
-                stream, len(fluid.constraints.points)
-            )
-            displacement = RigidDisplacement(domain, "body", place, turning=False)
-            share = way / (way - frame)
-            displacement.weights[:, :2] = share * displacement.weights[:, :2] + 1.0 - share
-            part = RigidPart(
-                fluid,
-                body,
-                BodyState.at(place, course),
-                displacement,
-                lambda state: np.zeros(3),
-            )
-            coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
-            interface = InTime(fluid, fields, moving=coupling)
-            yield (
-                Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)),
-                fields,
-            )
+    domain, stream = box_around(Disc(2.0 * SAND), place, cell=0.08, far=0.2), STREAM - frame
+    fields = k_omega(domain, uniform(0.01, 20.0), SIDES, {"body": 0.01}, viscosity=1e-3)
+    state, entering = BodyState.at(place, course), steady_on_moving_meshes(stream)
+    return in_eddies(fields, body, state, entering, stream, 1e-3, frame=1 - way / (way - frame))
 
 
 def test_sand_that_goes_through_a_box_bears_the_same_in_any_frame():
@@ -1028,14 +730,15 @@ def test_sand_that_goes_through_a_box_bears_the_same_in_any_frame():
     assert as_seen == pytest.approx(eddies, abs=1e-6)
 
 
-@pytest.mark.parametrize("density", [2.65, 1.0, 0.3, 0.0])
+@pytest.mark.parametrize("density", [2.65, 0.0])
 def test_a_free_disc_set_off_at_once_takes_the_velocity_of_an_ideal_fluid(density):
     """Whatever its density: an impulse makes a potential flow. No couple comes of it."""
     made, expected = free_disc(density)
-    velocities, corrected = set_off(made)
+    with made as (floating, _):
+        steps, _ = floating.march(1e-6, 1e-6)
+        velocities = floating.part.state.velocities
     assert velocities[:2] == pytest.approx(expected, rel=5e-3)
-    assert abs(velocities[2]) < 1e-3
-    assert corrected <= 5
+    assert abs(velocities[2]) < 1e-3 and steps[-1].report.corrected <= 5
 
 
 @pytest.mark.slow
@@ -1051,7 +754,7 @@ def test_a_thousand_steps_of_random_lengths_on_a_random_course_leave_k_and_epsil
         """Four waves a component, none of which goes farther than 0.03."""
         return 0.03 * (rates * np.cos(rates * t + phases)).sum(axis=1)
 
-    with in_box(course, along=False) as (floating, fields):
+    with in_box(course) as (floating, fields):
         halved, spans = 0, []
         for length in 10 ** random.uniform(-4.5, -1.5, 1000):
             halved += floating.transient.advance(length).rejected

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +23,7 @@ from incipient.pictures.drawing import Sight, render
 from incipient.pictures.history import contact_forces
 from incipient.pictures.plane import grain_lines
 from incipient.pictures.record import StoredRun
-from incipient.pictures.sheet import sheet, write_numbers
-from incipient.pictures.verdict import of_run
+from incipient.pictures.verdict import of_run, sheet, write_numbers
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear, loads
 
 # -- words -----------------------------------------------------------------------------------------------
@@ -39,7 +39,7 @@ def boxes(figure: Figure) -> list:
     return [(text.get_text(), text.get_window_extent(renderer)) for text in written]
 
 
-def test_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
+def test_subject_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
     """Numbers as of a light grain: each component takes eight letters."""
     with style.applied():
         figure, axes = sheet("The grain stays at rest.", "So does the paper's.", LONG)
@@ -47,12 +47,10 @@ def test_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
         names = ("force of the flow", "submerged weight", "torque about the centre")
         write_numbers(axes, {"Load on the grain [scene units]": dict.fromkeys(names, small)})
         found = boxes(figure)
-    column = [(words, box) for words, box in found if box.x0 > axes.bbox.x1]
-    assert len(column) == 7
-    for number, (words, box) in enumerate(column):
-        for other, (more, another) in enumerate(column):
-            assert number == other or not box.overlaps(another), f"{words} over {more}"
-    assert all(box.x1 <= figure.bbox.x1 for _, box in found)
+    assert axes.get_title(loc="left").replace("\n", " ") == LONG
+    assert len(found) == 10 and all(box.x1 <= figure.bbox.x1 for _, box in found)
+    for (words, box), (more, another) in combinations(found, 2):
+        assert not box.overlaps(another), f"{words} over {more}"
 
 
 @pytest.mark.parametrize("view", [(0.0, 4.0, 0.0, 2.0), (0.0, 1.0, 0.0, 1.0)])
@@ -68,14 +66,6 @@ def test_titles_are_wrapped_not_cut(view: style.View) -> None:
         and box.y1 <= figure.bbox.y1
         and box.y0 > axes.bbox.y1
     )
-
-
-def test_the_subject_of_a_verdict_is_not_cut() -> None:
-    with style.applied():
-        figure, axes = sheet("The grain stays at rest.", "", LONG)
-        words = axes.get_title(loc="left")
-        (_, told), *_, (_, box) = boxes(figure)
-    assert words.replace("\n", " ") == LONG and box.y1 < told.y0
 
 
 def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
@@ -98,8 +88,10 @@ def test_marks_stand_where_the_rendering_has_what_they_mark() -> None:
     sight = Sight.of(np.array([0.5, 0.1, 0.0]), np.array([0.1, 0.0, -1.0]), np.empty((0, 3)))
     axes = Figure().add_subplot(xlim=(-1.0, 2.0), ylim=(-0.5, 1.5))
     render(axes, sight, surface.points + centre, surface.triangles, None)
-    dark = np.argwhere(np.asarray(axes.images[0].get_array()).min(axis=2) < 250)
-    rows, columns = axes.images[0].get_array().shape[:2]
+    shades = np.asarray(axes.images[0].get_array()).min(axis=2)
+    rows, columns = shades.shape
+    shades[3 * rows // 4 :, : columns // 4] = 255  # without the coordinate axes in the corner
+    dark = np.argwhere(shades < 250)
     down, across = (dark.min(axis=0) + dark.max(axis=0) + 1) / 2
     place = -1.0 + 3.0 * across / columns, 1.5 - 2.0 * down / rows
     assert sight(centre) == pytest.approx(place, abs=0.02)
@@ -153,33 +145,18 @@ def quadratic(
     return np.array(points), np.array(found)
 
 
-def test_fields_stand_where_they_are_on_curved_cells() -> None:
-    """A cube whose floor rises in a hump: x at every point is x, and below the hump there is nothing."""
-    points, cells = quadratic(CUBE, SIX)
-    points[:, 2] += (
-        1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
-    )  # 0.4 in the middle
-    fields = {"pressure": points[:, 0].copy(), "velocity": points.copy()}
-    run = StoredRun(
-        Path(),
-        {},
-        {"domain": {"origin": [0.0, 0.0, 0.0], "width": 1.0}},
-        StoredStep(0.0, points, cells, fields),
-        None,
-    )
-    x, z = np.meshgrid(np.linspace(0.01, 0.99, 50), np.linspace(0.01, 0.99, 50))
-    found = run.plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
-    assert np.abs(found - x).max() < 1e-6
-    assert found.mask[(z < 0.3) & (np.abs(x - 0.5) < 0.1)].all() and not found.mask[z > 0.6].any()
-
-
-def test_the_line_around_the_fluid_is_that_of_its_curved_cells() -> None:
-    """The hump's line is z = 1.6 x (1 - x), which curved cells of order two have; and the cube's straight sides."""
+def test_fields_and_outline_are_those_of_curved_cells() -> None:
+    """A cube whose floor rises in the hump z = 1.6 x (1 - x), 0.4 in the middle: x at every point is x, none below."""
     points, cells = quadratic(CUBE, SIX)
     points[:, 2] += 1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
+    fields = {"pressure": points[:, 0].copy(), "velocity": points.copy()}
     scene = {"domain": {"origin": [0.0, 0.0002, 0.0], "width": 1.0}}
-    run = StoredRun(Path(), {}, scene, StoredStep(0.0, points, cells, {}), None)
-    (line,) = run.plane.outlines
+    plane = StoredRun(Path(), {}, scene, StoredStep(0.0, points, cells, fields), None).plane
+    x, z = np.meshgrid(np.linspace(0.01, 0.99, 50), np.linspace(0.01, 0.99, 50))
+    found = plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
+    assert np.abs(found - x).max() < 1e-6
+    assert found.mask[(z < 0.3) & (np.abs(x - 0.5) < 0.1)].all() and not found.mask[z > 0.6].any()
+    (line,) = plane.outlines
     x, z = line.T
     assert line[0] == pytest.approx(line[-1])
     assert (x.min(), x.max(), z.max()) == pytest.approx((0.0, 1.0, 1.0), abs=1e-6)
@@ -188,24 +165,19 @@ def test_the_line_around_the_fluid_is_that_of_its_curved_cells() -> None:
     assert np.abs(floor[:, 1] - 1.6 * floor[:, 0] * (1.0 - floor[:, 0])).max() < 0.01
 
 
-def test_the_line_around_a_grain_is_its_own() -> None:
-    """An ellipsoid turned about y: every point of the line is on it, to 1e-3 of its size."""
+def stored(result: dict) -> StoredRun:
+    """A run in space with an ellipsoid at (2, 1, 1), without cells."""
     body = Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0))
     domain = Domain(length=4.0, width=2.0, height=2.0)
     scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
-    grain = {
-        "computed_centre": [2.0, 1.0, 1.0],
-        "quaternion": [np.cos(0.3), 0.0, np.sin(0.3), 0.0],
-        "size": 1.2,
-    }
-    run = StoredRun(
-        Path(),
-        {"grain": grain},
-        scene.model_dump(mode="json"),
-        StoredStep(0.0, CUBE, np.zeros((0, 10), int), {}),
-        None,
-    )
-    (line,) = grain_lines(run, grain["computed_centre"], 1.0)
+    step = StoredStep(0.0, CUBE, np.zeros((0, 10), int), {})
+    return StoredRun(Path(), result, scene.model_dump(mode="json"), step, None)
+
+
+def test_the_line_around_a_grain_is_its_own() -> None:
+    """An ellipsoid turned about y: every point of the line is on it, to 1e-3 of its size."""
+    run = stored({"grain": {"quaternion": [np.cos(0.3), 0.0, np.sin(0.3), 0.0]}})
+    (line,) = grain_lines(run, [2.0, 1.0, 1.0], 1.0)
     turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
     x, z = turn.T @ (line - [2.0, 1.0]).T
     assert len(line) > 200
@@ -214,22 +186,13 @@ def test_the_line_around_a_grain_is_its_own() -> None:
 
 def test_the_load_on_a_grain_in_space_is_drawn_without_a_verdict() -> None:
     """The force points along x, which the sight has to the right; its arrow begins at the centre."""
-    body = Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0))
-    domain = Domain(length=4.0, width=2.0, height=2.0)
-    scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
-    result = {
-        "grain": {"centre": [2.0, 1.0, 1.0], "quaternion": [1.0, 0.0, 0.0, 0.0]},
-        "force": {"flow": [3.0, 0.0, 0.0]},
-        "couple": {"flow": [0.0, 1.0, 0.0]},
-    }
-    cells = np.zeros((0, 10), int)
-    stored = StoredStep(0.0, CUBE, cells, {})
-    run = StoredRun(Path(), result, scene.model_dump(mode="json"), stored, None)
-    (axes,) = of_run(run).axes
+    grain = {"centre": [2.0, 1.0, 1.0], "quaternion": [1.0, 0.0, 0.0, 0.0]}
+    load = {"force": {"flow": [3.0, 0.0, 0.0]}, "torque": {"flow": [0.0, 1.0, 0.0]}}
+    (axes,) = of_run(stored({"grain": grain, **load})).axes
     assert len(axes.images) == 1
     sight = Sight.of(np.array([3.0, 0.0, 0.0]), np.zeros(3), np.empty((0, 3)))
-    (force, *_) = [one for one in axes.patches if getattr(one, "_posA_posB", None) is not None]
-    tail, tip = np.array(force._posA_posB)
+    arrows = [one for one in axes.patches if getattr(one, "_posA_posB", None) is not None]
+    tail, tip = np.array(arrows[0]._posA_posB)
     assert tail == pytest.approx(sight(np.array([2.0, 1.0, 1.0])))
     assert tip[0] - tail[0] == pytest.approx(0.8 * 1.2 * np.cos(np.radians(24.0)))
 
@@ -270,11 +233,6 @@ ROWS = """time,contact,x,y,normal_x,normal_y,force_x,force_y,slip
 """
 
 
-def scene() -> Scene:
-    """A released disc."""
-    return loads(SCENE)
-
-
 def opening(cone: Polygon, point: tuple[float, float]) -> tuple[float, float]:
     """Least and largest direction [degrees] of a cone's corners from its point."""
     arms = cone.get_xy() - point
@@ -288,7 +246,7 @@ def test_contacts_are_drawn_with_cones_of_their_friction_and_forces_to_one_scale
 ) -> None:
     """A contact that sticks has 45 degrees to either side, one that slides the arc tangent of 0.5."""
     (tmp_path / "contacts.csv").write_text(ROWS)
-    found, axes = contact_forces(tmp_path, scene().contact), Figure().add_subplot()
+    found, axes = contact_forces(tmp_path, loads(SCENE).contact), Figure().add_subplot()
     assert found is not None
     cone, arrow = found.draw(axes, 0.1, 1.0)
     assert isinstance(arrow, FancyArrowPatch)
@@ -303,10 +261,10 @@ def test_contacts_are_drawn_with_cones_of_their_friction_and_forces_to_one_scale
 
 
 def test_what_is_not_there_is_not_drawn_and_what_is_damaged_is_refused(tmp_path: Path) -> None:
-    assert contact_forces(tmp_path, scene().contact) is None
+    assert contact_forces(tmp_path, loads(SCENE).contact) is None
     (tmp_path / "contacts.csv").write_text(ROWS.replace("2.4", "here"))
     with pytest.raises(OutputError, match=r"contacts\.csv: cannot be read"):
-        contact_forces(tmp_path, scene().contact)
+        contact_forces(tmp_path, loads(SCENE).contact)
 
 
 def test_a_resumed_run_drops_what_came_after_its_checkpoint(tmp_path: Path) -> None:

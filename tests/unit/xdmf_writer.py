@@ -1,7 +1,6 @@
 """Writes series of fields on however many ranks there are, for test_sampling.py: `xdmf_writer.py TASK DIRECTORY`."""
 
 import json
-import resource
 import sys
 from functools import partial
 from pathlib import Path
@@ -9,22 +8,18 @@ from pathlib import Path
 from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
 
 # isort: split
-import gmsh
 import numpy as np
 from dolfinx.fem import Function
 from dolfinx.mesh import create_unit_cube
 
 from incipient import compat
-from incipient.errors import OutputError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.plane.grains import Ellipse
+from incipient.geometry.plane.grains import Disc, Ellipse
 from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import meshed
-from incipient.meshes.session import session
-from incipient.meshes.simplices import Simplices
 from incipient.output.xdmf import FieldSeries
 
 RADIUS = 0.4
@@ -41,25 +36,19 @@ def pressure(x):
     return 1 + 2 * x[0] - x[1]
 
 
-def holed_square(order, size):
-    """Unit-centred square of side 2 with a round hole, cells of a geometric order, and the hole's facets."""
+def boxed(grain, low, high, cell, order):
+    """A box less a grain, in cells of a geometric order."""
+    (left, bottom), (right, top) = low, high
+    sides = ("bottom", "right", "top", "left")
+    region = Region((Line((left, bottom), (right, bottom)),), top, {"body": grain}, sides)
+    sizes = Sizes(cell, (Near(cell / 3, 0.4, boundary="body"),))
+    return build(MPI.COMM_WORLD, partial(meshed, region, sizes, order))
 
-    def drawing():
-        with session():
-            make = gmsh.model.occ
-            square, disc = make.addRectangle(-1, -1, 0, 2, 2), make.addDisk(0, 0, 0, RADIUS, RADIUS)
-            make.cut([(2, square)], [(2, disc)])
-            make.synchronize()
-            sides = {"hole": [], "outer": []}
-            for curve in gmsh.model.getEntities(1):
-                sides["outer" if gmsh.model.getType(*curve) == "Line" else "hole"].append(curve[1])
-            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-            gmsh.model.mesh.generate(2)
-            gmsh.model.mesh.setOrder(order)
-            return Simplices.read(sides, 2, order).used()
 
-    domain = build(MPI.COMM_WORLD, drawing)
-    return domain.mesh, domain.facets_of("hole")
+def holed_square(order):
+    """Unit-centred square of side 2 with a round hole, and the hole's facets."""
+    domain = boxed(Disc(2 * RADIUS).outline(), (-1, -1), (1, 1), 0.4, order)
+    return domain.mesh, domain.facets_of("body")
 
 
 def functions(mesh, degree=2):
@@ -73,9 +62,9 @@ def functions(mesh, degree=2):
 def write_still(directory: Path) -> None:
     """The plane with a hole, its rim in cubic cells, cubic cells themselves, a cube and its skin."""
     comm = MPI.COMM_WORLD
-    mesh, _ = holed_square(2, 0.4)
+    mesh, _ = holed_square(2)
     FieldSeries(directory / "plane", mesh, comm).write(0.0, functions(mesh))
-    mesh, hole = holed_square(3, 0.4)
+    mesh, hole = holed_square(3)
     FieldSeries(directory / "rim", mesh, comm, facets=hole).write(0.0, functions(mesh))
     FieldSeries(directory / "cubic", mesh, comm).write(0.0, functions(mesh, degree=4))
     cube = create_unit_cube(comm, 2, 2, 2)
@@ -92,10 +81,7 @@ def placement(number):
 def around_ellipse(number, cell):
     """The box less the ellipse at a step, in quadratic cells."""
     outline = tuple(curve.moved(placement(number)) for curve in Ellipse(SEMI_AXES).outline())
-    sides = ("bottom", "right", "top", "left")
-    region = Region((Line((0.0, 0.0), (2.0, 0.0)),), 1.0, {"body": outline}, sides)
-    sizes = Sizes(cell, (Near(cell / 3, 0.4, boundary="body"),))
-    return build(MPI.COMM_WORLD, partial(meshed, region, sizes, 2))
+    return boxed(outline, (0, 0), (2, 1), cell, 2)
 
 
 def counts(mesh):
@@ -130,25 +116,6 @@ def write_moving(directory: Path) -> None:
             told.append({"time": 0.25 * number, **counts(domain.mesh)})
     if comm.rank == 0:
         (directory / "steps.json").write_text(json.dumps(told))
-
-
-def write_until_full(directory: Path) -> None:
-    """Three steps, the second on a full disk of rank 0, and a series where there is no directory."""
-    comm, (mesh, _) = MPI.COMM_WORLD, holed_square(2, 0.4)
-    series = FieldSeries(directory / "fields", mesh, comm)
-    said = []
-    for number, limit in enumerate((resource.RLIM_INFINITY, 1000, resource.RLIM_INFINITY)):
-        if comm.rank == 0:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
-        try:
-            series.write(number, functions(mesh))
-        except OutputError as error:
-            said.append(str(error))
-    try:
-        FieldSeries(directory / "absent" / "fields", mesh, comm)
-    except OutputError as error:
-        said.append(str(error))
-    (directory / f"said{comm.rank}.json").write_text(json.dumps(said))
 
 
 if __name__ == "__main__":

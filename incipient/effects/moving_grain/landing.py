@@ -15,8 +15,8 @@ from ...contact import Contacts
 from ...contact.safety import safety_factor
 from ...contact.verdict import judge
 from ...errors import IncipientError
-from ...evaluation.contact_verdict import load_of, standing
 from ...geometry.closest import touching
+from ...results.contact_verdict import load_of, standing
 from ...results.loads import Forces, Torques
 from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact

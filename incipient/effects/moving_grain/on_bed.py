@@ -6,17 +6,15 @@ Contact begins at the gap `contact.gap`, which keeps the flow in between resolve
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ...arrays import SMALLEST, spatial
-from ...body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
+from ...arrays import SMALLEST, Floats, spatial
+from ...body.contact_motion import ActiveContacts, ContactLaw, ContactMotion, ContactStep
 from ...body.state import BodyState
 from ...contact.acceleration import MODES, states_and_modes
-from ...coupled.rigid_on_bed import RigidPartOnBed
 from ...errors import SceneError
-from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
 from ...geometry.contacts import ClosestPoints
 from ...geometry.placement import Placement
@@ -71,20 +69,22 @@ class Course:
 
 
 class GrainOnBed(MovingGrain):
-    """Moving grain in contact with its bed; `course`: its history."""
+    """Moving grain in contact with its bed: contact impulses act within each coupling iteration.
 
-    part: RigidPartOnBed
+    course: its history; contacts: at the end of the last step
+    """
+
     meets_bed = False
 
     def __init__(self, setup: Setup, *others: Any):
-        super().__init__(setup, *others)
-        contact = self.scene.contact
+        contact = setup.scene.contact
         assert contact is not None
         self.course, self._near, self._gap = (
             Course(),
             setup.geometry.near_bed,
-            self.scene.contact_gap,
+            setup.scene.contact_gap,
         )
+        super().__init__(setup, *others)
         self.law = ContactLaw(
             contact.friction,
             contact.kinetic_friction,
@@ -92,10 +92,10 @@ class GrainOnBed(MovingGrain):
             contact.rolling_resistance,
             contact.cohesion,
         )
-
-    def _kind(self, *others: Any, **named: Any) -> RigidPartOnBed:
-        motion = ContactMotion(self.body, self._gaps, self.law, self.grain.size)
-        return RigidPartOnBed(*others, contact=motion, **named)
+        self._contact = ContactMotion(self.body, self._gaps, self.law, self.grain.size)
+        self.contacts = self._contact.closed(self.state.placement)
+        self._step: ContactStep | None = None
+        self._length = 0.0
 
     def _gaps(self, placement: Placement, within: float) -> ClosestPoints:
         closest = self._near.gaps(placement, within + self._gap)
@@ -106,7 +106,7 @@ class GrainOnBed(MovingGrain):
         now, length = self.state, self.last_step()
         if length is None or not len(self._gaps(now.placement, self._gap)):
             return now.placement
-        end = self.part.predicted(length, 2)
+        end = self.predicted(length, 2)
         way, turn = end.place - now.place, end.placement.turn_since(now.placement)
         longest = float(
             np.linalg.norm(way) + 0.5 * self.grain.size * np.linalg.norm(turn) * self.turns_mesh
@@ -116,14 +116,28 @@ class GrainOnBed(MovingGrain):
 
     # -- the run ----------------------------------------------------------------------------------
 
-    def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
-        super().joined(fluid, before)
-        if isinstance(before, GrainOnBed):
-            self.course = before.course
+    def predicted(self, length: float, order: int) -> BodyState:
+        return self._contact.kept_out(super().predicted(length, order))
+
+    def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
+        tried = self._step if self._length == length else None
+        step = self._contact.step(self.state, length, mean, added, guess, self.contacts, tried)
+        self._motion, self._step, self._length = step.motion, step, length
+        return step.end
+
+    def accept(self) -> None:
+        super().accept()
+        if self._step is not None:
+            self.contacts = self._step.contacts
+        self._step = None  # as in a resumed run
+
+    def take_over(self, was: Self) -> None:
+        super().take_over(was)
+        self.contacts, self.course = was.contacts, was.course
 
     def accept_step(self, step: TimeStep) -> None:
         super().accept_step(step)
-        (after, before, *_), course = self.part.past, self.course
+        (after, before, *_), course = self.past, self.course
         mode, height, left = self._mode(after), self._height(after), course.left
         if course.first_motion is None and mode != REST:
             course = replace(course, first_motion=before.time, first_step=after.time - before.time)
@@ -143,7 +157,7 @@ class GrainOnBed(MovingGrain):
         )
 
     def _mode(self, state: BodyState) -> str:
-        contacts, size = self.part.contacts, self.grain.size
+        contacts, size = self.contacts, self.grain.size
         still = STILL * self.scene.reference_velocity
         turning = 0.5 * size * np.linalg.norm(state.spin)
         if max(np.linalg.norm(state.velocity), turning) <= still:
@@ -180,11 +194,11 @@ class GrainOnBed(MovingGrain):
         return bool(np.linalg.norm(way) > ELSEWHERE * self.grain.size)
 
     def _works(self, before: BodyState, after: BodyState) -> tuple[float, ...]:
-        mean = self.part.mean_load.previous
+        mean = self.mean_load.previous
         assert mean is not None
         way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
         gravity = float(self._weight() @ way[: self.body.gdim])
-        return float(mean @ way) - gravity, gravity, *self.part.contacts.work
+        return float(mean @ way) - gravity, gravity, *self.contacts.work
 
     @property
     def does(self) -> str:  # type: ignore[override]
@@ -201,12 +215,12 @@ class GrainOnBed(MovingGrain):
 
     def _gust_is_over(self) -> bool:
         gust = self.setup.base_flow.gust
-        return gust is not None and self._fluid.time >= gust.knots().max()
+        return gust is not None and self.fluid.time >= gust.knots().max()
 
     # -- output -----------------------------------------------------------------------------------
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        contacts, gravity = self.part.contacts, np.array(self.scene.gravity_vector)
+        contacts, gravity = self.contacts, np.array(self.scene.gravity_vector)
         slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
         load = contacts.mean_load(self.state.place, length)
         return {
@@ -220,13 +234,13 @@ class GrainOnBed(MovingGrain):
         }
 
     def contact_rows(self) -> list[dict[str, Any]]:
-        contacts, length, gdim = self.part.contacts, self.last_step(), self.scene.gdim
+        contacts, length, gdim = self.contacts, self.last_step(), self.scene.gdim
         if length is None:
             return []
         forces, slips = contacts.forces(length), np.hypot(*contacts.velocities[:, 1:].T)
         return [
             {
-                "time": self._fluid.time,
+                "time": self.fluid.time,
                 "contact": number,
                 **dict(zip("xyz", contacts.points[number].tolist(), strict=False)),
                 **named("normal", contacts.normals[number], gdim),
@@ -240,7 +254,7 @@ class GrainOnBed(MovingGrain):
         trajectory, length, course = super().reported()["trajectory"], self.last_step(), self.course
         load = np.zeros(self.body.size)
         if length is not None:
-            load = self.part.contacts.mean_load(self.state.place, length)
+            load = self.contacts.mean_load(self.state.place, length)
         force, torque = load[: self.scene.gdim], load[self.scene.gdim :]
         on_bed = {
             "mode": course.mode,
@@ -256,13 +270,13 @@ class GrainOnBed(MovingGrain):
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, transient: Transient) -> dict[str, Any]:
-        body, contacts = super().stored(transient)["body"], vars(self.part.contacts)
+        body, contacts = super().stored(transient)["body"], vars(self.contacts)
         rows = {name: value.tolist() for name, value in contacts.items() if name != "work"}
         on_bed = {"contacts": rows, "course": asdict(self.course), "done": self.course.done}
         return {"body": replace(body, on_bed=on_bed)}
 
-    def restore(self, kept: Checkpoint) -> None:
-        super().restore(kept)
+    def resume(self, kept: Checkpoint) -> None:
+        super().resume(kept)
         assert kept.body is not None
         if (on_bed := kept.body.on_bed) is None:
             return
@@ -272,4 +286,4 @@ class GrainOnBed(MovingGrain):
         points, normals, impulses, velocities, rolling = (
             np.reshape(on_bed["contacts"][name], (-1, size)) for name, size in sizes.items()
         )
-        self.part.contacts = ActiveContacts(points, normals, impulses, velocities, rolling)
+        self.contacts = ActiveContacts(points, normals, impulses, velocities, rolling)

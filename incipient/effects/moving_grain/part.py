@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -15,13 +14,11 @@ from ...coupled.coupling import InterfaceReport
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
-from ...coupled.tractions import TractionProbe
 from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
 from ...geometry.plane.grains import Disc
 from ...geometry.space.grains import Sphere
-from ...mesh.domain import Domain
 from ...mesh.motion import MeshMotion, RigidDisplacement
 from ...planning.effects import EffectName
 from ...results.loads import apart, named, named_torque
@@ -40,85 +37,62 @@ ROUNDING = 1e-6
 ORIENTATION = {2: ("angle",), 3: ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")}
 
 
-class MovingGrain(RunPart):
-    """Moving grain of a scene.
+class MovingGrain(RigidPart, RunPart):
+    """Moving grain of a scene in a fluid on its original mesh. Every method is collective.
 
     Args:
         state: None: that of the scene.
         made_for: placement for which the mesh was built; None: that of the state.
 
     Attributes:
-        part: rigid body in the coupling, set by `moving`.
         meets_bed: whether contact with the bed ends the motion.
         turns_mesh: whether the mesh rotates with the grain: not with a round one.
         meshes_ahead: whether remeshing may anticipate the motion.
     """
 
     meshes_ahead = meets_bed = True
-
     effect = EffectName.FREE_BODY
-    part: RigidPart
-    _kind: Callable[..., RigidPart] = RigidPart
     does = ""  # its motion on its bed, where it continues there
 
     def __init__(
         self,
         setup: Setup,
+        fluid: Fluid,
+        motion: MeshMotion,
         stage: Stage,
         state: BodyState | None = None,
         made_for: Placement | None = None,
     ):
         scene = setup.scene
-        self.setup, self.scene, self._stage = setup, scene, stage
-        assert scene.body is not None and scene.time is not None
-        assert scene.grain is not None and scene.placement is not None
-        self.grain, self.time = scene.grain, scene.time
-        self.surroundings = setup.surroundings
-        self._halved = setup.symmetric
+        assert scene.body is not None and scene.time is not None and scene.grain is not None
+        self.setup, self.scene, self.grain, self.time = setup, scene, scene.grain, scene.time
         self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
-        self.body = rigid_body(scene.body, self._halved)
-        first = setup.geometry.stance.placement
-        assert first is not None
-        self._start, self._made_for = (
-            state or initial_state(scene.body, first, self._halved),
-            made_for,
+        if state is None:
+            first = setup.geometry.stance.placement
+            assert first is not None
+            state = initial_state(scene.body, first, setup.symmetric)
+        free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
+        displacement = RigidDisplacement(
+            fluid.domain, "body", made_for or state.placement, self.turns_mesh, free
         )
+        if made_for is not None:
+            motion.move(displacement.at(state.placement))
+            fluid.constraints.boundary_points_moved()
+        body = rigid_body(scene.body, setup.symmetric)
+        super().__init__(fluid, body, state, displacement, self.other_load, self.room, stage)
+        self.energy = EnergyBudget(fluid)
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
 
-    @property
-    def probe(self) -> TractionProbe:
-        return self.part.probe
-
-    @property
-    def state(self) -> BodyState:
-        return self.part.state
-
     # -- solution ---------------------------------------------------------------------------------
 
-    def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
-        self._fluid, self.energy = fluid, EnergyBudget(fluid)
-        free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
-        made_for = self._made_for or self._start.placement
-        self._displacement = RigidDisplacement(
-            fluid.domain, "body", made_for, self.turns_mesh, free
-        )
-        if before is not None:
-            self.remeshings, self.interface_iterations = (
-                before.remeshings,
-                before.interface_iterations,
-            )
+    def on(self, fluid: Fluid, motion: MeshMotion) -> Self:
+        """The grain in a fluid on a mesh for its position `drawn`, without its past (see `take_over`)."""
+        return type(self)(self.setup, fluid, motion, self._stage, self.state, self.drawn())
 
-    def moving(self, motion: MeshMotion) -> tuple[RigidPart, ...]:
-        if self._made_for is not None:
-            motion.move(self._displacement.at(self._start.placement))
-            self._fluid.constraints.boundary_points_moved()
-        self.part = self._kind(
-            *(self._fluid, self.body, self._start, self._displacement, self._other_load),
-            room=self._room,
-            stage=self._stage,
-        )
-        return (self.part,)
+    def take_over(self, was: Self) -> None:
+        super().take_over(was)
+        self.remeshings, self.interface_iterations = was.remeshings, was.interface_iterations
 
     def drawn(self) -> Placement:
         assert self.scene.placement is not None
@@ -128,11 +102,8 @@ class MovingGrain(RunPart):
     def _meshed_at(self) -> Placement:
         return self.state.placement
 
-    def on(self, domain: Domain) -> MovingGrain:
-        return type(self)(self.setup, self._stage, self.state, self.drawn())
-
     def last_step(self) -> float | None:
-        times = [one.time for one in self.part.past]
+        times = [one.time for one in self.past]
         return None if len(times) == 1 else times[0] - times[1]
 
     def accept_step(self, step: TimeStep) -> None:
@@ -145,12 +116,12 @@ class MovingGrain(RunPart):
     @property
     def ends(self) -> str:
         """Event that ends the run, as in `time.until`, or "contact"; or ""."""
-        return "contact" if self.part.met else ""
+        return "contact" if self.met else ""
 
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep) -> dict[str, Any]:
-        load = self.part.end.flow_load + self.displaced_load()
+        load = self.end.flow_load + self.displaced_load()
         return {
             **columns_of_state(self.state),
             **columns_of_load(load, "force", "torque"),
@@ -180,7 +151,7 @@ class MovingGrain(RunPart):
         trajectory = {
             "ended": {
                 "by": self.ends or "time",
-                "time": self._fluid.time,
+                "time": self.fluid.time,
                 "clearance": near.distance,
                 "nearest": near.other,
                 "without_verdict": "",
@@ -203,27 +174,29 @@ class MovingGrain(RunPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        return self.surroundings.clearance(self.state.placement)
+        return self.setup.surroundings.clearance(self.state.placement)
 
-    def _room(self, state: BodyState) -> float:
+    def room(self, state: BodyState) -> float:
         gap = self.scene.contact_gap
-        near = self.surroundings.clearance(state.placement, 2.0 * gap, from_bed=self.meets_bed)
+        near = self.setup.surroundings.clearance(
+            state.placement, 2.0 * gap, from_bed=self.meets_bed
+        )
         return near.distance - gap
 
     def _weight(self) -> Floats:
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
 
-    def _other_load(self, state: BodyState) -> Floats:
+    def other_load(self, state: BodyState) -> Floats:
         load = np.zeros(self.body.size)
         load[: self.body.gdim] = self._weight()
         return load + self.displaced_load(state)
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
         """Force and torque (k,) of a gust on the displaced fluid, at present or in a state."""
-        force, torque = self._fluid.load_on_displaced((state or self.state).placement)
+        force, torque = self.fluid.load_on_displaced((state or self.state).placement)
         gdim = self.body.gdim
         load = np.concatenate([force[:gdim], torque if gdim == 3 else torque[2:]])
-        if self._halved:
+        if self.setup.symmetric:
             load[[1, 3, 5]] = 0.0
         return load
 
@@ -232,39 +205,38 @@ class MovingGrain(RunPart):
     def stored(self, transient: Transient) -> dict[str, Any]:
         from ...restart import StoredBody, numbered_nodes
 
-        part, mean = self.part, self.part.mean_load
         kept = StoredBody(
-            weights=numbered_nodes(self._fluid.domain.mesh).joined(part.mesh.weights),
-            made_for=BodyState.at(part.mesh.placement).packed(),
-            states=np.array([one.packed() for one in part.past]),
-            times=np.array([one.time for one in part.past]),
-            mean_load=mean.previous,
-            mean_load_order=mean.order,
-            mean_load_step=mean.last_step,
-            load=part.end.load,
-            flow_load=part.end.flow_load,
-            length=part.end.length,
-            velocities=np.array([x.velocities for x in transient.past]).reshape(-1, part.body.size),
-            met=part.met,
+            weights=numbered_nodes(self.fluid.domain.mesh).joined(self.mesh.weights),
+            made_for=BodyState.at(self.mesh.placement).packed(),
+            states=np.array([one.packed() for one in self.past]),
+            times=np.array([one.time for one in self.past]),
+            mean_load=self.mean_load.previous,
+            mean_load_order=self.mean_load.order,
+            mean_load_step=self.mean_load.last_step,
+            load=self.end.load,
+            flow_load=self.end.flow_load,
+            length=self.end.length,
+            velocities=np.array([x.velocities for x in transient.past]).reshape(-1, self.body.size),
+            met=self.met,
             remeshings=[asdict(one) for one in self.remeshings],
             interface_iterations=np.array(self.interface_iterations),
         )
         return {"body": kept}
 
-    def restore(self, kept: Checkpoint) -> None:
+    def resume(self, kept: Checkpoint) -> None:
         from ...restart import spread_nodes
 
         assert kept.body is not None
-        part, body = self.part, kept.body
-        part.mesh.weights[:] = spread_nodes(self._fluid.domain.mesh, body.weights)
-        part.past = [
+        body = kept.body
+        self.mesh.weights[:] = spread_nodes(self.fluid.domain.mesh, body.weights)
+        self.past = [
             BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
         ]
-        part.state, part.met = part.past[0], body.met
-        part.end = End(part.state, body.load, body.flow_load, body.length)
-        part.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
-        self.remeshings = [Remeshing(**one) for one in kept.body.remeshings]
-        self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()
+        self.state, self.met = self.past[0], body.met
+        self.end = End(self.state, body.load, body.flow_load, body.length)
+        self.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
+        self.remeshings = [Remeshing(**one) for one in body.remeshings]
+        self.interface_iterations = body.interface_iterations.astype(int).tolist()
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:

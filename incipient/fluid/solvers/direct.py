@@ -11,14 +11,16 @@ from petsc4py import PETSc
 from ...errors import ConvergenceError, UnsolvedError
 from ...installed import free_bytes
 from .equations import NOT_FINITE, Equations, LinearSolver
-from .options import FLUID, defaults, krylov
+from .options import FLUID, WORKSPACE, defaults, krylov, lu
 
 # Flexible: an exact factorisation is applied once.
-LU: dict[str, Any] = {"ksp_type": "fgmres", "ksp_gmres_restart": 50, "pc_type": "lu"}
-# Additional workspace in percent, since MUMPS underestimates it for saddle points with pivoting, and scaling ICNTL(8),
-# at first (automatic) and after a failure: scenes of microns in metres, with viscosities of 1e-12 next to gradients of
-# 1e-6, otherwise lack pivots.
-ATTEMPTS = ((200, 77), (800, 8))
+GMRES = {"ksp_type": "fgmres", "ksp_gmres_restart": 50}
+# MUMPS's workspace and scaling, at first (automatic) and after a failure: scenes of microns in metres, with viscosities
+# of 1e-12 next to gradients of 1e-6, otherwise lack pivots.
+ATTEMPTS = (
+    {"mat_mumps_icntl_14": WORKSPACE, "mat_mumps_icntl_8": 77},
+    {"mat_mumps_icntl_14": 800, "mat_mumps_icntl_8": 8},
+)
 
 # LU memory in 3-D over n^(4/3): 1.9 GB at 95,000 second-order unknowns (docs/contribute/defaults.md).
 LU_BYTES = 440.0
@@ -53,13 +55,10 @@ class Direct(LinearSolver):
     def __init__(self, matrix: Any, equations: Equations | None = None, patience: int = 8):
         super().__init__(matrix)
         self.patience = patience
-        self._make(*ATTEMPTS[0])
+        self._make(ATTEMPTS[0])
 
-    def _make(self, workspace: int, scaling: int) -> None:
-        self._options: dict[str, Any] = dict(LU)
-        if PETSc.Sys.hasExternalPackage("mumps"):
-            self._options["pc_factor_mat_solver_type"] = "mumps"
-            self._options |= {"mat_mumps_icntl_14": workspace, "mat_mumps_icntl_8": scaling}
+    def _make(self, chosen: dict[str, int]) -> None:
+        self._options = lu("", chosen) | GMRES
         self._solver = self.holding(krylov(self.matrix, self._options))
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
@@ -93,7 +92,7 @@ class Direct(LinearSolver):
                 return
             # PETSc cannot reuse a MUMPS object after a failure.
             self.destroy()
-            self._make(*following)
+            self._make(following)
         raise self._why_not_factorised(error)
 
     def _why_not_factorised(self, error: int) -> ConvergenceError:

@@ -9,6 +9,8 @@ from typing import Any
 from petsc4py import PETSc
 
 FLUID = "fluid_"  # prefix of the whole system
+# Additional workspace of MUMPS in percent, which it underestimates for saddle points with pivoting.
+WORKSPACE = 200
 # Chebyshev, Jacobi and incomplete LU without fill do not smooth convection.
 RELAXATION = {
     "mg_levels_ksp_type": "richardson",
@@ -43,6 +45,14 @@ def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
 def algebraic(prefix: str = "") -> dict[str, Any]:
     """Options of algebraic multigrid: BoomerAMG, or GAMG without hypre."""
     chosen = BOOMERAMG if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
+    return {f"{prefix}{name}": value for name, value in chosen.items()}
+
+
+def lu(prefix: str, more: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of an LU factorisation, by MUMPS where PETSc has it, with `more` of MUMPS's options."""
+    chosen: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "lu"}
+    if PETSc.Sys.hasExternalPackage("mumps"):
+        chosen |= {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": WORKSPACE, **more}
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 

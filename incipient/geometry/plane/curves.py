@@ -100,7 +100,7 @@ class Arc(Curve):
 
 @dataclass(frozen=True, eq=False)
 class Spline(Curve):
-    """The cubic spline through `points` (n, 2), n >= 4, at equal steps of the parameter."""
+    """The cubic spline through `points` (n, 2), n >= 3, at equal steps of the parameter."""
 
     points: Floats
 

@@ -416,9 +416,6 @@ def _through(points: Floats) -> Curve:
     chord = points[-1] - points[0]
     if np.abs(planar_cross(points - points[0], chord)).max() <= LINED_UP * (chord @ chord):
         return Line(plain(points[0]), plain(points[-1]))
-    while len(points) < 4:
-        middles = 0.5 * (points[1:] + points[:-1])
-        points = np.insert(points, np.arange(1, len(points)), middles, axis=0)
     return Spline(points)
 
 

@@ -80,7 +80,7 @@ class Topology:
         return np.where(self.beside >= 0, sums[self.beside] - self.edges.sum(axis=1)[:, None], -1)
 
 
-def lowest_around(values: Floats, edges: np.ndarray, count: int) -> Floats:
+def lowest_around(values: np.ndarray, edges: np.ndarray, count: int) -> Floats:
     """The least (count,) of the values (k,) of the edges at each point."""
     least = np.full(count, np.inf)
     for ends in edges.T:
@@ -295,7 +295,7 @@ def _collapsible(mesh: SurfaceMesh, which: np.ndarray) -> np.ndarray:
 
 def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) -> SurfaceMesh:
     edges, count = mesh.topology.edges, len(mesh.points)
-    rank = _ranks(mesh.lengths[candidates])
+    rank = np.argsort(np.argsort(mesh.lengths[candidates], kind="stable"))
     # No two whose ends are neighbours: then no triangle is touched by both.
     own = lowest_around(rank, edges[candidates], count)
     around = np.minimum(own, lowest_around(own[edges[:, 0]], edges[:, 1:], count))
@@ -322,12 +322,6 @@ def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) ->
     return SurfaceMesh(
         points[used], sizes[used], topology, mesh.held[used], mesh.fixed[used], sharp
     )
-
-
-def _ranks(values: Floats) -> Floats:
-    ranks = np.empty(len(values))
-    ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
-    return ranks
 
 
 def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
@@ -381,7 +375,7 @@ def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
     level = (least > 0.7) | (least > 0.0) & (now < 0.1)
     wanted = np.flatnonzero(level & (topology.number(np.column_stack([c, d])) < 0))
     pairs = topology.beside[free[wanted]]
-    rank = _ranks(-gain[wanted])
+    rank = np.argsort(np.argsort(-gain[wanted], kind="stable"))
     chosen = (rank[:, None] <= lowest_around(rank, pairs, len(mesh.triangles))[pairs]).all(axis=1)
     wanted = wanted[chosen]
     # Two swaps at one point could both make the same edge.

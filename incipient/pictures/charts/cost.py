@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from ...cost.frontier import WORTH, CostLaw, front, percent
-from ..style import INK, explain
+from ..style import INK, explain, headline
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}
@@ -23,13 +22,9 @@ Runs = Sequence[dict[str, Any]]
 
 def figure(stored: dict[str, Any], directory: Path) -> Figure:
     """Error against CPU time and memory, and the frontier."""
-    sheet = Figure(figsize=(9.4, 5.2))
-    title = stored["title"] or "What accuracy costs"
-    sheet.text(0.085, 0.97, title, fontsize=11.5, weight="bold", va="top", parse_math=False)
-    sentence = "\n".join(textwrap.wrap(stored["sentence"], 125))
-    sheet.text(0.085, 0.915, sentence, fontsize=9, va="top", linespacing=1.3)
+    sheet = Figure(figsize=(9.4, 5.2), layout="constrained")
+    headline(sheet, f"{stored['title'] or 'What accuracy costs'}: {stored['sentence']}")
     panels = sheet.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))
-    sheet.subplots_adjust(left=0.085, right=0.98, top=0.8, bottom=0.19, wspace=0.06)
     for axes, (key, label) in zip(panels, _PANELS, strict=True):
         _show(axes, stored["judged"], key)
         if doubt := stored["reference"]["doubt"]:
@@ -41,15 +36,8 @@ def figure(stored: dict[str, Any], directory: Path) -> Figure:
     if stored["law"]:
         _draw_law(panels[0], CostLaw(**stored["law"]), stored["judged"])
     panels[0].set_ylabel("relative error")
-    explain(sheet, loc="lower center", ncols=5)
-    panels[0].text(
-        0.98,
-        0.96,
-        "labels: numerics.mesh_size",
-        fontsize=7,
-        ha="right",
-        transform=panels[0].transAxes,
-    )
+    explain(sheet, loc="outside lower center", ncols=5)
+    panels[0].set_title("labels: numerics.mesh_size", fontsize=7)
     return sheet
 
 

@@ -8,12 +8,12 @@ from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
 from ..geometry.placement import Placement
-from ..results.errorbars import SafetyBar
-from ..results.loads import Forces, Torques
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.solids import orientation_of
 from ..setup.setup import Setup
+from .errorbars import SafetyBar
+from .loads import Forces, Torques
 
 ROCKS = "rocks to another rest"  # mode of motion
 RENEWED = (
