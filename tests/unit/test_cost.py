@@ -476,15 +476,9 @@ def test_inner_stages_are_not_counted_twice(clock):
     assert ledger.effects == {"flow": Share(5.0, 10.0), "moving mesh": Share(2.0, 5.0)}
 
 
-def test_what_an_earlier_session_took_is_counted(clock):
-    ledger = Ledger(began=100.0)
-    ledger.count({"flow": 3.0, "interface": 2.0}, 7.0)
-    assert ledger.total() == 7.0
-    assert seconds(ledger) == {"flow": 3.0, "free body": 2.0}
-
-
 def test_costs_since_the_last_booking_are_those_of_the_effect_booked_on(clock):
-    ledger = Ledger()
+    """An earlier session's are counted as well."""
+    ledger = Ledger(began=100.0)
     with ledger.stage("flow"):
         clock(1.0)
         ledger.charge("flow")
@@ -492,6 +486,9 @@ def test_costs_since_the_last_booking_are_those_of_the_effect_booked_on(clock):
         ledger.charge("inertia")
         clock(4.0)
     assert ledger.effects == {"flow": Share(5.0, 0.0), "inertia": Share(2.0, 3.0)}
+    ledger.count({"flow": 3.0, "interface": 2.0}, 7.0)
+    assert ledger.total() == 14.0
+    assert seconds(ledger) == {"flow": 8.0, "inertia": 2.0, "free body": 2.0}
 
 
 @pytest.mark.parametrize(
