@@ -235,8 +235,9 @@ def filled(path: Path, count: int = 40) -> list[dict[str, Any]]:
     """A file of cases of which `count` are done, and its table."""
     with Store(path, make=True) as store:
         store.add(CASES)
-        for n, case in enumerate(CASES[:count]):
-            store.finish(case.identity, 1, outcome(n))
+        with store.transaction():
+            for n, case in enumerate(CASES[:count]):
+                store.finish(case.identity, 1, outcome(n))
         store.write_view()
     return rows(path)
 
