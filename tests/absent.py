@@ -39,7 +39,6 @@ OF_FREE_SURFACE = (
 OF_TURBULENCE = (
     "forms.turbulence",
     "forms.k_omega_sst",
-    "forms.wall_friction",
     "fluid.friction",
     "turbulence",
     "effects.turbulent_flow",

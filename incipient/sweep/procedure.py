@@ -238,7 +238,12 @@ class _Sweep:
                     raise Interrupted(self.left("the time limit is reached"))
                 self._give()
                 with suppress(Empty):
-                    self._end(self._ended.get(timeout=LOOK))
+                    ended = [self._ended.get(timeout=LOOK)]
+                    ended += [self._ended.get_nowait() for _ in range(self._ended.qsize())]
+                    with self._store.transaction():  # workers need not wait for the disk
+                        for coming in ended:
+                            self._end(coming)
+                        self._give()
 
     def left(self, why: str) -> str:
         finished = f"{self.progress.finished} of {self.progress.total} cases are finished"

@@ -36,6 +36,7 @@ CREATE TABLE cases (
     log TEXT NOT NULL DEFAULT ''
 )
 """
+_OF_DAMAGE = (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError)
 _REMEDIES = {
     sqlite3.SQLITE_FULL: "free some space",
     sqlite3.SQLITE_IOERR: "free some space, check the disk, or copy the file to another",
@@ -79,10 +80,10 @@ class Store:
         self._open.close()
 
     @contextmanager
-    def _reported(self) -> Iterator[None]:
+    def _reported(self, kinds: tuple[type[Exception], ...] = _OF_DAMAGE) -> Iterator[None]:
         try:
             yield
-        except (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError) as error:
+        except kinds as error:
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
             remedy = _REMEDIES.get(
                 code, "it is damaged; restore a copy, or save it by sqlite3 FILE .recover"
@@ -101,14 +102,15 @@ class Store:
             raise OutputError(f"{self.path}: {why}; give another name, or use that version")
         if not make or self._base.execute("SELECT 1 FROM sqlite_master").fetchone():
             raise OutputError(f"{self.path}: is not the file of a sweep; give another name")
-        with self._transaction():
+        with self.transaction():
             self._base.execute(_TABLE)
             self._base.execute(f"PRAGMA application_id = {APPLICATION}")
             self._base.execute(f"PRAGMA user_version = {FORMAT}")
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        with self._reported(), self._base:  # which commits, or rolls back after an error
+    def transaction(self) -> Iterator[None]:
+        """Changes that are written together, or after an error not at all."""
+        with self._reported((sqlite3.Error,)), self._base:
             self._base.execute("BEGIN IMMEDIATE")
             yield
 
@@ -117,7 +119,7 @@ class Store:
         names = "id, source, task, status, settings, scene"
         insert = f"INSERT OR IGNORE INTO cases ({names}) VALUES (?, ?, ?, ?, ?, ?)"
         update = "UPDATE cases SET status = ?, reason = '' WHERE id = ? AND status = ?"
-        with self._transaction():
+        with self.transaction():
             for case in cases:
                 settings = json.dumps(case.settings)
                 row = (case.identity, case.source, case.task, WAITING, settings, case.text)
@@ -135,7 +137,7 @@ class Store:
             "finished": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S"),
         }
         assigned = ", ".join(f"{name} = ?" for name in cells)
-        with self._transaction():
+        with self._reported():
             self._base.execute(
                 f"UPDATE cases SET {assigned} WHERE id = ?", (*cells.values(), identity)
             )
@@ -148,7 +150,7 @@ class Store:
         parts |= {name: f"json_extract(columns, {_path(name)})" for name in names}
         columns = ", ".join(f"{part} AS {_quoted(name)}" for name, part in parts.items())
         own = f"source, task, status, {columns}, reason, {', '.join(COST)}, id"
-        with self._transaction():
+        with self.transaction():
             self._base.execute("DROP VIEW IF EXISTS results")
             self._base.execute(f"CREATE VIEW results AS SELECT {own} FROM cases")
 

@@ -191,7 +191,7 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of each key the unit that `incipient new` writes beside it; the first cases are printed, all are counted."""
-    monkeypatch.setattr("incipient.commands.tabulate.FIRST", 2)
+    monkeypatch.setattr("incipient.commands.sweep.FIRST", 2)
     axes, file = ["body.diameter=0.5,10,3", "bed.kind=flat"], tmp_path / "sweep.sqlite"
     cases = requested([SOURCE], axes).cases()
     with Store(file, make=True) as store:
@@ -235,8 +235,9 @@ def filled(path: Path, count: int = 40) -> list[dict[str, Any]]:
     """A file of cases of which `count` are done, and its table."""
     with Store(path, make=True) as store:
         store.add(CASES)
-        for n, case in enumerate(CASES[:count]):
-            store.finish(case.identity, 1, outcome(n))
+        with store.transaction():
+            for n, case in enumerate(CASES[:count]):
+                store.finish(case.identity, 1, outcome(n))
         store.write_view()
     return rows(path)
 
