@@ -24,8 +24,7 @@ from scenes import TANK
 from scenes import on_bed as scene
 
 import incipient
-from incipient.accuracy import next_mesh
-from incipient.accuracy.first_mesh import first_mesh, planned
+from incipient.accuracy.first_mesh import planned
 from incipient.cost import frontier, measurement, quantities
 from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
 from incipient.cost.measurement import MeasuredRun
@@ -427,14 +426,6 @@ def test_the_plan_says_that_the_run_chooses() -> None:
         ((TIMED, "numerics.accuracy=0.01"), "steps, mesh and order are chosen"),
     ):
         assert chosen in make_plan(scene(*keys)).text()
-
-
-def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
-    made = scene(TIMED, "numerics.accuracy=0.01")
-    coarse = next_mesh.first(made)
-    assert coarse.numerics.mesh_size == pytest.approx(2.0**1.5)
-    assert coarse.time.step == pytest.approx(0.08)
-    assert first_mesh(made).unknowns < 0.7 * planned(scene(TIMED, QUIET)).estimate.unknowns
 
 
 # Wall time and memory by stage and by effect.
