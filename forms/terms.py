@@ -22,6 +22,7 @@ from .kinematics import (
 
 # Reynolds number of a cell, per order, up to which it resolves the flow without help: P0 of `grad_div`.
 RESOLVED = 10.0
+SLOWEST = 1e-12  # speed at which friction still has a derivative
 
 
 def stress(v: Any, p: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
@@ -154,6 +155,25 @@ def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistan
     )
     through = ufl.inner(w, n)
     return -of_flow * through + (resistance * through - of_tests) * ufl.inner(v, n)
+
+
+def speed(v: Any) -> Any:
+    """|v|, with a derivative where the fluid is at rest."""
+    return ufl.sqrt(ufl.inner(v, v) + SLOWEST**2)
+
+
+def friction(v: Any, w: Any, drag: Any) -> Any:
+    """c v . w: the shear stress of a wall, c times the velocity along it."""
+    return drag * ufl.inner(v, w)
+
+
+def layer(p: Any, rate: Any, w: Any, distance: Any) -> Any:
+    """y (dv/dt + grad p) . w: the layer between the boundary and a wall y beyond accelerates as its edge does.
+
+    `rate` stands for dv/dt; None in a steady flow.
+    """
+    pushed = ufl.grad(p) if rate is None else ufl.grad(p) + rate
+    return distance * ufl.inner(pushed, w)
 
 
 def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:

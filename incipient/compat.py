@@ -126,12 +126,6 @@ def _is_not_of_a_build(record: logging.LogRecord) -> bool:
     )
 
 
-def create_vector(compiled: Any, space: Any) -> Any:
-    """PETSc vector of a compiled linear form on a space, with ghosts. Collective."""
-    takes_spaces = "V" in inspect.signature(petsc.create_vector).parameters
-    return petsc.create_vector(space if takes_spaces else compiled)
-
-
 def _compiled(
     compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[dict[str, Any]], Any]
 ) -> Any:
@@ -230,15 +224,6 @@ def geometry_degree(mesh: Any) -> int:
     """Polynomial degree of the mesh's cells."""
     degree = coordinate_element(mesh).degree
     return int(degree() if callable(degree) else degree)
-
-
-def reference_nodes(mesh: Any) -> np.ndarray:
-    """Nodes (nodes per cell, dimension) on the reference cell, corners first."""
-    kind = basix.CellType.triangle if mesh.topology.dim == 2 else basix.CellType.tetrahedron
-    variant = basix.LagrangeVariant.equispaced
-    return np.asarray(
-        basix.create_element(basix.ElementFamily.P, kind, geometry_degree(mesh), variant).points
-    )
 
 
 def scalar_part(vector_element: Any) -> Any:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from incipient import compat
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
-from incipient.fluid.transient import backward_difference
+from incipient.fluid.transient import Interface, backward_difference
 
 Floats = NDArray[np.float64]
 
@@ -98,28 +98,19 @@ class Steps:
         assert report.converged, report
 
 
-class Swaying:
+class Swaying(Interface):
     """A mesh that is where a function of time says, as what moves in a flow (`fluid.transient.Interface`)."""
 
     def __init__(self, fluid: Fluid, places_at: Callable[[float], Floats]):
-        self._fluid, self._at, self._x = fluid, places_at, fluid.domain.mesh.geometry.x
+        super().__init__(fluid)
+        self._at, self._x = places_at, fluid.domain.mesh.geometry.x
         self._past = [self._x.copy()]
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
         """Move the mesh, and solve for the flow."""
-        self._x[:] = self._at(self._fluid.time)
-        self._fluid.mesh_moved(self._past[0], self._past[-1])
-        return self._fluid.solve(tolerance)
-
-    def again(
-        self, length: float, order: int, tolerance: float, before: NewtonReport
-    ) -> NewtonReport:
-        """Solve for the flow again."""
-        return self._fluid.solve(tolerance)
-
-    def allowed(self, length: float) -> float:
-        """The length: nothing is met."""
-        return length
+        self._x[:] = self._at(self.fluid.time)
+        self.fluid.mesh_moved(self._past[0], self._past[-1])
+        return self.fluid.solve(tolerance)
 
     def accept(self) -> None:
         """Keep the mesh as it is."""
@@ -128,17 +119,6 @@ class Swaying:
     def restore(self) -> None:
         """Put the mesh back."""
         self._x[:] = self._past[0]
-
-    def forget(self) -> None:
-        """Nothing has been taught."""
-
-    def velocities(self) -> Floats:
-        """(0,): nothing has a velocity of its own."""
-        return np.empty(0)
-
-    def complaint(self) -> str:
-        """Nothing."""
-        return ""
 
 
 class Energy:

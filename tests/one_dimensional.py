@@ -33,6 +33,29 @@ def first_velocity(y_plus, sand):
     return speed(brentq(lambda u: u**6 + (speed(u) / y_plus) ** 3 - 1.0, 0.5, 1.0))
 
 
+def implicit(size, apart, diffusivity, right, loss, flux=0.0, wall=None, held=None):
+    """Solve -(D u')' + loss u = right without flux on top.
+
+    From below comes a flux, or there is a `wall` at a distance with a value; u may be `held`: volumes, and values.
+    """
+    bands, between = np.zeros((3, len(size))), diffusivity[1:-1] / apart
+    bands[1], load = loss * size, right * size
+    load[0] += flux
+    if wall is not None:
+        distance, value = wall
+        bands[1, 0] += diffusivity[0] / distance
+        load[0] += diffusivity[0] / distance * value
+    bands[1, :-1] += between
+    bands[1, 1:] += between
+    bands[0, 1:] = bands[2, :-1] = -between
+    if held is not None:
+        volumes, values = held
+        bands[1, volumes], load[volumes] = 1.0, values[volumes]
+        bands[0, 1:][volumes[:-1]] = 0.0
+        bands[2, :-1][volumes[1:]] = 0.0
+    return solve_banded((1, 1), bands, load)
+
+
 def developed_channel(re_tau, y_plus, cells=120, step=0.02, sand=0.0):
     """Mean velocity over u* of a channel of half depth 1 and u* = 1, from a first place at y+ to its middle.
 
@@ -46,27 +69,19 @@ def developed_channel(re_tau, y_plus, cells=120, step=0.02, sand=0.0):
     apart = np.diff(y)
     k, epsilon = 3.3 - 2.3 * y, 1.0 / (KAPPA * y)
 
-    def implicit(diffusivity, right, loss, flux=0.0):
-        """Solve -(D u')' + loss u = right with no flux on top, and one from below."""
-        bands, between = np.zeros((3, cells)), diffusivity[1:-1] / apart
-        bands[1] = loss * size
-        bands[1, :-1] += between
-        bands[1, 1:] += between
-        bands[0, 1:] = bands[2, :-1] = -between
-        load = right * size
-        load[0] += flux
-        return solve_banded((1, 1), bands, load)
-
     for _ in range(5000):
         eddies = C_MU * k**2 / epsilon
         at_faces = np.concatenate([eddies[:1], 0.5 * (eddies[1:] + eddies[:-1]), eddies[-1:]])
         gradient = (1.0 - faces) / (nu + at_faces)
         produced = eddies * (0.5 * (gradient[1:] + gradient[:-1])) ** 2
-        new_k = implicit(nu + at_faces / SIGMA_K, k / step + produced, 1 / step + epsilon / k)
+        new_k = implicit(
+            size, apart, nu + at_faces / SIGMA_K, k / step + produced, 1 / step + epsilon / k
+        )
         # At the boundary, half a cell below the first centre, epsilon is larger as 1/y.
         flux = (nu + at_faces[0] / SIGMA_E) * epsilon[0] * y[0] / low**2
         sources = epsilon / step + C_1 * produced * epsilon / k
-        new = implicit(nu + at_faces / SIGMA_E, sources, 1 / step + C_2 * epsilon / k, flux)
+        losses = 1 / step + C_2 * epsilon / k
+        new = implicit(size, apart, nu + at_faces / SIGMA_E, sources, losses, flux)
         change = max(np.abs(new_k / k - 1).max(), np.abs(new / epsilon - 1).max())
         k, epsilon = new_k, new
         if change < 1e-9:
@@ -102,21 +117,6 @@ def k_omega_channel(re_tau, cells=160, step=0.01, most=20000, sand=0.0):
     if sand:
         omega, k = np.minimum(omega, omega_wall), np.maximum(k, 0.3 * k_wall)
 
-    def implicit(diffusivity, right, loss, wall, held=None):
-        """Solve -(D u')' + loss u = right, u given at the wall, or held in some volumes; no flux on top."""
-        bands, between = np.zeros((3, cells)), diffusivity[1:-1] / apart
-        bands[1], load = loss * size, right * size
-        bands[1, 0] += diffusivity[0] / y[0]
-        load[0] += diffusivity[0] / y[0] * wall
-        bands[1, :-1] += between
-        bands[1, 1:] += between
-        bands[0, 1:] = bands[2, :-1] = -between
-        if held is not None:
-            bands[1, held], load[held] = 1.0, at_wall[held]
-            bands[0, 1:][held[:-1]] = 0.0
-            bands[2, :-1][held[1:]] = 0.0
-        return solve_banded((1, 1), bands, load)
-
     for _ in range(most):
         slopes = np.gradient(k, y), np.gradient(omega, y)
         cross = slopes[0] * slopes[1] / omega
@@ -138,10 +138,12 @@ def k_omega_channel(re_tau, cells=160, step=0.01, most=20000, sand=0.0):
             for a, one in zip(on_wall, spread, strict=True)
         ]
         carried = 2.0 * (1.0 - inner) * 0.856 * cross
-        new_k = implicit(at_faces[0], k / step + made, 1 / step + 0.09 * omega, k_wall)
+        losses = 1 / step + 0.09 * omega
+        new_k = implicit(size, apart, at_faces[0], k / step + made, losses, wall=(y[0], k_wall))
         sources = omega / step + gamma * strain**2 + np.maximum(carried, 0.0) + beta * omega**2
         losses = 1 / step + 2.0 * beta * omega + np.maximum(-carried, 0.0) / omega
-        new = implicit(at_faces[1], sources, losses, omega_wall, given)
+        walled = {"wall": (y[0], omega_wall), "held": (given, at_wall)}
+        new = implicit(size, apart, at_faces[1], sources, losses, **walled)
         change = max(np.abs(new_k / k - 1)[~given].max(), np.abs(new / omega - 1).max())
         k, omega = new_k, new
         if change < 1e-7:

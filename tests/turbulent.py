@@ -51,6 +51,17 @@ def stream(reynolds, domain, mesh_size, model="k-omega-sst", **changes):
     return Scene(**{**sections, **changes})
 
 
+def assert_alike(scene, other, rel):
+    """Runs of both scenes have the same force and torque on the grain; returns those of the first."""
+    found, expected = incipient.run(scene), incipient.run(other)
+    for of in ("force", "torque"):
+        exact = getattr(expected, of).flow
+        assert getattr(found, of).flow == pytest.approx(
+            exact, rel=rel, abs=1e-6 * min(1.0, 100 * rel)
+        )
+    return found
+
+
 def inflow_at(scene, heights):
     """Speeds, k and epsilon or omega (n,) at heights (n,) of a 2-D scene's inflow."""
     inflow, x = Setup(scene).walls.inflow, np.zeros((3, len(heights)))

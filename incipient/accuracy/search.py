@@ -33,6 +33,7 @@ from ..simulation.steady import solve_with_turbulence
 from . import next_mesh
 from .coarse_runs import changed
 from .errorbars import error_bars, loads_of_run
+from .finish import finished
 from .goal import Goal, Quantity, relative
 from .modelling import (
     SHARE,
@@ -44,7 +45,6 @@ from .modelling import (
     slowly_falling,
 )
 from .next_mesh import AIM, MOST_MESHES
-from .run import finished
 
 # Outcome of an unfinished search.
 UNFINISHED = "the search continues, or was stopped"

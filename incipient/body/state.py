@@ -139,10 +139,6 @@ class Freedom:
     free: tuple[bool, ...]
     motion: Callable[[float], ArrayLike] | None = None
 
-    def __post_init__(self) -> None:
-        if len(self.free) not in DEGREES:
-            raise SceneError("a body has three degrees of freedom in 2-D, six in 3-D; name as many")
-
     @classmethod
     def whole(cls, gdim: int) -> Freedom:
         return cls((True,) * (3 * (gdim - 1)))

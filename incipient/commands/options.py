@@ -249,7 +249,7 @@ COMMANDS = {
         _option("--seeds", type=int, metavar="N", help="compute its thresholds on this many random beds"),
         *_workers("run"),
     )),
-    "table": Command("print the results of a sweep, a row for each case", "tabulate", (
+    "table": Command("print the results of a sweep, a row for each case", "sweep", (
         _option("file", type=Path, help="file of a sweep; for size classes also grains.csv of a survey"),
         _option("--size", metavar="COLUMN",
                 help="with --size-classes: column of sizes (default: diameter, or body.diameter)"),

@@ -88,8 +88,8 @@ class Cases:
         """Arguments of `judged` for a single case; raises SceneError."""
         acting = [getattr(self, name)[number] for name in ("force", "torque", "weight", "centre")]
         count = int(self.contacts[number])
-        rows = (table[number, :count] for table in (self.points, self.normals, self.areas))
-        contacts = Contacts(*rows)
+        surface = self.points, self.normals, np.asarray(self.areas)
+        contacts = Contacts(*(table[number, :count] for table in surface))
         mass, inertia = float(self.mass[number]), self.inertia[number]
         known = None if np.isnan(mass) and np.isnan(inertia).all() else (mass, inertia)
         return Load(*acting), contacts, self.law.part(number), known
@@ -162,7 +162,9 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
         loads = some.force, some.torque, some.weight
-        problem = ContactProblem.of_rows(arms, normals, loads, some.law, some.areas[:, :count])
+        problem = ContactProblem.of_rows(
+            arms, normals, loads, some.law, np.asarray(some.areas)[:, :count]
+        )
         axes, planar = problem.planes(some.inertia)
         for rows, plane in ((planar, axes[planar]), (~planar, None)):
             if rows.any():

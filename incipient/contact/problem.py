@@ -93,7 +93,9 @@ class ContactProblem:
         kept, copy, fraction = _distinct(arms, contacts.normals)
         loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
         surface = arms[None, kept], contacts.normals[None, kept]
-        areas = None if contacts.areas is None else np.bincount(copy, contacts.areas)[None]
+        areas = None
+        if contacts.areas is not None:
+            areas = np.bincount(copy, contacts.areas).astype(float)[None]
         problem = cls.of_rows(*surface, loads, FrictionCone.of(law).rows(1), areas)
         axes, planar = problem.planes(None if inertia is None else inertia[None])
         return replace(problem, plane=axes if planar[0] else None, copy=copy, fraction=fraction)

@@ -197,19 +197,6 @@ class StandardErrors:
     friction: float = 0.0
     about: Floats | None = None
 
-    def __post_init__(self) -> None:
-        for name in ("flow_force", "flow_couple"):
-            value = np.array(getattr(self, name), dtype=float)
-            if value.shape != (3,) or not (np.isfinite(value).all() and (value >= 0.0).all()):
-                raise SceneError(
-                    f"standard errors: {name} must be three numbers of at least 0; correct it"
-                )
-            object.__setattr__(self, name, value)
-        if not (np.isfinite(self.friction) and self.friction >= 0.0):
-            raise SceneError(
-                f"standard errors: friction is {self.friction}; give a number of at least 0"
-            )
-
     @property
     def sizes(self) -> dict[str, float]:
         values = [*self.flow_force, *self.flow_couple, self.friction]
@@ -321,7 +308,8 @@ def probabilities(
     torque = inputs[:, 3:6] + np.cross(errors.arm(load.centre), force)
     surface = contacts.points, contacts.normals
     acting = force, torque, load.weight, load.centre
-    cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()), areas=contacts.areas)
+    cases = Cases(*surface, *acting, laws, *(mass_and_inertia or ()))
+    cases = replace(cases, areas=contacts.areas)
     paper = [classify(*cases.case(i)[:3]).mode for i in range(samples)]
     exact = judge_many(cases).complete()
     moves = np.array([mode.moves for mode in paper])

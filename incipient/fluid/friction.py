@@ -12,8 +12,7 @@ from petsc4py import PETSc
 
 from ..arrays import cross, quarter_turned
 from ..forms.kinematics import rigid_velocity
-from ..forms.terms import impermeable
-from ..forms.wall_friction import friction, layer, speed
+from ..forms.terms import friction, impermeable, layer, speed
 from ..mesh.domain import Domain
 from .conditions import Friction
 from .space import TaylorHood, size_along

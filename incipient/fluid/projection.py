@@ -31,7 +31,7 @@ class Projection(Holder):
             compat.form(inertia(v, v, fluid.reference_map) * fluid.quadrature()) for v in velocities
         ]
         self._matrix = self.holding(petsc.create_matrix(self._left))
-        self._vector = self.holding(compat.create_vector(self._right, fluid.space.mixed))
+        self._vector = self.holding(compat.vector_of(self._right))
         self._view = self.holding(compat.vec_view(self._correction))
         self._solver = self.holding(fluid.another_solver(self._matrix))
 

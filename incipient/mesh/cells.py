@@ -14,7 +14,6 @@ from ..arrays import Floats, Integers
 
 # By how much, relative to its extent, a cell's nodes may be off those of a straight one.
 ROUND_OFF = 1e-10
-NO_VERTEX = np.iinfo(np.int64).max
 CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 
@@ -32,7 +31,7 @@ def with_first(coordinates: Floats) -> Floats:
 
 def barycentric_nodes(mesh: Any) -> Floats:
     """Barycentric coordinates (nodes, gdim + 1) of a cell's nodes, vertices first."""
-    return with_first(compat.reference_nodes(mesh))
+    return with_first(shape_functions(mesh).points)
 
 
 def straight_cells(mesh: Any) -> np.ndarray:
@@ -67,15 +66,11 @@ def input_numbers(mesh: Any) -> Integers:
 
 
 def vertex_numbers(space: Any) -> Integers:
-    """Numbers (local nodes,) in the mesh's input of the vertices among a Lagrange space's nodes; others: `NO_VERTEX`.
-
-    They do not depend on the number of ranks.
-    """
+    """Numbers (local nodes,) in the mesh's input of the nodes of a first-order space, on any ranks the same."""
     mesh, index_map = space.mesh, space.dofmap.index_map
-    corners = slice(mesh.topology.dim + 1)
-    numbers = np.full(index_map.size_local + index_map.num_ghosts, NO_VERTEX)
-    rows = compat.geometry_dofs(mesh)[:, corners]
-    numbers[compat.cell_dofs(space)[:, corners]] = input_numbers(mesh)[rows]
+    numbers = np.empty(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
+    rows = compat.geometry_dofs(mesh)[:, : mesh.topology.dim + 1]
+    numbers[compat.cell_dofs(space)] = input_numbers(mesh)[rows]
     return numbers
 
 

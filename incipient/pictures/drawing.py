@@ -113,17 +113,19 @@ def render(
         plotter.add_mesh(surface, color=GRAIN, opacity=0.55, culling="back", **looks)
         plotter.add_silhouette(surface, color=INK, line_width=3.0, feature_angle=_SHARP)
     if terrain is not None:
-        # Pieces such as spheres have steep sides, which a height over x and y would show ragged.
-        grid = pyvista.ImageData(dimensions=_GRID, spacing=3 * [2.0 * _BED * size / (_GRID[0] - 1)])
+        # A height over x and y would show steep sides ragged; the distance half a spacing inside keeps spheres apart.
+        spacing = 2.0 * _BED * size / (_GRID[0] - 1)
+        grid = pyvista.ImageData(dimensions=_GRID, spacing=3 * [spacing])
         grid.origin = middle - _BED * size
         pieces = terrain.pieces(middle[:2], 1.5 * _BED * size)
         parts = np.array_split(np.asarray(grid.points), _GRID[2])
         grid["distance"] = np.hstack([pieces.distance_estimate(p).min(axis=0) for p in parts])
-        bed = grid.contour([0.0], scalars="distance", compute_normals=True)
+        bed = grid.contour([-0.5 * spacing], scalars="distance", compute_normals=True)
         bed["away"] = np.linalg.norm(np.asarray(bed.points)[:, :2] - middle[:2], axis=1)
         bed = bed.clip_scalar(scalars="away", value=_BED * size)
         looks["split_sharp_edges"] = False
         plotter.add_mesh(bed, color=GROUND, opacity=0.3, **looks)
+    plotter.add_axes(color=INK, line_width=4, viewport=(0.0, 0.0, 0.25, 0.25))
     toward = sight.directions[2]
     focus = np.array([(x0 + x1) / 2, (y0 + y1) / 2, middle @ toward]) @ sight.directions
     plotter.camera_position = [focus + 10.0 * size * toward, focus, sight.directions[1]]
@@ -133,19 +135,7 @@ def render(
     plotter.close()
     extent = (x0, x1, y0, y1)
     axes.imshow(image, extent=extent, aspect="auto", interpolation="antialiased", zorder=1)
-
-
-def draw_directions(axes: Axes, sight: Sight) -> None:
-    """Draw the coordinate axes in a corner."""
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
-    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
-    line = {"arrowstyle": "-", "color": INK, "shrinkA": 2, "shrinkB": 0}
-    for name, direction in zip("xyz", 0.07 * (x1 - x0) * sight(np.eye(3)), strict=True):
-        axes.annotate(
-            name, tuple(corner), tuple(corner + direction), fontsize=8, ha="center", va="center",
-            arrowprops=line,
-        )  # fmt: skip
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:

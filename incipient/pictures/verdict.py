@@ -25,7 +25,6 @@ from .drawing import (
     Sight,
     draw_bed,
     draw_case,
-    draw_directions,
     draw_grain,
     draw_pieces,
     render,
@@ -135,7 +134,6 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> None:
     x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if planar else 0.3)
     if not planar:
         render(axes, sight, places, triangles, bed)
-        draw_directions(axes, sight)
     else:
         if bed is not None:
             draw_bed(axes, bed_line(bed, x0, x1))

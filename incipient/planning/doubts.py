@@ -72,49 +72,55 @@ def _turbulence(setup: Setup) -> Iterator[str]:
         return
     from ..turbulence.wall_law import SMOOTH_TO
 
-    walls, scene = setup.walls, setup.scene
-    grain, bed, thick = scene.grain, scene.bed_shape, walls.distance("body")
-    if not walls.is_resolved and grain is not None:
-        if (share := thick / grain.size) > THICK:
-            yield (
-                f"the grain has u* d/nu = {grain.size / walls.unit:.3g}: the layer that the law of the wall stands for "
-                f"is {100 * share:.0f}% of it; it is thin up to {100 * THICK:.0f}%"
-            )
-        yield from _narrow_gap(setup)
-        if scene.gdim == 3:
-            yield from _coarse(setup)
-    if setup.turbulence.model == "k-epsilon" and grain is not None:
-        yield (
+    walls, scene, size, gap, feature = setup.walls, setup.scene, math.inf, math.inf, math.inf
+    if scene.grain is not None:
+        size, gap = scene.grain.size, setup.geometry.stance.gap
+    if scene.bed_shape is not None:
+        feature = scene.bed_shape.feature
+    rough, within = walls.roughness, walls.distance("body") / size
+    doubts = (
+        (
+            not walls.is_resolved and within > THICK,
+            f"the grain has u* d/nu = {size / walls.unit:.3g}: the layer that the law of the wall stands for is "
+            f"{100 * within:.0f}% of it; it is thin up to {100 * THICK:.0f}%",
+        ),
+        (
+            setup.turbulence.model == "k-epsilon" and scene.grain is not None,
             "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag "
             "on a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to "
-            "a third too large; another program with this model has 1.1 to 1.6 times the drag, 0.5 to 0.9 of the lift"
-        )
-    if 0.0 < walls.roughness < SMOOTH_TO * walls.unit:
-        yield (
-            f"the walls are hydraulically smooth, u* k_s/nu about {walls.roughness / walls.unit:.2g}: their roughness "
-            "changes nothing"
-        )
-    if bed is not None and walls.roughness > SMALL * bed.feature:
-        yield (
-            f"the roughness of the bed, {walls.roughness:.3g}, is {100 * walls.roughness / bed.feature:.0f}% of the "
-            f"smallest length of its forms, {bed.feature:.3g}: the model assumes that it is small compared with them, "
-            f"as it is up to {100 * SMALL:.0f}%"
-        )
-    if grain is not None and walls.roughness > (gap := setup.geometry.stance.gap):
-        yield (
-            f"the roughness of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: flow "
-            "in the gap is not resolved, since the model assumes a roughness smaller than all meshed lengths"
-        )
-    if walls.is_resolved and _cut_at_inflow(setup):
-        yield (
+            "a third too large; another program with this model has 1.1 to 1.6 times the drag, 0.5 to 0.9 of the lift",
+        ),
+        (
+            0.0 < rough < SMOOTH_TO * walls.unit,
+            f"the walls are hydraulically smooth, u* k_s/nu about {rough / walls.unit:.2g}: their roughness changes "
+            "nothing",
+        ),
+        (
+            rough > SMALL * feature,
+            f"the roughness of the bed, {rough:.3g}, is {100 * rough / feature:.0f}% of the smallest length of its "
+            f"forms, {feature:.3g}: the model assumes that it is small compared with them, as it is up to "
+            f"{100 * SMALL:.0f}%",
+        ),
+        (
+            rough > gap,
+            f"the roughness of the bed, {rough:.3g}, is higher than the gap below the grain, {gap:.3g}: flow in the "
+            "gap is not resolved, since the model assumes a roughness smaller than all meshed lengths",
+        ),
+        (
+            walls.is_resolved and _cut_at_inflow(setup),
             "the inflow cuts bedforms, next to which k may diverge, since the inflow profile has developed over "
-            "a planar bed: put the grain farther downstream of the inflow"
-        )
-    if walls.is_laminar:
-        yield (
+            "a planar bed: put the grain farther downstream of the inflow",
+        ),
+        (
+            walls.is_laminar,
             f"the inflow is laminar by the k-omega model, u* h/nu = {walls.depth / walls.unit:.3g}: k decays to "
-            "nothing there, and loads are those of laminar flow"
-        )
+            "nothing there, and loads are those of laminar flow",
+        ),
+    )
+    yield from (text for holds, text in doubts if holds)
+    if scene.grain is not None and not walls.is_resolved:
+        yield from _narrow_gap(setup)
+        yield from _coarse(setup)
 
 
 def _cut_at_inflow(setup: Setup) -> bool:
@@ -132,7 +138,8 @@ def _coarse(setup: Setup) -> Iterator[str]:
 
     asked, walls = setup.scene.numerics.mesh_size, setup.walls
     size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * asked
-    if (across := setup.scene.grain.size / size) < FEWEST_ACROSS:
+    across = setup.scene.grain.size / size
+    if setup.scene.gdim == 3 and across < FEWEST_ACROSS:
         yield (
             f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
             f"quarter off; use numerics.mesh_size = {asked * across / FEWEST_ACROSS:.2g} or less"

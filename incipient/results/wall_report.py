@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..arrays import Floats
 from .quantity import labelled
+
+if TYPE_CHECKING:
+    from ..turbulence.continuation import Continued
 
 # Change of the shear stress along an edge of a cell at a resolved smooth wall, over the stress, beyond which it is
 # too long; and the fraction of the stress's whole change that may lie along such edges. Behind the crest of a bump the
@@ -19,22 +21,6 @@ from .quantity import labelled
 LARGEST_CHANGE, MOST_COARSE = 0.25, 0.25
 # Known errors of models in reverse flow, as `benchmarks/turbulent_step.py` measures.
 OF_MODEL = {"k-epsilon": "behind steps k-epsilon reattaches 15% too soon"}
-
-
-class Iteration(Protocol):
-    """Outcome of the iteration to a steady flow."""
-
-    @property
-    def converged(self) -> bool:
-        """Whether flow and turbulence changed by less than the tolerance in the last iteration."""
-
-    @property
-    def changes(self) -> Sequence[tuple[float, float]]:
-        """Relative changes of the flow, and of the logarithms of the turbulence, in each iteration."""
-
-    @property
-    def spread(self) -> float:
-        """Relative deviation of the loads of the last iterations from their mean; 0: converged."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +55,7 @@ class WallReport:
     roughness: float = 0.0
     backward: tuple[tuple[float, float], ...] = ()
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    iteration: Iteration | None = None
+    iteration: Continued | None = None
     mesh_size: float = 1.0
     coarse_along: float | None = None
     judged_along: bool = False

@@ -20,7 +20,7 @@ from .flows import Flow, FlowSection
 from .grains import FRICTIONLESS, LEVEL, rested
 from .gusts import Gusts
 from .mass import mass, mean_density
-from .messages import Problem, discriminator, refusal, tag, variants
+from .messages import discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
 from .places import PLACES
 from .rules import contradictions
@@ -197,14 +197,14 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
-        _require(first_broken(OF_UNITS if self.units else WITHOUT_UNITS, self))
-        if self.units is not None:
+        problems = first_broken(OF_UNITS if self.units else WITHOUT_UNITS, self)
+        if self.units is not None and not problems:
             for (section, name), value in derived(self).items():
                 part = getattr(self, section) or Gravity()
                 if getattr(part, name) is None:
                     self.__dict__[section] = part.model_copy(update={name: value})
-        _require(contradictions(self))
-        _require(first_broken(PLACES, self))
+        if problems := problems or contradictions(self) or first_broken(PLACES, self):
+            raise refusal(*problems, between=True)
         return self
 
     @property
@@ -394,11 +394,6 @@ class Scene(Section):
     @cached_property
     def _contact(self) -> Contact:
         return self.contact or Contact(friction=0.0)
-
-
-def _require(problems: list[Problem]) -> None:
-    if problems:
-        raise refusal(*problems, between=True)
 
 
 def register(section: type[Section]) -> None:

@@ -59,10 +59,6 @@ class BaseFlow:
     def domain(self) -> Domain:
         return self.scene.domain
 
-    @cached_property
-    def viscosity(self) -> float:
-        return self.scene.viscosity
-
     # -- what a kind of flow may override ----------------------------------------------------------
 
     @property
@@ -104,7 +100,7 @@ class BaseFlow:
         heights = self.datum + step * np.array([0.0, 1.0, 2.0])
         u = self.velocity(self.column(self.domain.entrance, heights), 0.0)[0]
         gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
-        return float(self.speed * self.viscosity * abs(gradient))
+        return float(self.speed * self.scene.viscosity * abs(gradient))
 
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
         return self._risen_from(self.datum, x, t)
@@ -158,7 +154,9 @@ class BaseFlow:
         level = effective_level(bed)
         depth = max(bed.crest - domain.bottom - level, 0.0)
         shear = self.flow.shear_rate(domain.ceiling - bed.crest)
-        reynolds = 0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.viscosity
+        reynolds = (
+            0.0 if self.creeping else shear * (bed.period or 0.0) * depth / self.scene.viscosity
+        )
         lost = depth * (1.0 - (1.0 + self.speed * reynolds / INERTIAL) ** -POWER)
         return EffectiveHeight(level + lost, UNSURE * lost, level)
 
@@ -216,7 +214,7 @@ class LogLawFlow(BaseFlow):
     @cached_property
     def mean_profile(self) -> MeanProfile:
         flow = self.flow
-        return MeanProfile(flow.shear_velocity, self.viscosity, flow.roughness, self.depth)
+        return MeanProfile(flow.shear_velocity, self.scene.viscosity, flow.roughness, self.depth)
 
     @property
     def layer(self) -> float:
@@ -246,7 +244,7 @@ class OscillatoryFlow(BaseFlow):
 
     @property
     def layer(self) -> float:
-        return self.flow.thickness(self.viscosity)
+        return self.flow.thickness(self.scene.viscosity)
 
     def instants(self, end: float, samples: int) -> np.ndarray:
         return np.linspace(0.0, min(self.flow.period, end), samples)
@@ -258,7 +256,9 @@ class OscillatoryFlow(BaseFlow):
 
     def bed_stress(self) -> float:
         """The largest in time, U (w nu)^(1/2)."""
-        return self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.viscosity)
+        return (
+            self.speed * self.flow.velocity * math.sqrt(self.flow.frequency * self.scene.viscosity)
+        )
 
 
 class FormulaFlow(BaseFlow):

@@ -247,7 +247,7 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
         return None
     levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
     points = base_flow.column(base_flow.domain.entrance, levels)
-    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.viscosity
+    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.scene.viscosity
 
 
 def _wall_distance(setup: Setup) -> float:

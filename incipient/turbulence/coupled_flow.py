@@ -43,7 +43,8 @@ class CoupledFlow(Holder):
         )
         self.courant = self._courant.x.array
         self.courant[:] = 1.0
-        forms = self._residual_forms()
+        flow = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
+        forms = [turbulence.watching(flow, ufl.split(fluid.state)[0]), turbulence.form]
         states = fluid.state, turbulence.state
         self._residuals = [compat.form(one) for one in forms]
         self._conditions = fluid.constraints.dirichlet, turbulence.conditions
@@ -72,16 +73,13 @@ class CoupledFlow(Holder):
         self._nest.convert("aij", self._matrix)
         return Direct(self._matrix)
 
-    def _residual_forms(self) -> list[Any]:
-        fluid, turbulence = self._fluid, self._turbulence
-        flow = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
-        return [turbulence.watching(flow, ufl.split(fluid.state)[0]), turbulence.form]
-
     def _derivative(self, form: Any, own: Any, state: Any) -> Any:
         """Derivative of a residual in UFL, with the pseudo-time rate if the state is its `own`."""
         change = ufl.TrialFunction(state.function_space)
         jacobian = ufl.derivative(form, state, change)
-        coarser = {"quadrature_degree": self._degree_of_derivative}
+        # With the degree of the residual, 7, of order 2 as many steps take 1.2 times as long in 2-D and 1.4 times in
+        # 3-D. With 5 the convection of order 3 is too inexact: velocities grew eightfold in each iteration.
+        coarser = {"quadrature_degree": 2 * self._fluid.space.order + 3 - self._fluid.domain.gdim}
         jacobian = ufl.Form(
             [
                 one.reconstruct(metadata=one.metadata() | coarser)
@@ -101,15 +99,6 @@ class CoupledFlow(Holder):
         if own is self._fluid.state:
             return jacobian + rate * ufl.inner(ufl.split(change)[0], ufl.split(test)[0]) * measure
         return jacobian + rate * ufl.inner(change, test) * measure
-
-    @property
-    def _degree_of_derivative(self) -> int:
-        """With that of the residual, 7, of order 2 as many steps take 1.2 times as long in 2-D and 1.4 times in 3-D.
-
-        With 5 the convection of order 3 is too inexact: velocities grew eightfold in each iteration.
-        """
-        fluid = self._fluid
-        return 2 * fluid.space.order + 3 - fluid.domain.gdim
 
     def _passing(self) -> Any:
         """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL."""

@@ -295,13 +295,6 @@ class TurbulenceFields(Holder):
             form += flux * self.domain.measure(name)(metadata=flow.measure.metadata())
         return form
 
-    def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:
-        """Set dK/dt = a0 K + a1 K(1) + a2 K(2), with `past` states K(1) and K(2)."""
-        for constant, value in zip(self.rate, rate, strict=True):
-            constant.value = value
-        for function, values in zip((self._before, self._older), past, strict=False):
-            function.x.array[:] = values
-
     def step(self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float) -> float:
         """Solve with dK/dt = a0 K + a1 K(1) + a2 K(2) from the present state; returns the error of Newton's method.
 
@@ -309,7 +302,10 @@ class TurbulenceFields(Holder):
         """
         self.solver = self.solver or self._make_solver()
         fresh = abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
-        self.discretise_time(rate, past)
+        for constant, value in zip(self.rate, rate, strict=True):
+            constant.value = value
+        for function, values in zip((self._before, self._older), past, strict=False):
+            function.x.array[:] = values
         report = newton.solve(self, tolerance, MOST_CORRECTIONS, fresh=fresh)
         if not report.converged:
             self.renew_factors()

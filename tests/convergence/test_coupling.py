@@ -18,7 +18,7 @@ import pytest
 from floating import Floating, Floats, box_around, floating
 
 from incipient.fluid import Condition, Prescribed, no_slip
-from incipient.fluid.transient import TimeStep, backward_difference
+from incipient.fluid.transient import TimeStep
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc, Ellipse, Grain
 
@@ -183,26 +183,3 @@ def test_a_sudden_load_does_not_make_a_massless_body_ring(step: float) -> None:
     speed = readings[:, :3] @ load
     assert speed.max() < 1.01 * speed[-1]
     assert sign_changes(np.diff(speed, 2)[:, None]) <= 3
-
-
-# -- balance ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("ratio", [0.0, 0.3, 30.0])
-def test_momentum_is_balanced_at_the_end_of_every_step(ratio: float) -> None:
-    """m dU/dt and J dW/dt by the backward difference are the flow's load, which vanishes without mass."""
-    with in_the_cavity(ELLIPSE, ratio) as found:
-        inertia = found.part.body.inertia
-        masses = np.array([inertia.mass, inertia.mass, inertia.moments[0]])
-        past, lengths, largest = [np.zeros(3)], [1.0], 1e-300
-        for taken in found.transient.march(0.3, 0.03):
-            order = 1 if len(lengths) == 1 else 2
-            rate, _ = backward_difference(order, taken.length, taken.length / lengths[-1])
-            state = found.part.state.velocities
-            momentum = masses * sum(a * u for a, u in zip(rate, [state, *past[::-1]], strict=False))
-            probe = found.part.probe.resultant()
-            load = np.array([*probe.force[:2], probe.torque[2]])
-            resisting = found.part._response.resistance @ state  # type: ignore[union-attr]
-            largest = max(largest, float(np.abs(resisting).max()), float(np.abs(load).max()))
-            assert np.abs(load - momentum).max() < 1e-8 * largest
-            past, lengths = [*past[-1:], state], [*lengths, taken.length]

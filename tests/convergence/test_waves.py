@@ -13,19 +13,13 @@ from scipy.optimize import curve_fit
 from waves import Mode, prosperetti, tabulated_modes, tank
 
 import incipient
-from incipient.accuracy.terms import by_coarser_runs
 from incipient.arrays import Floats
 from incipient.fluid.projection import Projection
-from incipient.interrupt import Interruption
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
-from incipient.results.errorbars import Loads
 from incipient.results.loads import Elevations
 from incipient.scene import Scene
 from incipient.scene.file import loads
-from incipient.simulation.build import prepared
-from incipient.simulation.recorder import Recorder
-from incipient.simulation.time_loop import TimeLoop
 
 # Waves against exact solutions: modes of viscous layers, in time and space, in the plane and in space.
 
@@ -269,41 +263,8 @@ def true_error(found: Elevations | None, exact: Floats) -> float:
     return float(np.abs(found.values / AMPLITUDE - exact[:, None] * shape).max())
 
 
-def started_with_errors(mode: Mode, made: Scene) -> Loads:
-    """The elevations of a run whose fluid starts as the mode has it."""
-    comm = MPI.COMM_SELF
-    with prepared(made, comm) as run:
-        space = run.fluid.space
-        x, y = space.velocity_points()[:, :2].T
-        along, upwards = mode.velocity(x, y)
-        parts = along.real * np.sin(mode.k * x), upwards.real * np.cos(mode.k * x)
-        places = space.velocity_map.reshape(-1, 2)
-        run.fluid.state.x.array[places] = AMPLITUDE * np.column_stack(parts)
-        TimeLoop(run, Recorder(), Interruption(comm), None).to_the_end()
-        return Loads.at_the_end(None, None, None, run.elevations)
-
-
 COARSE_STEPS = ("time.step=0.1", "numerics.mesh_size=8.0", "numerics.order=3")
-COARSE_CELLS = ("time.step=0.05", "numerics.mesh_size=12.0", "numerics.order=2")
-FINE = ("time.step=0.025", "numerics.mesh_size=5.0", "numerics.order=3")
 SLOW = pytest.mark.slow
-
-
-@pytest.mark.parametrize(
-    "viscosity", [0.01, pytest.param(0.05, marks=SLOW), pytest.param(0.001, marks=SLOW)]
-)
-@pytest.mark.parametrize(
-    "how", [COARSE_CELLS, pytest.param(COARSE_STEPS, marks=SLOW), pytest.param(FINE, marks=SLOW)]
-)
-def test_error_bars_of_a_mode(viscosity: float, how: tuple[str, ...]) -> None:
-    """Between three quarters and three times the error, as docs/contribute/defaults.md says."""
-    made, mode = scene(WAVE, f"fluid.reynolds={1 / viscosity!r}", *how), Mode(viscosity, np.pi)
-    found = started_with_errors(mode, made)
-    assert found.elevations is not None
-    term = by_coarser_runs(made, found, lambda other: started_with_errors(mode, other))
-    assert term.elevation is not None and not term.force.size
-    true = true_error(found.elevations, np.real(np.exp(mode.s * found.elevations.times)))
-    assert 0.75 < term.elevation.max() / AMPLITUDE / true < 3.0
 
 
 def test_error_bars_of_a_wave_released_from_rest() -> None:

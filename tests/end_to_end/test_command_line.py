@@ -85,27 +85,6 @@ def test_the_levels_of_the_log(command):
     assert "stage: mesh" in debug and "Newton update 1" in debug
 
 
-@pytest.mark.slow
-def test_pictures_with_the_run_are_gone_with_the_next(tmp_path, capsys):
-    coarse = [*COARSE, *settings(numerics_error_bars=False)]
-    asked = [
-        "run",
-        str(GRAIN_ON_BED),
-        *coarse,
-        *settings(output_pictures=True),
-        "--out",
-        str(tmp_path / "x"),
-    ]
-    assert main(asked) == 0
-    drawn = sorted(path.name for path in (tmp_path / "x").glob("*.png"))
-    said = capsys.readouterr().out
-    assert "flow.png" in drawn and "traction.png" in drawn and all(name in said for name in drawn)
-    assert main(["run", str(GRAIN_ON_BED), *coarse, "--out", str(tmp_path / "x")]) == 0
-    assert not list((tmp_path / "x").glob("*.png")), (
-        "pictures of the earlier run beside the new numbers"
-    )
-
-
 def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("incipient.pictures.apart.sys.executable", "/bin/false")
     options = [*COARSE, *settings(output_pictures=True, numerics_error_bars=False)]
@@ -541,17 +520,21 @@ SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
         pytest.param(DISCS, SINUSOIDAL, id="discs"),
     ],
 )
-def test_a_settled_grain_is_judged_and_drawn(tmp_path, body, bed):
+def test_a_settled_grain_is_judged_and_drawn(tmp_path, capsys, body, bed):
+    """Pictures are named, and are gone with the next run: they would stand beside other numbers."""
     (tmp_path / "case.toml").write_text(SCENE_SHAPED.format(body=body, bed=bed))
-    assert main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
-    result = result_of(tmp_path / "out")
+    command = ["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]
+    assert main(command) == 0
+    printed, result = capsys.readouterr().out, result_of(tmp_path / "out")
     # It rests: two contacts, on either side of its centre, that hold it without the flow.
     left, right = sorted(contact["point"][0] for contact in result["contacts"])
     assert left < result["grain"]["centre"][0] < right
-    assert result["verdict"]["safety_factor"] > 0
-    assert result["force"]["flow"][0] > 0
-    for name in ("flow", "verdict", "mesh"):
+    assert result["verdict"]["safety_factor"] > 0 and result["force"]["flow"][0] > 0
+    for name in ("flow", "verdict", "mesh", "traction"):
         assert_is_a_picture(tmp_path / "out" / f"{name}.png", margin=False)
+        assert f"{name}.png" in printed
+    assert main([*command, *settings(output_pictures=False)]) == 0
+    assert not list((tmp_path / "out").glob("*.png"))
 
 
 # What a result gives to a program: the flow at points, the traction as arrays, one line for a reader.

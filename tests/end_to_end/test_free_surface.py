@@ -253,7 +253,8 @@ def test_new_meshes_above_the_still_level(tmp_path):
 def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
     up = FLOATING.replace("remesh_below = 0.95\n", "").replace("end = 0.6", "end = 9.0")
     with pytest.raises(
-        IncipientError, match=r"the grain .* the free surface.*; t = .* is saved: incipient resume"
+        IncipientError,
+        match=r"the grain .* the free surface.*; the state at t = .* is saved: incipient resume",
     ):
         incipient.run(loads(up), tmp_path)
     assert (tmp_path / "checkpoint.h5").exists()

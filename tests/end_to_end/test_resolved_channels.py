@@ -1,7 +1,6 @@
 """The k-omega SST model in scenes."""
 
 import math
-import textwrap
 
 import numpy as np
 import pytest
@@ -281,31 +280,6 @@ def test_a_step_is_reattached_where_others_say():
     print(end, walls.largest)
     assert walls.largest < 2.5
     assert end == pytest.approx(6.543, rel=0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("wall", ["", 'wall="rough"\\nroughness=0.2\\n'])
-def test_ranks_agree(mpirun, wall):
-    """Past a disc on its bed on one rank and on two, to what is left of the iteration."""
-    script = """
-        import incipient
-        from incipient.scene.file import loads
-
-        text = '[domain]\\nlength=10\\nheight=4\\norigin=[-4.0,0.0]\\n[fluid]\\nreynolds=2400\\nscale="flow"\\n'
-        text += '[flow]\\nkind="open-channel"\\n[bed]\\nkind="flat"\\n[effects]\\nturbulence=true\\n'
-        text += '[body]\\nshape="disc"\\ndiameter=1.0\\nx=0.0\\ndensity=2.65\\n[contact]\\nfriction=0.5\\n'
-        text += '[turbulence]\\nmodel="k-omega-sst"\\nWALL[numerics]\\nmesh_size=2\\norder=2\\nerror_bars=false\\n'
-        from mpi4py import MPI
-
-        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-            found = incipient.run(loads(text), comm=comm)
-            if MPI.COMM_WORLD.rank == 0:
-                print(repr([*found.force.flow[:2], found.turbulence.shear_velocity, found.turbulence.largest]))
-    """
-    done = mpirun(2, textwrap.dedent(script).replace("WALL", wall))
-    assert done.returncode == 0, done.stderr
-    alone, together = (eval(line) for line in done.stdout.splitlines() if line.startswith("["))
-    assert together == pytest.approx(alone, rel=1e-4)
 
 
 def on_waves(reynolds, acceleration):

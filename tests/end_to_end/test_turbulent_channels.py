@@ -2,7 +2,6 @@
 
 import csv
 import json
-import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from mpi4py import MPI
 from one_dimensional import developed_channel, law_of_the_wall
 from scipy.integrate import simpson
 from test_large_grain import stone
+from test_sand_in_space import sand
 from turbulent import stream
 
 import incipient
@@ -255,29 +255,50 @@ def test_a_run_that_is_resumed_ends_where_the_whole_one_does(
     assert rows[0] == rows[1]
 
 
+def on_bed(**wall):
+    """A disc on its bed by k-omega SST."""
+    domain, model = (
+        Domain(length=10.0, height=4.0, origin=(-4.0, 0.0)),
+        {"model": "k-omega-sst", **wall},
+    )
+    grain = {"body": Disc(diameter=1.0, x=0.0, density=2.65), "contact": Contact(friction=0.5)}
+    return stream(2400.0, domain, 2.0, turbulence=Turbulence(**model), bed=Flat(), **grain)
+
+
+ON_RANKS = """
+import sys
+import incipient
+from mpi4py import MPI
+
+for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+    found = incipient.run(incipient.load(sys.argv[1], comm=comm), comm=comm)
+    walls, loads = found.turbulence, [] if found.force is None else found.force.flow.tolist()
+    if MPI.COMM_WORLD.rank == 0:
+        print(*map(repr, [*loads, walls.at_outflow, walls.shear_velocity, walls.largest]))
+"""
+
+
 @pytest.mark.slow
-def test_ranks_agree(mpirun):
-    """Steadily and in time, and over ripples, on one rank and on three."""
-    script = """
-        import incipient
-        from incipient.scene.file import loads
-
-        text = '[domain]\\nlength=4\\nheight=1\\n[fluid]\\nreynolds=11000\\nscale="flow"\\n'
-        text += '[flow]\\nkind="open-channel"\\n[effects]\\nturbulence=true\\n[numerics]\\nmesh_size=2\\norder=2\\n'
-        from mpi4py import MPI
-
-        ripples = '[bed]\\nkind="sinusoidal"\\namplitude=0.02\\nwavelength=1\\n'
-        for more in ("", "[time]\\nend=2\\nstep=0.5\\n", ripples):
-            walls = incipient.run(loads(text + more)).turbulence
-            if MPI.COMM_WORLD.rank == 0:
-                print(repr(walls.at_outflow), repr(walls.largest))
-    """
-    found = []
-    for ranks in (1, 3):
-        done = mpirun(ranks, textwrap.dedent(script))
-        assert done.returncode == 0, done.stderr
-        found.append([float(word) for word in done.stdout.split()])
-    assert len(found[0]) == 6 and found[1] == pytest.approx(found[0], rel=1e-6)
+@pytest.mark.parametrize(
+    ("scene", "ranks", "rel"),
+    [
+        (channel(11000.0, 4.0), 3, 1e-6),
+        (channel(11000.0, 4.0, time=Time(end=2.0, step=0.5)), 3, 1e-6),
+        (channel(11000.0, 4.0, bed=Sinusoidal(amplitude=0.02, wavelength=1.0)), 3, 1e-6),
+        # To what is left of the iteration.
+        (on_bed(), 2, 1e-4),
+        (on_bed(wall="rough", roughness=0.2), 2, 1e-4),
+        (sand(1500.0, 4.4), 2, 1e-4),  # a sphere on a bed in space
+    ],
+)
+def test_ranks_agree(mpirun, tmp_path, scene, ranks, rel):
+    (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
+    done = mpirun(ranks, ON_RANKS, tmp_path / "scene.toml")
+    assert done.returncode == 0, done.stderr
+    alone, together = (
+        [float(one) for one in line.split()] for line in done.stdout.splitlines()[-2:]
+    )
+    assert together == pytest.approx(alone, rel=rel, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ def resumed(name: str, directory: Path) -> Resumed:
         ]
         stopped = f"meets the {ended['nearest']}"
     except IncipientError as error:
-        stopped = str(error).partition("; t = ")[0]
+        stopped = str(error).partition("; the state at t = ")[0]
     kept = read(cut / "checkpoint.h5", MPI.COMM_SELF).time
     end = incipient.resume(cut, remedy)
     whole = incipient.run(loads(CARRIED, overrides=(*common, *remedy)), directory / "whole")

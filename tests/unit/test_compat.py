@@ -14,6 +14,7 @@ from domains import curved_box, rectangle, square_in_box, unit_box
 from mpi4py import MPI
 
 from incipient import compat
+from incipient.mesh.cells import shape_functions
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
 from incipient.meshes.session import session
@@ -59,7 +60,7 @@ def test_gmsh_order(order: int) -> None:
         kind = gmsh.model.mesh.getElementType("Triangle", order)
         _, _, _, nodes, local, _ = gmsh.model.mesh.getElementProperties(kind)
     assert np.reshape(local, (nodes, 2))[compat.gmsh_order(2, nodes)] == pytest.approx(
-        compat.reference_nodes(mesh), abs=1e-12
+        shape_functions(mesh).points, abs=1e-12
     )
 
 

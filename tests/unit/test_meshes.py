@@ -451,7 +451,7 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
         (Box((0.8, 0.8, 0.6), 0.2), 0.1),
         pytest.param(Box((0.8, 0.8, 0.6)), 0.1, marks=pytest.mark.slow),
         pytest.param(
-            Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]),
+            Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.3, 0, 0)], [0.3, 0.3, 0.15]),
             0.02,
             marks=pytest.mark.slow,
         ),

@@ -417,8 +417,6 @@ def test_named_errors() -> None:
     body = RigidBody(planar(1.0, 1.0))
     with pytest.raises(ConvergenceError, match="not finite"):
         body.motion(at_rest(2), 0.1, [np.nan, 0.0, 0.0])
-    with pytest.raises(SceneError, match="degrees"):
-        Freedom((True, False))
 
 
 def test_corrections_run_out(monkeypatch) -> None:

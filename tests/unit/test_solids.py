@@ -451,18 +451,28 @@ def test_an_outline_of_ten_thousand_points_is_planned_without_tables_of_pairs(
     assert plan.estimate is not None and 500 < plan.estimate.cells < 3000
 
 
-def test_files_of_points_have_a_limit(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    text = SCENE.replace('kind = "flat"', 'kind = "polyline"\nfile = "/dev/zero"')
-    (tmp_path / "grain.csv").write_text("0,0\n1,0\n0,1\n")
-    (tmp_path / "scene.toml").write_text(text)
-    found = message(lambda: load(tmp_path / "scene.toml"))
-    assert "bed.file: /dev/zero is a pipe or a device; give the name of a CSV" in found
-    (tmp_path / "grain.csv").write_text("1,0\n" * 100_001)
-    found = message(lambda: load(tmp_path / "scene.toml"))
-    assert (
-        "body.file: " in found
-        and "grain.csv has 100001 points; give three or more points, 100000" in found
-    )
+@pytest.mark.parametrize(
+    ("bed", "rows", "words"),
+    [
+        (
+            'kind = "polyline"\nfile = "/dev/zero"',
+            "0,0\n1,0\n0,1\n",
+            "bed.file: /dev/zero is a pipe or a device; give the name of a CSV",
+        ),
+        (
+            'kind = "flat"',
+            "1,0\n" * 100_001,
+            "grain.csv has 100001 points; give three or more points, 100000",
+        ),
+    ],
+)
+def test_files_of_points_have_a_limit(tmp_path: Path, bed: str, rows: str, words: str) -> None:
+    (tmp_path / "grain.csv").write_text(rows)
+    (tmp_path / "scene.toml").write_text(SCENE.replace('kind = "flat"', bed))
+    assert words in message(lambda: load(tmp_path / "scene.toml"))
+
+
+def test_files_of_scenes_have_a_limit(tmp_path: Path) -> None:
     assert "/dev/zero: is a pipe or a device; give" in message(lambda: load("/dev/zero"))
     with (tmp_path / "large.toml").open("wb") as stream:
         stream.truncate(17 << 20)

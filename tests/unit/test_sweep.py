@@ -191,7 +191,7 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of each key the unit that `incipient new` writes beside it; the first cases are printed, all are counted."""
-    monkeypatch.setattr("incipient.commands.tabulate.FIRST", 2)
+    monkeypatch.setattr("incipient.commands.sweep.FIRST", 2)
     axes, file = ["body.diameter=0.5,10,3", "bed.kind=flat"], tmp_path / "sweep.sqlite"
     cases = requested([SOURCE], axes).cases()
     with Store(file, make=True) as store:

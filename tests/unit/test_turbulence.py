@@ -8,8 +8,7 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
-from domains import rectangle as grid
-from domains import ring, unit_box
+from domains import named_by_planes, ring, unit_box
 from floating import Floating, box_around
 from moving import RandomMotion, Steps
 from mpi4py import MPI
@@ -34,11 +33,9 @@ from incipient.forms.k_omega_sst import BETA_STAR as SST_BETA_STAR
 from incipient.forms.k_omega_sst import EXPONENT, KOmegaSST
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grains import Disc
-from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
-from incipient.meshes.model import meshed
 from incipient.planning.wall_conditions import UFL
 from incipient.results.wall_report import WallReport
 from incipient.turbulence.coupled_flow import half_where_reversed
@@ -57,10 +54,10 @@ BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds f
 
 def rectangle(low, high, cells):
     """A rectangle of triangles with the sides "left", "right", "bottom" and "top"."""
-    sizes = np.subtract(high, low)
-    return build(
-        MPI.COMM_SELF, partial(meshed, grid(tuple(map(float, low)), *map(float, sizes), *cells))
-    )
+    mesh = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, np.array([low, high], dtype=float), cells)
+    (left, bottom), (right, top) = low, high
+    planes = {"left": (0, left), "right": (0, right), "bottom": (1, bottom), "top": (1, top)}
+    return named_by_planes(mesh, planes)
 
 
 def uniform(k, epsilon):
@@ -209,12 +206,17 @@ def test_the_logarithmic_layer_is_a_solution(model, kappa):
 MOST_CUTS = 20  # after which a run ends, and says that k and epsilon do not converge
 
 
-def random_steps(number, seed):
-    """How often a step had to be cut to a quarter: at random from states, in shear and by steps over many decades.
+@pytest.mark.parametrize(
+    ("number", "seed"), [(12, 3), pytest.param(1000, 4, marks=pytest.mark.slow)]
+)
+def test_starts_meshes_and_steps_leave_k_and_epsilon_positive(number, seed):
+    """They are exponentials: what may fail is a step, which says so, and is taken in parts.
 
-    Every twelve of them have a mesh of their own, of stretched cells whose corners lie at random.
+    At random from states, in shear and by steps over many decades up to 1000; every twelve of them have a mesh of their
+    own, of stretched cells whose corners lie at random. Each has a step that is short enough, 19 quarterings at most:
+    upwinding that is longer than the step weighs the rate more along the flow than by itself, and six starts had none.
     """
-    random, cuts = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
     for _ in range(-(-number // 12)):
         cells, height = random.integers(1, 5, 2), 10 ** random.uniform(-1, 1)
         domain = rectangle((0, 0), (1, height), tuple(map(int, cells)))
@@ -230,33 +232,13 @@ def random_steps(number, seed):
                 start += 0.5 * random.standard_normal(size)
                 fields.state.x.array[:] = start
                 shear.value, step = 10.0 ** random.uniform(-3, 3, 2)
-                cut = 0
-                while not np.isfinite(
-                    fields.step((1 / step, -1 / step, 0.0), (start, start), 1e-6)
-                ):
+                cut, past = 0, (start, start)
+                while not np.isfinite(fields.step((1 / step, -1 / step, 0.0), past, 1e-6)):
                     fields.state.x.array[:] = start
                     step, cut = 0.25 * step, cut + 1
-                    if cut == MOST_CUTS:
-                        break
+                    assert cut < MOST_CUTS
                 found = np.exp(fields.state.x.array)
                 assert np.isfinite(found).all() and (found > 0.0).all()
-                cuts.append(cut)
-    return cuts
-
-
-def test_no_start_and_no_step_makes_k_or_epsilon_negative():
-    """They are exponentials: what may fail is a step, which says so, and is taken in parts."""
-    assert max(random_steps(12, 3)) < MOST_CUTS
-
-
-@pytest.mark.slow
-def test_a_thousand_starts_meshes_and_steps_leave_k_and_epsilon_positive():
-    """Each has a step that is short enough, 19 quarterings at most of steps up to 1000.
-
-    Upwinding that is longer than the step weighs the rate more along the flow than by itself: six starts had no step.
-    """
-    cuts = random_steps(1000, 4)
-    assert len(cuts) >= 1000 and max(cuts) < MOST_CUTS
 
 
 # k and omega by themselves, in given velocities, against exact solutions, and developed flow in one dimension.

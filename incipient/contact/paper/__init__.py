@@ -290,7 +290,8 @@ def _mode(
     if criterion is Criterion.NO_LOAD:
         return Mode.NO_INCIPIENT_MOTION
     if criterion is Criterion.TRANSLATION_ONLY:
-        return outcomes.translation_only(minima.sign_2, moves, held)
+        # Contact forces that no sharing lets balance the torque: the grain pivots.
+        return outcomes.simultaneous(minima.sign_2, -1, moves, not (moves or held))
     if criterion is Criterion.ROTATION_ONLY:
         return outcomes.rotation_only(minima.sign_7, turns, leaves)
     return outcomes.simultaneous(minima.sign_2, minima.sign_7, moves, turns)

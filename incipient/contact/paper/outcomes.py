@@ -83,27 +83,13 @@ def simultaneous(force_sign: int, torque_sign: int, moves: bool, turns: bool) ->
     the force presses, away from the surface where it lifts.
     """
     if not turns:
-        return translation(force_sign) if moves else Mode.NO_INCIPIENT_MOTION
+        translation = Mode.LIFTING if force_sign > 0 else Mode.SLIDING
+        return translation if moves else Mode.NO_INCIPIENT_MOTION
     if force_sign > 0:
         return Mode.LIFTING_WITH_PIVOTTING if torque_sign < 0 else Mode.LIFTING_WITH_AWAY_ROTATION
     if torque_sign > 0:
         return Mode.SLIDING_WITH_AWAY_ROTATION if moves else Mode.AWAY_ROTATION
     return Mode.SLIDING_AND_PIVOTTING if moves else Mode.PIVOTTING
-
-
-def translation(force_sign: int) -> Mode:
-    """Row 1: lifting if minimum (2) is positive, otherwise sliding."""
-    return Mode.LIFTING if force_sign > 0 else Mode.SLIDING
-
-
-def translation_only(force_sign: int, moves: bool, held: bool) -> Mode:
-    """Outcome without a torque: row 1 if F != 0 by (3), otherwise row 5a or 7.
-
-    `held`: the torque of the contact forces vanishes for some sharing among the minimisers.
-    """
-    if moves:
-        return translation(force_sign)
-    return Mode.NO_INCIPIENT_MOTION if held else Mode.PIVOTTING
 
 
 def rotation_only(torque_sign: int, turns: bool, leaves: bool) -> Mode:
