@@ -145,7 +145,7 @@ class GustSearch:
 
     def leaves(self, strength: float, duration: float) -> bool:
         self.runs += 1
-        result = simulate(self._in_gust(strength, duration), self.comm, Recorder())
+        result = simulate(self.in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None
         left = result.trajectory["on_bed"]["left_pocket"] is not None
         does = "leaves" if left else "stays"
@@ -162,7 +162,7 @@ class GustSearch:
         rise = {} if gust.rise is None else {"rise": gust.rise / gust.duration * duration}
         return {"shape": gust.shape, "start": gust.start, **rise}
 
-    def _in_gust(self, strength: float, duration: float) -> Scene:
+    def in_gust(self, strength: float, duration: float) -> Scene:
         plain, time = self._plain(), self.scene.time
         assert time is not None
         gust = Gust(**self._course(duration), duration=duration, strength=strength)

@@ -176,21 +176,6 @@ def test_where_the_inflow_cuts_the_bed_does_not_matter(
     assert np.ptp(found) < bound * min(found)
 
 
-@pytest.mark.slow
-def test_shields_against_many_spacings_has_no_jumps() -> None:
-    spacings = np.linspace(1.0, 1.6, 25)
-    found = np.log([shields(0.0, spacing) for spacing in spacings])
-    assert (np.diff(found) > 0.0).all()
-    assert np.abs(np.polyval(np.polyfit(spacings, found, 4), spacings) - found).max() < 0.003
-
-
-def test_a_disc_on_a_plane_has_none() -> None:
-    """Any torque about its only contact rolls a disc on a flat bed."""
-    threshold = threshold_of(on_bed("numerics.mesh_size=2.0"))
-    assert threshold.factor == 0.0 and threshold.bars is None
-    assert "any flow moves the grain, rolling" in threshold.text()
-
-
 def test_a_grain_held_without_limit_in_its_own_flow() -> None:
     """In a hundred times the flow lift presses the wedge down and holds it; it moves in slower flows, which count."""
     slow = loads(WEDGE, overrides=["flow.rate=1.0"])
@@ -246,15 +231,6 @@ def test_without_inertia_none_is_proved() -> None:
     threshold = threshold_of(on_bed(*STOKES, ALONE, WEDGED))
     assert threshold.factor == threshold.held_to == np.inf
     assert "no strength of this flow moves the grain" in threshold.text()
-
-
-@pytest.mark.slow
-def test_none_is_said_as_far_as_was_looked() -> None:
-    threshold = threshold_of(
-        on_bed(*COARSE_POCKET, *SMALL, ALONE, WEDGED, "numerics.mesh_size=3.0")
-    )
-    assert not threshold.is_critical and np.isfinite(threshold.held_to)
-    assert f"none up to {threshold.held_to:.3g} times the flow" in threshold.text()
 
 
 @pytest.mark.slow

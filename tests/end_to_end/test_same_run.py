@@ -114,6 +114,15 @@ CASES = {
 }
 
 
+def scene_of(name: str) -> Scene:
+    """The scene of a case, with a checkpoint where it is cut, at which a whole run forgets what it reuses as well."""
+    scene, cut = CASES[name].scene(), CASES[name].cut
+    if not cut:
+        return scene
+    output = scene.output.model_copy(update={"checkpoint": round(cut / scene.time.step)})
+    return scene.model_copy(update={"output": output})
+
+
 def cases(how: str) -> list[Any]:
     """The cases that are run in a way, `resumed` or on `ranks`."""
     chosen = (name for name, case in CASES.items() if getattr(case, how) is not None)
@@ -130,7 +139,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     def directory_of(name: str) -> Path:
         if name not in directories:
             directories[name] = tmp_path_factory.mktemp("whole")
-            incipient.run(CASES[name].scene(), directories[name])
+            incipient.run(scene_of(name), directories[name])
         return directories[name]
 
     return directory_of
@@ -169,13 +178,9 @@ def assert_same(name: str, directory: Path, whole: Path, tolerance: float) -> No
 def test_a_resumed_run_is_the_whole_one(
     name: str, whole: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    case, scene = CASES[name], CASES[name].scene()
-    every = round(case.cut / scene.time.step)
-    update = {
-        "time": scene.time.model_copy(update={"end": case.cut}),
-        "output": scene.output.model_copy(update={"checkpoint": every}),
-    }
-    incipient.run(scene.model_copy(update=update), tmp_path)
+    case, scene = CASES[name], scene_of(name)
+    cut = scene.time.model_copy(update={"end": case.cut})
+    incipient.run(scene.model_copy(update={"time": cut}), tmp_path)
     incipient.resume(tmp_path, [f"time.end={scene.time.end!r}"])
     assert_same(name, tmp_path, whole(name), case.resumed)
 
@@ -184,7 +189,7 @@ def test_a_resumed_run_is_the_whole_one(
 def test_two_ranks_are_as_one(
     name: str, whole: Callable[[str], Path], tmp_path: Path, session: Session
 ) -> None:
-    (tmp_path / "scene.toml").write_text(dumps(CASES[name].scene()), encoding="utf-8")
+    (tmp_path / "scene.toml").write_text(dumps(scene_of(name)), encoding="utf-8")
     (done,) = session(2, [["run", "scene.toml", "--out", "two"]], timeout=600)
     assert done.codes == [0, 0], done.lines
     assert_same(name, tmp_path / "two", whole(name), CASES[name].ranks)

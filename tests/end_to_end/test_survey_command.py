@@ -98,7 +98,7 @@ def test_a_bed_with_runs(command, bed: Path) -> None:
     bed.write_text(BED + RUNS)
     out = bed.parent / "out"
     call = ["survey", bed, "--out", out, "--jobs", 1]
-    done = command(*call, timeout=600)
+    done = command(*call, timeout=1800)
     assert done.returncode == 0, done.stderr
     for said in (
         "Shields number",

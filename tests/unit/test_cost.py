@@ -24,8 +24,7 @@ from scenes import TANK
 from scenes import on_bed as scene
 
 import incipient
-from incipient.accuracy import next_mesh
-from incipient.accuracy.first_mesh import first_mesh, planned
+from incipient.accuracy.first_mesh import planned
 from incipient.cost import frontier, measurement, quantities
 from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
 from incipient.cost.measurement import MeasuredRun
@@ -429,14 +428,6 @@ def test_the_plan_says_that_the_run_chooses() -> None:
         assert chosen in make_plan(scene(*keys)).text()
 
 
-def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
-    made = scene(TIMED, "numerics.accuracy=0.01")
-    coarse = next_mesh.first(made)
-    assert coarse.numerics.mesh_size == pytest.approx(2.0**1.5)
-    assert coarse.time.step == pytest.approx(0.08)
-    assert first_mesh(made).unknowns < 0.7 * planned(scene(TIMED, QUIET)).estimate.unknowns
-
-
 # Wall time and memory by stage and by effect.
 
 
@@ -476,15 +467,9 @@ def test_inner_stages_are_not_counted_twice(clock):
     assert ledger.effects == {"flow": Share(5.0, 10.0), "moving mesh": Share(2.0, 5.0)}
 
 
-def test_what_an_earlier_session_took_is_counted(clock):
-    ledger = Ledger(began=100.0)
-    ledger.count({"flow": 3.0, "interface": 2.0}, 7.0)
-    assert ledger.total() == 7.0
-    assert seconds(ledger) == {"flow": 3.0, "free body": 2.0}
-
-
 def test_costs_since_the_last_booking_are_those_of_the_effect_booked_on(clock):
-    ledger = Ledger()
+    """An earlier session's are counted as well."""
+    ledger = Ledger(began=100.0)
     with ledger.stage("flow"):
         clock(1.0)
         ledger.charge("flow")
@@ -492,6 +477,9 @@ def test_costs_since_the_last_booking_are_those_of_the_effect_booked_on(clock):
         ledger.charge("inertia")
         clock(4.0)
     assert ledger.effects == {"flow": Share(5.0, 0.0), "inertia": Share(2.0, 3.0)}
+    ledger.count({"flow": 3.0, "interface": 2.0}, 7.0)
+    assert ledger.total() == 14.0
+    assert seconds(ledger) == {"flow": 8.0, "inertia": 2.0, "free body": 2.0}
 
 
 @pytest.mark.parametrize(

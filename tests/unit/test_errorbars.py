@@ -22,7 +22,6 @@ from incipient import compat
 from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
 from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
-from incipient.accuracy.run import finished
 from incipient.accuracy.terms import (
     by_coarser_runs,
     by_dual,
@@ -51,9 +50,7 @@ from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
 from incipient.simulation.moved_mesh import MovedMesh
-from incipient.simulation.recorder import Recorder
-from incipient.simulation.simulate import loads_of, solved
-from incipient.simulation.state import Accounts
+from incipient.simulation.simulate import loads_of
 from incipient.simulation.steady import loads_at
 from incipient.thresholds.critical import find_threshold
 from incipient.turbulence.continuation import Continued
@@ -418,14 +415,6 @@ def test_what_does_not_apply_is_said() -> None:
     assert terms[3:] == [f"  {name:<18}{why}" for name, why in bars.left_out.items()]
 
 
-def test_the_path_of_a_grain_in_a_channel_depends_on_its_sides() -> None:
-    """The domain's term has an error of the place as well."""
-    drifting = IN_STREAM + 'motion = "free"\ndensity = 1.0\n[time]\nend = 0.4\nstep = 0.1\n'
-    scene = loads(drifting, overrides=("numerics.mesh_size=3",))
-    term = of_domain(scene, solve(coarse(scene)), solve)
-    assert term.place is not None and term.place[0] > 0.0
-
-
 def test_coarse_runs_are_few_and_cheap() -> None:
     """In time seven at most, in a quarter of the steps, those of gap and domain on cells of twice the size."""
     scene = Scene(**{**grain_on_bed().model_dump(), "time": {"end": 10.0, "step": 0.1}})
@@ -434,15 +423,6 @@ def test_coarse_runs_are_few_and_cheap() -> None:
     cells = [(time.step / 0.1, size) for _, time, size in runs if time is not None]
     assert np.array(cells) == pytest.approx(np.array([*2 * [(4.0, 1.0)], *5 * [(4.0, 2.0)]]))
     assert len(coarse_scenes(grain_on_bed())) == 5
-
-
-def test_nothing_more_is_begun_when_the_budget_is_spent() -> None:
-    """The term that needs no run of its own is there, the others say why not."""
-    scene = changed(grain_on_bed(), numerics={"mesh_size": 2.0})
-    with solved(scene, MPI.COMM_SELF, accounts=Accounts(spent=lambda: "all is spent")) as run:
-        bars = finished(run, Recorder()).error_bars
-    assert bars is not None and [term.name for term in bars.terms] == ["discretisation"]
-    assert bars.failed == {"gap": "all is spent", "domain": "all is spent"}
 
 
 # -- beds in space --------------------------------------------------------------------------------------------------
@@ -768,11 +748,6 @@ CYLINDER = np.array([5.57953523384, 0.010618948146]) * 0.5 * 0.2**2 * 0.1
 # Force and torque of a disc on a bed in a domain of 12 x 6, cells of half the default size in elements of order
 # four, improved by the estimate: see docs/contribute/defaults.md. In Stokes flow the same.
 ON_BED = {True: (1.507031, 0.809692, -0.1948145), False: (0.38955958, 0.00290848, -0.09471539)}
-EXAMPLE = (
-    1.354864,
-    0.718549,
-    -0.1787733,
-)  # of the example scene, by cells of a quarter of the default size
 SCRIPT = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
@@ -868,17 +843,6 @@ def test_effectivity(scene: Scene, order: int, mesh_size: float, reference: np.n
     known = len(reference)
     effectivity = values["estimate"][:known] / (values["load"][:known] - reference)
     assert np.all((effectivity > 0.5) & (effectivity < 3.0)), effectivity
-
-
-@pytest.mark.parametrize(("order", "mesh_size"), [(2, 1.0), (3, 1.4)])
-def test_effectivity_in_a_wide_domain(order: int, mesh_size: float) -> None:
-    """Most cells are far away and large; of the example scene, force and torque as one vector."""
-    with estimating(
-        changed(grain_on_bed(), numerics={"order": order, "mesh_size": mesh_size})
-    ) as goals:
-        values = described(goals)
-    true = np.linalg.norm(values["load"] - np.array(EXAMPLE))
-    assert 0.5 < np.linalg.norm(values["estimate"]) / true < 3.0
 
 
 @pytest.mark.parametrize(

@@ -480,19 +480,23 @@ def test_the_mesh_is_made_anew_until_the_law_of_the_wall_is_its_own(monkeypatch)
     )
 
 
-@pytest.mark.parametrize("critical", [1.02, float("inf")])
+@pytest.mark.parametrize(
+    ("critical", "speeds", "reason"),
+    [
+        # The second mesh is that of the critical flow itself.
+        (1.02, [1.0, 1.02], "held"),
+        # What faster flows hold on the first mesh is doubted.
+        (float("inf"), [1.0], f"held; {meshes.OTHER_MESH}"),
+    ],
+)
 def test_one_mesh_does_where_the_law_of_the_wall_hardly_changes_or_none_is_critical(
-    monkeypatch, critical
+    monkeypatch, critical, speeds, reason
 ):
-    """The second mesh is that of the critical flow itself; what faster flows hold on the first is doubted."""
     pretended = OnMeshes(monkeypatch, lambda speed: critical)
-    found = pretended.threshold(grain(0.2))
-    assert found.factor == critical
-    if found.is_critical:
-        assert pretended.made_for == [1.0, 1.02]
-        assert found.own_mesh.safety_factor == 1.0 and not found.own_mesh.change.any()
-    else:
-        assert pretended.made_for == [1.0] and found.reason == f"held; {meshes.OTHER_MESH}"
+    flow = pretended.threshold(grain(0.2))
+    assert (flow.factor, flow.reason, pretended.made_for) == (critical, reason, speeds)
+    own = flow.own_mesh
+    assert own is None or (own.safety_factor == 1.0 and not own.change.any())
 
 
 def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
