@@ -64,7 +64,6 @@ class CoupledFlow(Holder):
         self._solver = self.holding(
             self._factors() if fluid.domain.gdim == 2 else BlockByBlock(self._nest)
         )
-        self._last: Floats | float = 0.0
         self._right, self._correction = (
             self.holding(one) for one in self._solver.matrix.createVecs()
         )
@@ -161,11 +160,8 @@ class CoupledFlow(Holder):
         )
 
     def carry_out(self, of_flow: Floats, of_logarithms: Floats) -> None:
-        self._last = half_where_reversed(of_logarithms, self._last)
-        for state, values in (
-            (self._fluid.state, of_flow),
-            (self._turbulence.state, self._last),
-        ):
+        states = self._fluid.state, self._turbulence.state
+        for state, values in zip(states, (of_flow, of_logarithms), strict=True):
             state.x.array[: len(values)] += values
             state.x.scatter_forward()
 
@@ -184,16 +180,6 @@ def relative_change(fluid: Fluid, change: Floats) -> float:
     """Size of a change (owned or local unknowns,) relative to the flow. Collective."""
     whole = fluid.squared_velocities(fluid.state.x.array)
     return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
-
-
-def half_where_reversed(changes: Floats, last: Floats | float) -> Floats:
-    """Changes (n,), halved where they would reverse more than half of the last ones.
-
-    Newton's method otherwise alternates between both sides of a limiter: past a sphere in its pocket at
-    u* d/nu = 75 ln k of a node oscillated by 0.27.
-    """
-    reversed_ = (changes * last < 0.0) & (np.abs(changes) > 0.5 * np.abs(last))
-    return np.where(reversed_, 0.5, 1.0) * changes
 
 
 def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:

@@ -38,7 +38,6 @@ from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
 from incipient.planning.wall_conditions import UFL
 from incipient.results.wall_report import WallReport
-from incipient.turbulence.coupled_flow import half_where_reversed
 from incipient.turbulence.developed import developed, of_discharge
 from incipient.turbulence.in_time import InTime
 from incipient.turbulence.linear import ROUGH, BlockByBlock
@@ -418,17 +417,6 @@ def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, ca
         BlockByBlock(nest).destroy()
         said = [one for one in caplog.records if "half of the free memory" in one.message]
         assert len(said) == told
-
-
-def test_turns_that_newtons_method_takes_end():
-    """Newton's whole corrections of arctan(x) = 0 from 1.5 go to and fro and grow; those that go on or shrink stay."""
-    x, last = np.array([1.5]), 0.0
-    for _ in range(30):
-        last = half_where_reversed(-np.arctan(x) * (1.0 + x**2), last)
-        x = x + last
-    assert abs(x[0]) < 1e-6
-    changes, last = np.array([0.8, -0.4, -0.6, -2.0]), np.array([1.0, 1.0, 1.0, 0.0])
-    assert half_where_reversed(changes, last).tolist() == [0.8, -0.4, -0.3, -2.0]
 
 
 # Along walls of a turbulent flow, where it runs upstream and where it leaves; peaks of k; upwinding of its sources.
