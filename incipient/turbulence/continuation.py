@@ -21,7 +21,7 @@ from .coupled_flow import CoupledFlow, bounded, relative_change
 from .fields import TurbulenceFields
 
 # Courant numbers of the first step, the smallest and the largest, and the largest over one by the change of the flow:
-# with three a flow past spheres at u* d/nu = 300 changes by 28% in a later iteration. Factors from step to step at most.
+# with three a flow past spheres at u* d/nu = 300 changes by 28% in an iteration. Factors from step to step at most.
 FIRST, SMALLEST, LARGEST, BY_CHANGE = 5.0, 1e-2, 1e8, 1.0
 SHRINKS, GROWS = 0.1, 2.0
 # Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many
