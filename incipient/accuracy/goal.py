@@ -166,8 +166,7 @@ def bar_of_safety(
         return safety_range(load, contacts, law, box)
 
     common, case = within(set(errors)), (contacts, law, inert)
-    certain = common.rests or common.moves
-    widths = {name: within(set(errors) - {name}).width for name in errors if not certain}
+    widths = {name: within(set(errors) - {name}).width for name in errors}
     exact = judged(load, *case)
     # Modes of the load and of the worst load within the box; others are possible unless all loads rest.
     modes: tuple[str, ...] = ("rest",)
@@ -179,7 +178,7 @@ def bar_of_safety(
         value=value,
         low=min(common.low, value),
         high=max(common.high, value),
-        certain=certain,
+        certain=common.rests or common.moves,
         modes=modes,
         decisive=min(widths, key=lambda name: widths[name], default=""),
         some=common.possible,

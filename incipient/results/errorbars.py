@@ -231,7 +231,7 @@ class SafetyBar:
     certain: bool
     # "rest" alone if all loads within the bars rest, otherwise the modes of the loads examined
     modes: tuple[str, ...]
-    decisive: str  # the term whose removal shrinks an uncertain range of safety factors most, or ""
+    decisive: str  # the term whose removal shrinks the range of safety factors most
     # some, every: smallest and largest multiple of the flow's load that the contacts balance for some load within the
     # bars, and for all of them; None without one
     some: Interval | None
