@@ -207,7 +207,7 @@ class Fluid(Holder):
             strong = terms.momentum(v, p, carrier, known, rate, force, at)
             size = self._upwind_size()
             if model.viscosity is not None:  # layers of cells at walls, thin across
-                size = size_along(self.domain.mesh, along) / model.order
+                size = ufl.min_value(size, size_along(self.domain.mesh, along) / model.order)
             residual += terms.streamline_upwind(strong, along, w, viscosity, size, at)
         if force is not None:
             residual += terms.body_force(force, w, at)
