@@ -206,7 +206,8 @@ class Fluid(Holder):
                 along, known = ufl.split(frozen)[0], None
             strong = terms.momentum(v, p, carrier, known, rate, force, at)
             size = self._upwind_size()
-            if model.viscosity is not None:  # layers of cells at walls, thin across
+            # In layers of thin cells the root of the volume makes the term exceed the pressure gradient.
+            if model.viscosity is not None:
                 size = ufl.min_value(size, size_along(self.domain.mesh, along) / model.order)
             residual += terms.streamline_upwind(strong, along, w, viscosity, size, at)
         if force is not None:

@@ -138,8 +138,8 @@ class CoupledFlow(Holder):
     ) -> Floats:
         """Largest change (local cells,) at a node of each cell, of a logarithm or a velocity over the largest speed.
 
-        Both in `units`; arguments are changes (owned unknowns,). Logarithms count as the eddies do: in a viscous
-        sublayer ln k falls by ten without any effect, and would hold up the flow there.
+        Both in `units`; arguments are changes (owned unknowns,). Those of logarithms are weighted with the eddies'
+        fraction of the viscosity: in a viscous sublayer ln k falls by ten without any effect on the flow.
         """
         fluid, changes = self._fluid, list[Floats]()
         states = fluid.state, self._turbulence.state

@@ -187,7 +187,7 @@ def test_extremum_of_a_parabola(
     found = extremum(
         function, 1, lambda s: np.column_stack([s, np.full_like(s, 0.6)]), between, sign
     )
-    assert found.value == pytest.approx(value, abs=1e-10)
+    assert found.value == pytest.approx(value, abs=1e-12)
     assert found.position == pytest.approx(position, abs=1e-6)
 
 
