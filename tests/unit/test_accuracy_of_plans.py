@@ -172,6 +172,14 @@ def test_a_mesh_of_too_many_cells_is_refused_before_it_is_made(
     meshing.lay_out(Setup(scene), make_plan(scene))._require_few_cells()
 
 
+def test_a_flat_domain_is_refused_before_it_is_filled_with_boxes() -> None:
+    """By hand: 1e5 / (0.51 times 30) = 6,500 by as many, or half of them, in two rows; 7.5 GiB had been asked for."""
+    far = [f"domain.{key}=1e5" for key in ("length", "width")]
+    scene = load(SCENES / "sphere_on_plane.toml", [*far, "body.x=5e4"])
+    with pytest.raises(MeshError, match=r"too flat to be meshed: 1e\+05 long and 30 across"):
+        counted(scene)
+
+
 def test_the_cells_of_a_narrow_gap_are_foretold_as_if_all_were_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
