@@ -81,7 +81,9 @@ def test_the_levels_of_the_log(command):
 
     assert said("warning") == ""
     info, debug = said("info"), said("debug")
-    assert "yes  inertia" in info and "stage:" not in info and "Newton update" not in info
+    assert (
+        "Driven cavity on 1 rank" in info and "stage:" not in info and "Newton update" not in info
+    )
     assert "stage: mesh" in debug and "Newton update 1" in debug
 
 

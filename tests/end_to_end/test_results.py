@@ -557,11 +557,12 @@ def test_a_threshold_has_its_numbers_and_errors(tmp_path: Path) -> None:
     assert not {
         found.factor,
         found.shields,
-        found.errors["shields"],
         *found.bars.terms.values(),
         *flows,
     } - {*page.numbers}
     assert f"Between {found.bars.low:.4g} and {found.bars.high:.4g} times" in page.text
+    low, high = (found.shields + sign * found.errors["shields"] for sign in (-1.0, 1.0))
+    assert f"({low:.4g} to {high:.4g})" in page.text
 
 
 @pytest.mark.slow
