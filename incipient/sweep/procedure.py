@@ -292,6 +292,7 @@ class _Sweep:
 
     def _end(self, coming: Future[CaseOutcome]) -> None:
         from distributed import KilledWorker
+        from distributed.comm import CommClosedError
 
         case, since = self._running.pop(coming)
         spent = time.monotonic() - since
@@ -299,7 +300,7 @@ class _Sweep:
             outcome: CaseOutcome | None = coming.result()
         except KilledWorker as error:
             outcome = self._of_death(case, error.last_worker.address, spent)
-        except CancelledError:
+        except (CancelledError, CommClosedError):
             self._voice.say(f"{case.name}: the connection to the scheduler is lost; waiting for it")
             self._tries[case.identity] -= 1
             self._waiting[case.identity] = case
