@@ -511,90 +511,57 @@ def _keep(case: Case, force: Floats, count: int) -> int:
 
 
 def _planar(case: Case) -> int:
+    """Motions with forces on up to two edges of the cones, and as many contact accelerations that vanish."""
     k, count = case.columns.shape[1] // 3, 0
     cosine = 1.0 / math.hypot(1.0, case.friction)
-    normal, tangent = case.columns[:, ::3].T.copy(), case.columns[:, 1::3].T.copy()
-    edges = np.empty((2 * k, 3))  # along the first tangent, then against it
-    edges[:k] = cosine * (normal + case.friction * tangent)
-    edges[k:] = cosine * (normal - case.friction * tangent)
-    free, along = case.inverse @ case.wrench, np.empty(3)
-    zero = NEARLY * length(free)
-    if _opens(normal, free, zero):
-        count = _put(case, 0, 0.0, 0, 0.0, count)
-    for e in range(2 * k):
-        push = case.inverse @ edges[e]
-        gained = dot(normal[e % k], push)
-        if abs(gained) > NEARLY:
-            factor = -dot(normal[e % k], free) / gained
-            push *= factor
-            push += free
-            slip = dot(tangent[e % k], push) if e >= k else -dot(tangent[e % k], push)
-            if factor >= 0.0 and slip >= -zero and _opens(normal, push, zero):
-                count = _put(case, e, factor, e, 0.0, count)
-    for i in range(k):
-        for j in range(i, k):
-            _cross(normal[i], tangent[i] if i == j else normal[j], along)
-            size = length(along)
-            for way in (1.0, -1.0):
-                along *= way / max(size, NEARLY)
-                size = 1.0
-                if length(along) > 0.5 and _opens(normal, along, NEARLY):
-                    count = _along(case, along, normal, tangent, edges, count)
-    return count
-
-
-def _opens(normal: Floats, y: Floats, zero: float) -> bool:
-    for i in range(len(normal)):  # noqa: SIM110 (numba has no generators here)
-        if dot(normal[i], y) < -zero:
-            return False
-    return True
-
-
-def _along(
-    case: Case, along: Floats, normal: Floats, tangent: Floats, edges: Floats, count: int
-) -> int:
-    """Keep the motions a along, a > 0, at which contacts stay: a M along = wrench + b edge_p + c edge_q."""
-    k, inertial = len(normal), along.copy()
-    inertial[2] /= case.inverse[2, 2]
-    both, turned, zero = np.empty(3), np.empty(3), NEARLY * length(case.inverse @ case.wrench)
-    allowed = np.zeros(2 * k)
-    for i in range(k):
-        slip = dot(tangent[i], along)
-        allowed[i] = dot(normal[i], along) <= NEARLY and slip <= NEARLY
-        allowed[k + i] = dot(normal[i], along) <= NEARLY and slip >= -NEARLY
+    rows, edges = np.empty((2 * k, 3)), np.empty((2 * k, 3))  # of both tangential directions
+    rows[:k], rows[k:] = case.columns[:, ::3].T, case.columns[:, 1::3].T
+    edges[:k] = cosine * (rows[:k] + case.friction * rows[k:])
+    edges[k:] = cosine * (rows[:k] - case.friction * rows[k:])
+    pushed, free = edges @ case.inverse, case.inverse @ case.wrench
+    gained, missing = rows @ pushed.T, rows @ free
+    count = _admit(case, rows, (0, 0.0, 0, 0.0), count)
     for p in range(2 * k):
-        for q in range(p + 1, 2 * k):
-            if allowed[p] * allowed[q] == 0.0:
-                continue
-            _cross(edges[p], edges[q], both)
-            volume, size = dot(both, inertial), dot(both, both)
-            if abs(volume) <= NEARLY * length(inertial) * math.sqrt(size):
-                continue
-            a = dot(both, case.wrench) / volume
-            left = a * inertial - case.wrench
-            _cross(left, edges[q], turned)
-            b = dot(turned, both) / size
-            _cross(edges[p], left, turned)
-            c = dot(turned, both) / size
-            if a > zero and b >= -NEARLY and c >= -NEARLY:
-                count = _put(case, p, b, q, c, count)
+        if abs(gained[p % k, p]) > NEARLY:
+            factor = -missing[p % k] / gained[p % k, p]
+            count = _admit(case, rows, (p, factor, p, 0.0), count)
+    for i in range(k):
+        for j in range(k, i, -1):
+            other = k + i if j == k else j  # rolling at i, or closed at both
+            for p in range(2 * k):
+                for q in range(p + 1, 2 * k):
+                    first, second = gained[i, p] * gained[other, q], gained[i, q] * gained[other, p]
+                    if abs(first - second) > NEARLY * length(gained[i]) * length(gained[other]):
+                        b = gained[i, q] * missing[other] - gained[other, q] * missing[i]
+                        c = gained[other, p] * missing[i] - gained[i, p] * missing[other]
+                        both = (p, b / (first - second), q, c / (first - second))
+                        count = _admit(case, rows, both, count)
     return count
 
 
-def _put(case: Case, p: int, b: float, q: int, c: float, count: int) -> int:
-    force = np.zeros(case.columns.shape[1])
-    k, cosine = len(force) // 3, 1.0 / math.hypot(1.0, case.friction)
+def _admit(case: Case, rows: Floats, factors: tuple[int, float, int, float], count: int) -> int:
+    """Keep the motion under forces on two edges if both laws hold."""
+    p, b, q, c = factors
+    if min(b, c) < -NEARLY:
+        return count
+    k, cosine = len(rows) // 2, 1.0 / math.hypot(1.0, case.friction)
+    force, zero = np.zeros(3 * k), NEARLY * length(case.inverse @ case.wrench)
     for edge, factor in ((p, b), (q, c)):
-        force[3 * (edge % k)] += cosine * factor
         side = case.friction * (1.0 if edge < k else -1.0)
+        force[3 * (edge % k)] += cosine * factor
         force[3 * (edge % k) + 1] += side * cosine * factor
+    acceleration = case.inverse @ (case.wrench + case.columns @ force)
+    at = rows @ acceleration
+    if length(acceleration) <= zero:
+        return count
+    for i in range(k):
+        if at[i] < -zero:
+            return count
+    for edge, factor in ((p, b), (q, c)):
+        slip = at[k + edge % k] * (1.0 if edge < k else -1.0)
+        if factor != 0.0 and (at[edge % k] > zero or slip > zero):
+            return count
     return _keep(case, force, count)
-
-
-def _cross(a: Floats, b: Floats, out: Floats) -> None:
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
 
 
 MOTIONS = Kernel(motion_rows)
