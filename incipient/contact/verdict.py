@@ -124,6 +124,10 @@ class Exact:
         return not self.safety.held
 
     @property
+    def cohesion(self) -> float:
+        return float(self.safety.problem.law.cohesion[0])
+
+    @property
     def label(self) -> str:
         if self.motion is not None and self.motion.moves:
             return self.motion.first.mode.label
@@ -235,7 +239,7 @@ class Verdict:
             "judges": {
                 "criteria": self.criteria.to_dict(),
                 "equilibrium": {"safety": safety, "motion": motion, "unsolved": exact.unsolved}
-                | {"moves": exact.moves, "mode": exact.label},
+                | {"moves": exact.moves, "mode": exact.label, "cohesion": exact.cohesion},
             },
             "agreement": plain(agreement)
             | {"agree": agreement.agree, "explanation": agreement.explanation},

@@ -29,6 +29,7 @@ from incipient.contact.friction import FrictionCone
 from incipient.contact.safety import ConeState
 from incipient.contact.verdict import Reason
 from incipient.errors import SceneError
+from incipient.files import plain
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import along_wall
 from incipient.fluid.conditions import Friction
@@ -41,6 +42,7 @@ from incipient.geometry.space.grains import Box, Sphere
 from incipient.judging.case import Case, judge_case
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
+from incipient.pictures.judged import judged
 from incipient.scene import Contact, example, loads
 from incipient.turbulence.wall_law import WallLaw
 
@@ -307,6 +309,10 @@ def test_the_paper_s_criteria_know_no_cohesion():
     )
     assert not verdict.moves and verdict.criteria.moves
     assert verdict.agreement.reason is Reason.COHESION
+    # Pictures had forgotten cohesion: they showed forces at the safety factor, as if none balanced the load.
+    pictured = judged(plain(verdict.to_dict()))
+    assert pictured.share == 1.0 and set(pictured.states) == {"INSIDE"}
+    assert pictured.forces.sum(axis=0) == pytest.approx(-verdict.criteria.load.force, abs=1e-9)
 
 
 def test_cohesion_is_a_key_of_scenes_and_cases():
