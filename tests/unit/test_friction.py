@@ -26,7 +26,6 @@ from incipient.contact import (
     safety_factor,
 )
 from incipient.contact.friction import FrictionCone
-from incipient.contact.safety import ConeState
 from incipient.contact.verdict import Reason
 from incipient.errors import SceneError
 from incipient.files import plain
@@ -171,27 +170,6 @@ def pushed(force: list[float], torque: float = 0.0) -> Load:
     return Load(
         np.array(force), np.array([0.0, 0.0, torque]), np.array([0.0, -WEIGHT, 0.0]), np.zeros(3)
     )
-
-
-def test_a_block_slides_when_friction_of_weight_and_cohesion_is_exceeded():
-    """s F = friction (W + c)."""
-    contacts, law = block(4.0, 0.2), FrictionCone.of(FRICTION, PULL)
-    found = safety_factor(pushed([PUSH, 0.0, 0.0]), contacts, law)
-    assert found.value == pytest.approx(FRICTION * (WEIGHT + PULL) / PUSH)
-    assert found.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
-    assert found.contact_states == (ConeState.EDGE,) * 2
-
-
-def test_a_block_topples_when_the_contact_behind_is_torn_off():
-    """About the corner ahead: s F h/2 = W b/2 + c b/2, where the pull is as even as the face."""
-    width, height = 1.0, 3.0
-    found = safety_factor(
-        pushed([PUSH, 0.0, 0.0]), block(width, height), FrictionCone.of(5.0, PULL)
-    )
-    held = 0.5 * (WEIGHT + PULL) * width
-    assert found.value == pytest.approx(held / (0.5 * PUSH * height))
-    assert found.contact_forces[0, 1] == pytest.approx(-0.5 * PULL)
-    assert found.contact_states[0] is ConeState.UNLOADED  # nothing presses in the cone
 
 
 def grid() -> Contacts:
