@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from ..errors import SceneError
-from ..judging.batch import SUMMARY, judge_table, verdicts_name
+from ..judging.batch import SUMMARY, VERDICTS, judge_table
 from ..judging.case import judge_case, load_case, save, text
 from ..judging.forces import judge_forces, read_forces
 from ..judging.series import FlowThreshold, judge_series, read_series, save_series
@@ -85,7 +85,7 @@ def _judge_batch(options: argparse.Namespace) -> None:
         raise SceneError(f"--jobs: is {jobs}; give 1 or more")
     usual = Path("results") / f"{path.stem}_verdicts"
     directory = usual if options.out is None else _directory(options, path)
-    names = (verdicts_name(path), SUMMARY)
+    names = (VERDICTS, SUMMARY)
     refuse_foreign(directory, names, [path])
     with telling(0) as voice:
         print(judge_table(path, options.overrides, directory, jobs, voice).text())

@@ -421,6 +421,7 @@ class Case(NamedTuple):
     inverse: Floats
     friction: float
     wrench: Floats
+    scale: float
     motions: Floats
     forces: Floats
 
@@ -436,7 +437,8 @@ def motion_rows(
     reached = np.zeros(count, dtype=np.int64)
     motions, forces = np.zeros((count, most, m + 1)), np.zeros((count, most, width))
     for i in range(count):
-        case = Case(columns[i], inverse[i], friction[i], wrench[i], motions[i], forces[i])
+        scale = length(inverse[i] @ wrench[i])
+        case = Case(columns[i], inverse[i], friction[i], wrench[i], scale, motions[i], forces[i])
         if m == 3:
             reached[i] = _planar(case)
         else:
@@ -491,9 +493,9 @@ def _keep(case: Case, force: Floats, count: int) -> int:
     for i in range(m):
         whole[i] += dot(case.columns[i], force)
     acceleration = case.inverse @ whole
-    energy, same = dot(acceleration, whole), SAME * length(case.inverse @ case.wrench)
+    energy = dot(acceleration, whole)
     for i in range(count):
-        if largest(case.motions[i, :m] - acceleration) <= same:
+        if largest(case.motions[i, :m] - acceleration) <= SAME * case.scale:
             return count
     most, place = len(case.motions), count
     while place > 0 and energy < case.motions[place - 1, m]:
@@ -511,90 +513,65 @@ def _keep(case: Case, force: Floats, count: int) -> int:
 
 
 def _planar(case: Case) -> int:
+    """Motions with forces on up to two edges of the cones, and as many contact accelerations that vanish."""
     k, count = case.columns.shape[1] // 3, 0
     cosine = 1.0 / math.hypot(1.0, case.friction)
-    normal, tangent = case.columns[:, ::3].T.copy(), case.columns[:, 1::3].T.copy()
-    edges = np.empty((2 * k, 3))  # along the first tangent, then against it
-    edges[:k] = cosine * (normal + case.friction * tangent)
-    edges[k:] = cosine * (normal - case.friction * tangent)
-    free, along = case.inverse @ case.wrench, np.empty(3)
-    zero = NEARLY * length(free)
-    if _opens(normal, free, zero):
-        count = _put(case, 0, 0.0, 0, 0.0, count)
-    for e in range(2 * k):
-        push = case.inverse @ edges[e]
-        gained = dot(normal[e % k], push)
-        if abs(gained) > NEARLY:
-            factor = -dot(normal[e % k], free) / gained
-            push *= factor
-            push += free
-            slip = dot(tangent[e % k], push) if e >= k else -dot(tangent[e % k], push)
-            if factor >= 0.0 and slip >= -zero and _opens(normal, push, zero):
-                count = _put(case, e, factor, e, 0.0, count)
-    for i in range(k):
-        for j in range(i, k):
-            _cross(normal[i], tangent[i] if i == j else normal[j], along)
-            size = length(along)
-            for way in (1.0, -1.0):
-                along *= way / max(size, NEARLY)
-                size = 1.0
-                if length(along) > 0.5 and _opens(normal, along, NEARLY):
-                    count = _along(case, along, normal, tangent, edges, count)
-    return count
-
-
-def _opens(normal: Floats, y: Floats, zero: float) -> bool:
-    for i in range(len(normal)):  # noqa: SIM110 (numba has no generators here)
-        if dot(normal[i], y) < -zero:
-            return False
-    return True
-
-
-def _along(
-    case: Case, along: Floats, normal: Floats, tangent: Floats, edges: Floats, count: int
-) -> int:
-    """Keep the motions a along, a > 0, at which contacts stay: a M along = wrench + b edge_p + c edge_q."""
-    k, inertial = len(normal), along.copy()
-    inertial[2] /= case.inverse[2, 2]
-    both, turned, zero = np.empty(3), np.empty(3), NEARLY * length(case.inverse @ case.wrench)
-    allowed = np.zeros(2 * k)
-    for i in range(k):
-        slip = dot(tangent[i], along)
-        allowed[i] = dot(normal[i], along) <= NEARLY and slip <= NEARLY
-        allowed[k + i] = dot(normal[i], along) <= NEARLY and slip >= -NEARLY
+    rows, edges = np.empty((2 * k, 3)), np.empty((2 * k, 3))  # of both tangential directions
+    rows[:k], rows[k:] = case.columns[:, ::3].T, case.columns[:, 1::3].T
+    edges[:k] = cosine * (rows[:k] + case.friction * rows[k:])
+    edges[k:] = cosine * (rows[:k] - case.friction * rows[k:])
+    gained, free = rows @ (edges @ case.inverse).T, rows @ (case.inverse @ case.wrench)
+    count = _admit(case, gained, free, (0, 0.0, 0, 0.0), count)
+    for p in range(2 * k):
+        if abs(gained[p % k, p]) > NEARLY:
+            factor = -free[p % k] / gained[p % k, p]
+            count = _admit(case, gained, free, (p, factor, p, 0.0), count)
     for p in range(2 * k):
         for q in range(p + 1, 2 * k):
-            if allowed[p] * allowed[q] == 0.0:
-                continue
-            _cross(edges[p], edges[q], both)
-            volume, size = dot(both, inertial), dot(both, both)
-            if abs(volume) <= NEARLY * length(inertial) * math.sqrt(size):
-                continue
-            a = dot(both, case.wrench) / volume
-            left = a * inertial - case.wrench
-            _cross(left, edges[q], turned)
-            b = dot(turned, both) / size
-            _cross(edges[p], left, turned)
-            c = dot(turned, both) / size
-            if a > zero and b >= -NEARLY and c >= -NEARLY:
-                count = _put(case, p, b, q, c, count)
+            i, j = p % k, q % k
+            usual = k + i if i == j else j  # rolling, or closed at both
+            last = usual + 1 if abs(_volume(gained, i, usual, p, q)) > NEARLY else 2 * k
+            # Contacts on one line close together: any other acceleration may vanish too.
+            for other in range(usual if last == usual + 1 else 0, last):
+                size = gained[i, p] * gained[other, q] - gained[i, q] * gained[other, p]
+                if abs(_volume(gained, i, other, p, q)) > NEARLY:
+                    b = (gained[i, q] * free[other] - gained[other, q] * free[i]) / size
+                    c = (gained[other, p] * free[i] - gained[i, p] * free[other]) / size
+                    count = _admit(case, gained, free, (p, b, q, c), count)
     return count
 
 
-def _put(case: Case, p: int, b: float, q: int, c: float, count: int) -> int:
-    force = np.zeros(case.columns.shape[1])
-    k, cosine = len(force) // 3, 1.0 / math.hypot(1.0, case.friction)
+def _volume(gained: Floats, i: int, j: int, p: int, q: int) -> float:
+    """Determinant of the accelerations i, j by edges p, q, relative to their sizes."""
+    first, second = gained[i, p] * gained[j, q], gained[i, q] * gained[j, p]
+    return (first - second) / max(length(gained[i]) * length(gained[j]), 1e-300)
+
+
+def _admit(
+    case: Case, gained: Floats, free: Floats, factors: tuple[int, float, int, float], count: int
+) -> int:
+    """Keep the motion under forces on two edges if both laws hold.
+
+    gained (2k, 2k): normal, then tangential accelerations of contacts by each edge; free (2k,).
+    """
+    p, b, q, c = factors
+    if min(b, c) < -NEARLY:
+        return count
+    k, zero = len(free) // 2, NEARLY * case.scale
+    for i in range(k):
+        if free[i] + b * gained[i, p] + c * gained[i, q] < -zero:
+            return count
+    force, cosine = np.zeros(3 * k), 1.0 / math.hypot(1.0, case.friction)
     for edge, factor in ((p, b), (q, c)):
-        force[3 * (edge % k)] += cosine * factor
-        side = case.friction * (1.0 if edge < k else -1.0)
-        force[3 * (edge % k) + 1] += side * cosine * factor
-    return _keep(case, force, count)
-
-
-def _cross(a: Floats, b: Floats, out: Floats) -> None:
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
+        i, side = edge % k, 1.0 if edge < k else -1.0
+        opens = free[i] + b * gained[i, p] + c * gained[i, q]
+        slips = free[k + i] + b * gained[k + i, p] + c * gained[k + i, q]
+        if factor != 0.0 and (opens > zero or side * slips > zero):
+            return count
+        force[3 * i] += cosine * factor
+        force[3 * i + 1] += side * case.friction * cosine * factor
+    moves = length(case.inverse @ (case.wrench + case.columns @ force)) > zero
+    return _keep(case, force, count) if moves else count
 
 
 MOTIONS = Kernel(motion_rows)

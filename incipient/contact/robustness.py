@@ -14,7 +14,7 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.batch import Cases, judge_many
-from incipient.contact.conic import FAILED, HELD, INTERVALS, TOLERANCE
+from incipient.contact.conic import FAILED, INTERVALS, TOLERANCE
 from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import classify
 from incipient.contact.problem import PLANAR, TINY, ContactProblem, Load
@@ -59,10 +59,17 @@ class SafetyRange:
     # Smallest and largest factor at which some load of the box, or every load, is held; None without one.
     possible: Interval | None
     guaranteed: Interval | None
-    # Bounds of the safety factors of all loads.
-    low: float
-    high: float
     worst: Load  # of the load and those at the corners, the one with the shortest interval
+
+    @property
+    def low(self) -> float:
+        """Smallest safety factor of all loads."""
+        return _held_to(self.guaranteed)
+
+    @property
+    def high(self) -> float:
+        """Largest safety factor of all loads."""
+        return _held_to(self.possible)
 
     @property
     def rests(self) -> bool:
@@ -85,15 +92,8 @@ def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> Saf
         _problem(load, contacts, cone.changed(change), box)
         for change in (box.friction, -box.friction)
     )
-    some, firm_holds = _possible(firm, box)
-    every, worst, loose_holds = _guaranteed(loose, box)
-    return SafetyRange(
-        possible=some,
-        guaranteed=every,
-        low=every[1] if loose_holds and every is not None else 0.0,
-        high=some[1] if firm_holds and some is not None else 0.0,
-        worst=load.shifted(box.corners()[worst]),
-    )
+    every, worst = _guaranteed(loose, box)
+    return SafetyRange(_possible(firm, box), every, load.shifted(box.corners()[worst]))
 
 
 def held_words(some: Interval | None, every: Interval | None) -> str:
@@ -119,60 +119,52 @@ def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -
 
 
 def _flows(problem: ContactProblem, changes: Floats) -> Floats:
-    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
-    return problem.within((changes / units[:, None])[None])[0]
+    """Dimensionless changes (k, 6) of force and torque (k, 6)."""
+    return changes / np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
 
 
-def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, bool]:
-    """Interval of factors at which some load of the box is held, and whether the weight is.
+def _possible(problem: ContactProblem, box: ErrorBox) -> Interval | None:
+    """Interval of factors at which some load of the box is held.
 
     s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, like further contact
     forces. An unsolved program excludes no load.
     """
-    (low,), (high,), (state,), _ = intervals(problem)
-    weight_held, count = state == HELD, box.error_directions.shape[1]
-    if count and state != FAILED:
-        ways = _flows(problem, box.error_directions)
-        flow, weight = problem.within(problem.wrenches.swapaxes(1, 2))[0].T
-        flow_size, weight_size = problem.sizes[0]
-        size = flow_size + float(np.linalg.norm(ways))
-        columns, unity = problem.cone_columns[0], np.eye(count)
-        rows = np.block(
-            [
-                [ways / size, np.zeros_like(ways), columns],
-                [unity, unity, np.zeros((count, columns.shape[1]))],
-            ]
-        )
-        target = np.append((flow_size * flow - ways.sum(axis=1)) / size, np.full(count, -2.0))
-        unit = float(np.linalg.norm(target))
-        weight = np.append(weight, np.zeros(count))
-        (low,), (high,), (state,), _ = INTERVALS(
-            rows[None], target[None] / unit, weight[None], 2 * count + problem.linear
-        )
-        ratio = (weight_size or size * unit) / (size * unit)
-        low, high = (0.0 if weight_held else low * ratio), high * ratio
-        high = high if high > TOLERANCE else 0.0
-        if weight_held and not high >= 0.0:
-            low, high = 0.0, 0.0
+    ways = problem.within(_flows(problem, box.error_directions.T).T[None])[0]
+    flow, weight = problem.within(problem.wrenches.swapaxes(1, 2))[0].T
+    flow_size, weight_size = problem.sizes[0]
+    size = (flow_size + float(np.linalg.norm(ways))) or 1.0
+    columns, unity = problem.cone_columns[0], np.eye(ways.shape[1])
+    beside = np.zeros((len(unity), columns.shape[1]))
+    rows = np.block([[ways / size, np.zeros_like(ways), columns], [unity, unity, beside]])
+    target = np.append((flow_size * flow - ways.sum(axis=1)) / size, np.full(len(unity), -2.0))
+    unit = float(np.linalg.norm(target)) or 1.0
+    weight = np.append(weight, np.zeros(len(unity)))
+    (low,), (high,), (state,), _ = INTERVALS(
+        rows[None], target[None] / unit, weight[None], 2 * len(unity) + problem.linear
+    )
     if state == FAILED:
-        return (0.0, math.inf), True
-    return (None if math.isnan(low + high) else (float(low), float(high))), bool(weight_held)
+        return 0.0, math.inf
+    ratio = (weight_size or size * unit) / (size * unit)
+    high = high * ratio if high * ratio > TOLERANCE or math.isnan(high) else 0.0
+    return None if math.isnan(low + high) else (float(low * ratio), float(high))
 
 
-def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, int, bool]:
-    """Factors at which loads at all corners are held, the worst corner, and whether the weight is held."""
-    corners = box.corners()
+def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, int]:
+    """Factors at which loads at all corners are held, and the worst corner."""
+    corners = _flows(problem, box.corners())
     every = problem.part(np.zeros(len(corners), dtype=int))
-    units = np.array([1.0, 1.0, 1.0, *3 * [every.reach[0]]])
-    flows = every.sizes[:, :1] * every.wrenches[:, 0] + corners / units
+    flows = every.sizes[:, :1] * every.wrenches[:, 0] + corners
     sizes = np.linalg.norm(flows, axis=1)
     every.wrenches[:, 0], every.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
-    low, high, state, _ = intervals(every)
+    low, high, _, _ = intervals(every)
     lengths = np.nan_to_num(1.0 / (1.0 + low) - 1.0 / (1.0 + high))
     common = float(low.max()), float(high.min())
     is_common = not np.isnan(low).any() and common[0] <= common[1]
-    held = bool((state == HELD).all())
-    return (common if is_common else None), int(np.argmin(lengths)), held
+    return (common if is_common else None), int(np.argmin(lengths))
+
+
+def _held_to(interval: Interval | None) -> float:
+    return 0.0 if interval is None or interval[0] > 0.0 else interval[1]
 
 
 def _contains(interval: Interval | None, factor: float) -> bool:

@@ -96,19 +96,26 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
     sizes = np.sqrt((local * local).sum(axis=2))
     unit = max(size, sizes.max())  # the load or the largest force
     missed = np.abs(problem.columns[0] @ local.ravel() + size * wrench[0]).max()
-    places = ((sizes > NO_FORCE * unit) * (1 + (problem.law.margin(local) <= NO_FORCE * sizes)))[0]
-    states = tuple(ConeState)
     return SafetyFactor(
         value=high if weight_held and not math.isnan(high) else 0.0,
         status=_status(problem, interval, weight_held),
         interval=None if math.isnan(low) else interval,
         held=bool(balanced.held[0]),
         contact_forces=problem.forces(local[0]),
-        contact_states=tuple(states[place] for place in places[problem.copy].tolist()),
+        contact_states=cone_states(problem, local, sizes, unit),
         factor=factor,
         residual=0.0 if math.isnan(factor) else float(missed / (unit or 1.0)),
         problem=problem,
     )
+
+
+def cone_states(
+    problem: ContactProblem, local: Floats, sizes: Floats, unit: float
+) -> tuple[ConeState, ...]:
+    """States of the input contacts of a single case with cone forces (1, k, 3) of some sizes, relative to a unit."""
+    places = (sizes > NO_FORCE * unit) * (1 + (problem.law.margin(local) <= NO_FORCE * sizes))
+    states = tuple(ConeState)
+    return tuple(states[place] for place in places[0, problem.copy].tolist())
 
 
 class Intervals(NamedTuple):

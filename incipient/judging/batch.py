@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +24,13 @@ from ..arrays import Floats, decimal, unwarned
 from ..contact.batch import CHUNK, Batch, Cases, judge_many
 from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
-from ..files import csv_text, make_directory, part_of, replaced, write_json, write_text_atomically
-from ..installed import optional
+from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..progress import Silent
 from .case import ROUNDING
 from .table import Table, names_of, read_table, require_columns, vectors
 
-SUMMARY = "batch.json"
+VERDICTS, SUMMARY = "verdicts.csv", "batch.json"
+ANSWER = ("safety_factor", "held", "mode")
 REMEDY = "give it, or --set {name}=VALUE for all rows"
 MOST_REASONS = 5  # printed
 _CONTACT = re.compile(r"(?:contact|normal)_([1-9][0-9]{0,2})_[xyz]")
@@ -58,15 +59,10 @@ class Verdicts:
         return "\n".join(lines)
 
 
-def verdicts_name(path: Path) -> str:
-    """Name of the file of verdicts on a table."""
-    return "verdicts.parquet" if path.suffix == ".parquet" else "verdicts.csv"
-
-
 def judge_table(
     path: Path, settings: Sequence[str], directory: Path, jobs: int, progress: Silent
 ) -> Verdicts:
-    """Judge the cases of a table; write their verdicts, in the format of the table, and batch.json.
+    """Judge the cases of a table; write verdicts.csv and batch.json.
 
     Args:
         settings: values of columns for all rows, such as "friction=0.5".
@@ -84,37 +80,37 @@ def judge_table(
         raise SceneError(f"{path}: has no case; give one in each line below the names")
     make_directory(directory)
     progress.begin("verdicts")
-    count, judged = len(cases), 0
-    answers: dict[str, list[Any]] = {
-        "row": list(range(1, count + 1)),
-        "name": table.labels or [""] * count,
-        "safety_factor": [None] * count,
-        "held": [None] * count,
-        "mode": [""] * count,
-        "reason": [""] * count,
-    }
+    count, answers = len(cases), list[dict[str, Any]]()
     with suppress(KeyboardInterrupt):
         for batch in _judged(cases, jobs):
-            rows = slice(judged, judged + len(batch.factors))
-            answers["safety_factor"][rows] = batch.factors.tolist()
-            answers["held"][rows], answers["mode"][rows] = batch.held.tolist(), batch.mode_names
-            faults = {place + judged: why for place, why in batch.reasons.items()} | faults
-            judged = rows.stop
-            progress.count("verdicts", judged, count)
-    faults |= dict.fromkeys(range(judged, count), "not judged: interrupted; call again")
+            answers += _answers(batch)
+            progress.count("verdicts", len(answers), count)
+    judged = len(answers)
+    answers += [{"reason": "not judged: interrupted; call again"}] * (count - judged)
     for place, why in faults.items():
-        answers["safety_factor"][place] = answers["held"][place] = None
-        answers["mode"][place], answers["reason"][place] = "", why
-    _write(directory / verdicts_name(path), answers)
-    reasons = {place + 1: faults[place] for place in sorted(faults)[:MOST_REASONS]}
-    by_mode = dict(Counter(filter(None, answers["mode"])).most_common())
-    known = (factor for factor in answers["safety_factor"] if factor is not None)
-    least = min(known, default=np.inf)
-    verdicts = Verdicts(count, len(faults), by_mode, least, reasons)
+        answers[place] = {"reason": why}
+    named = zip(range(1, count + 1), table.labels or [""] * count, answers, strict=True)
+    rows = ({"row": row, "name": name, **answer} for row, name, answer in named)
+    write_text_atomically(directory / VERDICTS, csv_text(["row", "name", *ANSWER, "reason"], rows))
+    failed = {row: answer["reason"] for row, answer in enumerate(answers, 1) if "reason" in answer}
+    right = [answer for answer in answers if "reason" not in answer]
+    by_mode = dict(Counter(answer["mode"] for answer in right).most_common())
+    least = min((answer["safety_factor"] for answer in right), default=np.inf)
+    reasons = dict(islice(failed.items(), MOST_REASONS))
+    verdicts = Verdicts(count, len(failed), by_mode, least, reasons)
     write_json(directory / SUMMARY, asdict(verdicts))
     if judged < count:
         raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
     return verdicts
+
+
+def _answers(batch: Batch) -> list[dict[str, Any]]:
+    held = batch.held.astype(int).tolist()
+    rows = zip(batch.factors.tolist(), held, batch.mode_names, strict=True)
+    answers = [dict[str, Any](zip(ANSWER, row, strict=True)) for row in rows]
+    for place, why in batch.reasons.items():
+        answers[place] = {"reason": why}
+    return answers
 
 
 def _judged(cases: Cases, jobs: int) -> Iterator[Batch]:
@@ -198,18 +194,3 @@ def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
         matrices[:, first, other] = matrices[:, other, first] = product
     matrices[np.isnan(value["mass"]) & np.isnan(diagonal).all(axis=1)] = np.nan
     return matrices
-
-
-def _write(path: Path, answers: dict[str, list[Any]]) -> None:
-    if path.suffix == ".csv":
-        held = [cell if cell is None else int(cell) for cell in answers["held"]]
-        rows = zip(*(answers | {"held": held}).values(), strict=True)
-        named = (dict(zip(answers, row, strict=True)) for row in rows)
-        write_text_atomically(path, csv_text(list(answers), named))
-        return
-    arrow = optional("pyarrow.parquet", "parquet")
-    text, number = arrow.string(), arrow.float64()
-    kinds = (arrow.int64(), text, number, arrow.bool_(), text, text)
-    table = arrow.table(dict(answers), schema=arrow.schema(zip(answers, kinds, strict=True)))
-    with replaced(path, part_of(path), (arrow.ArrowException,)) as part:
-        arrow.parquet.write_table(table, part)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from array import array
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -80,15 +79,10 @@ def _csv(path: Path) -> Table:
 def _numbers(names: Sequence[str], row: Sequence[str]) -> list[float]:
     if len(row) != len(names):
         raise ValueError(f"has {len(row)} cells for {len(names)} columns; give one for each")
-    cells = ["" if name == NAME else cell for name, cell in zip(names, row, strict=True)]
-    letters = "".join(cells)
-    if "_" not in letters and letters.isascii():  # Python's float takes 1_2 and other digits
-        with suppress(ValueError):
-            return [float(cell) if cell else np.nan for cell in cells]
     numbers = []
-    for name, cell in zip(names, cells, strict=True):
+    for name, cell in zip(names, row, strict=True):
         try:
-            numbers.append(number(cell))
+            numbers.append(np.nan if name == NAME else number(cell))
         except ValueError:
             raise ValueError(f'{name} is "{shortened(cell, 30)}"; give a number') from None
     return numbers

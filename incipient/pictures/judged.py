@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..contact import Contacts, Load, incipient_motion
+from ..contact.friction import FrictionCone
 from ..contact.problem import ContactProblem
-from ..contact.safety import forces_that_balance
+from ..contact.safety import cone_states, forces_that_balance
 from ..errors import ConvergenceError
 
-_NO_FORCE = 1e-8  # of the largest contact force
-_ON_EDGE = 1e-6  # of the force along the surface that friction allows
 _BEYOND = 1e-4  # how much more than the critical load shows the motion
 _PAPER = "; by the paper's criteria"
 
@@ -132,7 +131,7 @@ def judged(verdict: dict[str, Any]) -> Judged:
     )
     contacts = Contacts(*(paper["contacts"][name] for name in ("points", "normals", "areas")))
     friction, motion = float(paper["friction"]), exact["motion"]
-    forces, states, share = _forces(exact, load, contacts, friction)
+    forces, states, share = _forces(exact, load, contacts, _law(verdict))
     first, _, second = verdict["sentence"].partition(_PAPER)
     factor = verdict["safety_factor"]
     return Judged(
@@ -159,7 +158,9 @@ def at_onset(case: Judged, mode: str, mass: float, inertia: np.ndarray) -> Judge
     stronger = replace(load, flow_force=more * load.flow_force, flow_couple=more * load.flow_couple)
     assert isinstance(case.contacts, Contacts) and case.verdict is not None
     try:
-        onset = incipient_motion(stronger, case.contacts, case.friction, mass, inertia).to_dict()
+        onset = incipient_motion(
+            stronger, case.contacts, _law(case.verdict), mass, inertia
+        ).to_dict()
     except ConvergenceError:
         return case
     return replace(
@@ -173,28 +174,24 @@ def at_onset(case: Judged, mode: str, mass: float, inertia: np.ndarray) -> Judge
 
 
 def _forces(
-    exact: dict[str, Any], load: Load, contacts: Contacts, friction: float
+    exact: dict[str, Any], load: Load, contacts: Contacts, law: FrictionCone
 ) -> tuple[np.ndarray, tuple[str, ...], float]:
     motion, safety = exact["motion"], exact["safety"]
     if motion is not None:
         return np.array(motion["contact_forces"]), tuple(motion["contact_states"]), 1.0
     if safety["held"]:
-        problem = ContactProblem.of(load, contacts, friction)
+        problem = ContactProblem.of(load, contacts, law)
         if (held := forces_that_balance(problem, 1.0)) is not None:
-            forces = problem.forces(held[0])
-            return forces, _states(forces, contacts, friction), 1.0
+            sizes = np.linalg.norm(held, axis=2)
+            states = cone_states(problem, held, sizes, float(sizes.max()))
+            return problem.forces(held[0]), tuple(state.name for state in states), 1.0
     share = math.nan if safety["factor"] is None else float(safety["factor"])
     return np.array(safety["contact_forces"]), tuple(safety["contact_states"]), share
 
 
-def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:
-    normal, tangential = pressed(forces, contacts.normals)
-    sizes = np.linalg.norm(forces, axis=1)
-    states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(
-        object
-    )
-    states[sizes <= _NO_FORCE * sizes.max()] = "UNLOADED"
-    return tuple(states.tolist())
+def _law(verdict: dict[str, Any]) -> FrictionCone:
+    judges = verdict["judges"]
+    return FrictionCone.of(judges["criteria"]["friction"], judges["equilibrium"]["cohesion"])
 
 
 def pressed(forces: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

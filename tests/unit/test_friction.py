@@ -26,9 +26,9 @@ from incipient.contact import (
     safety_factor,
 )
 from incipient.contact.friction import FrictionCone
-from incipient.contact.safety import ConeState
 from incipient.contact.verdict import Reason
 from incipient.errors import SceneError
+from incipient.files import plain
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.along_walls import along_wall
 from incipient.fluid.conditions import Friction
@@ -41,6 +41,7 @@ from incipient.geometry.space.grains import Box, Sphere
 from incipient.judging.case import Case, judge_case
 from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
+from incipient.pictures.judged import judged
 from incipient.scene import Contact, example, loads
 from incipient.turbulence.wall_law import WallLaw
 
@@ -171,27 +172,6 @@ def pushed(force: list[float], torque: float = 0.0) -> Load:
     )
 
 
-def test_a_block_slides_when_friction_of_weight_and_cohesion_is_exceeded():
-    """s F = friction (W + c)."""
-    contacts, law = block(4.0, 0.2), FrictionCone.of(FRICTION, PULL)
-    found = safety_factor(pushed([PUSH, 0.0, 0.0]), contacts, law)
-    assert found.value == pytest.approx(FRICTION * (WEIGHT + PULL) / PUSH)
-    assert found.contact_forces[:, 1].sum() == pytest.approx(WEIGHT)
-    assert found.contact_states == (ConeState.EDGE,) * 2
-
-
-def test_a_block_topples_when_the_contact_behind_is_torn_off():
-    """About the corner ahead: s F h/2 = W b/2 + c b/2, where the pull is as even as the face."""
-    width, height = 1.0, 3.0
-    found = safety_factor(
-        pushed([PUSH, 0.0, 0.0]), block(width, height), FrictionCone.of(5.0, PULL)
-    )
-    held = 0.5 * (WEIGHT + PULL) * width
-    assert found.value == pytest.approx(held / (0.5 * PUSH * height))
-    assert found.contact_forces[0, 1] == pytest.approx(-0.5 * PULL)
-    assert found.contact_states[0] is ConeState.UNLOADED  # nothing presses in the cone
-
-
 def grid() -> Contacts:
     """Points of the lower face of a unit cube, each with its part of the area."""
     line, down = np.linspace(-0.5, 0.5, 5), np.array([0.0, 0.0, -1.0])
@@ -307,6 +287,10 @@ def test_the_paper_s_criteria_know_no_cohesion():
     )
     assert not verdict.moves and verdict.criteria.moves
     assert verdict.agreement.reason is Reason.COHESION
+    # Pictures had forgotten cohesion: they showed forces at the safety factor, as if none balanced the load.
+    pictured = judged(plain(verdict.to_dict()))
+    assert pictured.share == 1.0 and set(pictured.states) == {"INSIDE"}
+    assert pictured.forces.sum(axis=0) == pytest.approx(-verdict.criteria.load.force, abs=1e-9)
 
 
 def test_cohesion_is_a_key_of_scenes_and_cases():

@@ -17,7 +17,7 @@ from incipient.contact.paper import classify
 from incipient.contact.paper.away import Axis, away
 from incipient.contact.paper.equations import can_vanish, distribute, equal_fractions, measures
 from incipient.contact.paper.outcomes import Category, Criterion, category, simultaneous
-from incipient.contact.verdict import FAMILIES, FAMILY, Family, Reason, compare, judge, judged
+from incipient.contact.verdict import FAMILIES, FAMILY, Reason, compare, judge, judged
 from incipient.errors import SceneError
 
 # The paper's criteria of incipient motion: against exact statics, and stated where they disagree with it.
@@ -105,6 +105,10 @@ OUTCOMES = [
     # Torque = R force: statics holds it; the paper lets the contact answer force and F_tau, twice that.
     (*disc(0.3, 0.15), 1.0, "6", [-0.3, 0.0, 0.0], ()),
     (*disc(0.0, 0.0), 0.0, "7", [0.0, 0.0, 0.0], ()),
+    # At rest under its weight and a torque of a thousandth statics shifts the reaction by a thousandth of the half
+    # base. By (24) the contact answers F_tau too: F = -F_tau, the mean of torque (0.5, +-1) / 1.25 over the two ends.
+    # About whichever end it turned, the other would enter the bed.
+    (load(torque=-1e-3, weight=(0.0, -1.0)), BASE, 0.5, "1a", [4e-4, 0.0, 0.0], (0, 1)),
     # Buoyancy or lift above the weight: nothing answers. Counter-clockwise torque takes the contact downstream away.
     (load((0.2, 0.0), weight=(0.0, 0.5)), pocket(0.5), 0.5, "1b", [0.2, 0.5, 0.0], None),
     (in_3d([0.1, 0.0, 1.5]), ring(2, TILT), 0.4, "1b", [0.1, 0.0, 0.5], None),
@@ -149,25 +153,6 @@ def test_outcomes(acting, contacts, friction, row, force, obstructed):
         assert found.obstructed_by == obstructed
 
 
-class TestBlockOnAnIncline:
-    """Statics: the block slides if tan(slope) > friction, tips over if tan(slope) > half base / height."""
-
-    def test_reaction_and_friction_are_those_of_statics(self):
-        # N = cos, T = sin for a weight of one; half at each end of the base.
-        slope = np.radians(20.0)
-        found = classify(*block(0.5, slope), 0.5)
-        assert found.reaction == pytest.approx(np.tile([0.0, 0.5 * np.cos(slope), 0.0], (2, 1)))
-        along = np.tile([-0.5 * np.sin(slope), 0.0, 0.0], (2, 1))
-        assert found.friction_force == pytest.approx(along)
-        assert found.C_friction == pytest.approx([1.0, 1.0])
-        assert found.minimum_2 == pytest.approx(-np.cos(slope))
-        # Equal halves leave the torque of friction about the centre, height sin, but the end downhill can carry
-        # more: moving the reaction by height tan(slope), within the base, balances it. So: no motion.
-        assert found.fraction == pytest.approx([0.5, 0.5])
-        assert found.torque == pytest.approx([0.0, 0.0, -0.5 * np.sin(slope)])
-        assert found.held_by_sharing and found.mode is Mode.NO_INCIPIENT_MOTION
-
-
 class TestDiscOnAPlane:
     """One contact below the centre: (7) is zero, F_tau = (tau / R, 0), and (24), (25) can be written down."""
 
@@ -202,12 +187,6 @@ class TestPocket:
         assert found.distributions.of_force.c_2 == pytest.approx(4.0 / 3.0)
         assert found.distributions.force_left == pytest.approx(np.zeros(3), abs=1e-15)
 
-    def test_downstream_contact_in_3d(self):
-        contacts = ring(3, np.arctan(np.sqrt(0.5)))
-        for turn, at in ((0.1, (0,)), (2.0, (1,)), (np.pi / 3, (0, 1))):
-            push = 0.1 * np.array([np.cos(turn), np.sin(turn), 0.0])
-            assert classify(Load(push, CENTRE, DOWN_3D, CENTRE), contacts, 0.3).significant == at
-
 
 class TestHowThePrintIsRead:
     """One test for each reading in docs/explanation/criteria.md that concerns contact."""
@@ -230,31 +209,6 @@ class TestHowThePrintIsRead:
         # (23) is read alike and is (7) where no force acts.
         assert found.quantity_23 == pytest.approx([found.minimum_7])
 
-    @pytest.mark.parametrize("friction", [0.1, 10.0])
-    def test_torque_has_its_arm(self, friction):
-        # (25) with (x* - c) ^: in units of length ten times as large all lengths and torques are ten times as
-        # small. Without the arm, friction would be added to the torque as it is.
-        one, ten = (
-            classify(
-                load((0.3, -1.0), -0.1 / unit),
-                Contacts([[0.2 / unit, -0.5 / unit, 0.0]], [DOWN]),
-                friction,
-            )
-            for unit in (1.0, 10.0)
-        )
-        assert ten.force == pytest.approx(one.force)
-        assert ten.torque == pytest.approx(one.torque / 10.0)
-
-    def test_torque_is_about_a_stated_point(self):
-        # The torque of (21) moves with the point by d ^ F: about another point the same load gives another verdict.
-        contacts = Contacts([[0.0, -0.5, 0.0]], [DOWN])
-        about_centre = classify(load((0.3, -1.0), -0.1), contacts, 0.5)
-        force, shift = np.array([0.3, -1.0, 0.0]), np.array([0.2, 0.0, 0.0])
-        moved = [0.0, 0.0, -0.1] - np.cross(shift, force)
-        elsewhere = classify(Load(force, moved, CENTRE, shift), contacts, 0.5)
-        assert elsewhere.torque_about_contact == pytest.approx(about_centre.torque_about_contact)
-        assert elsewhere.minima.sign_7 != about_centre.minima.sign_7
-
     def test_away_rotation_only_without_a_force_along(self):
         # Row 5b asks for F = 0 and minimum (7) > 0, under a heading that says minimum (7) < 0.
         assert simultaneous(-1, 1, moves=False, turns=True) is Mode.AWAY_ROTATION
@@ -271,14 +225,6 @@ class TestHowThePrintIsRead:
         assert found.reaction[:, 1] == pytest.approx(-0.5 * found.F_flow_g_and_tau[:, 1])
         points = np.array([[0.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0]])
         assert equal_fractions(points, np.array([DOWN] * 3)) == pytest.approx([0.25, 0.25, 0.5])
-
-    def test_any_torque_on_a_pressed_contact_moves_the_grain(self):
-        # A box of half base 1 at rest under its weight and a torque of a thousandth: statics shifts the reaction
-        # by a thousandth of the half base. By (24) the contact answers F_tau too, F = -F_tau, the mean of
-        # torque (0.5, +-1) / 1.25 over the two ends. About whichever end it turned, the other would enter the bed.
-        found = classify(load((0.0, 0.0), -1e-3, (0.0, -1.0)), BASE, 0.5)
-        assert (found.mode, found.obstructed_by) == (Mode.SLIDING, (0, 1))
-        assert found.force == pytest.approx([1e-3 * 0.5 / 1.25, 0.0, 0.0])
 
 
 ROWS = {
@@ -451,13 +397,6 @@ class TestAway:
         found = [away(pocket(np.pi / 4), point, ABOUT_Z, TOLERANCE).axis for point in points]
         assert found == [Axis.ENCIRCLED, Axis.ENCIRCLED, Axis.AWAY, Axis.PRESSED, Axis.INTERSECTED]
 
-    @pytest.mark.parametrize(("direction", "x"), [(ABOUT_Z, -1.0), (-ABOUT_Z, 1.0)])
-    def test_box_turns_about_a_point_beside_its_end(self, direction, x):
-        found = away(BASE, CENTRE, direction, TOLERANCE)
-        assert (found.axis, found.distance) == (Axis.ENCIRCLED, pytest.approx(1.0))
-        assert found.levers == pytest.approx([-x, x])
-        assert found.nearest == pytest.approx([x, 0.0, 0.0], abs=1e-8)
-
     @pytest.mark.parametrize(
         ("contacts", "direction", "expected", "kind"),
         [
@@ -615,6 +554,8 @@ TALL = Contacts(
     [[-0.75, -0.16, 0.0], [-0.88, -1.44, 0.0]],
     np.column_stack([np.sin(LEAN), -np.cos(LEAN), 0.0 * LEAN]),
 )
+# Hangs on a ledge, whose contact has its normal into the grain, and leans on a wall: 2/3 of the weight, as moments say.
+HOOK = Contacts([[1.0, 1.0, 0.0], [0.5, -0.5, 0.0]], [DOWN, [1.0, 0.0, 0.0]])
 REASONS = [
     # Couple = R force and friction above the force: contact forces (-force, weight) hold it.
     ((0.3, 0.0), 0.15, DISC, 1.0, INERT, (False, None, "STICK_ANSWERS_FORCE_AND_TORQUE")),
@@ -623,6 +564,8 @@ REASONS = [
     # Without friction it stays until push / weight exceeds tan(30 degrees) = 0.577.
     ((0.2, 0.0), 0.0, pocket(np.pi / 6), 0.0, INERT, (False, None, "ONE_CONTACT_AT_A_TIME")),
     ((0.57, 0.0), 0.0, pocket(np.pi / 6), 0.0, INERT, (False, None, "ONE_CONTACT_AT_A_TIME")),
+    # The ledge alone does not hold the moment of the weight; that its normal points inward was an error.
+    ((0.0, 0.0), 0.0, HOOK, 1.0, INERT, (False, None, "ONE_CONTACT_AT_A_TIME")),
     # Walls 80 degrees from down, friction above tan(10 degrees) = 0.176: the line between the contacts is in both
     # cones, so they can brace one another against any load.
     ((0.0, 5.0), 0.1, pocket(np.radians(80.0)), 0.3, INERT, (False, None, "JAMMED")),
@@ -663,8 +606,6 @@ def test_on_the_boundary_round_off_decides_alike_or_is_named():
 def test_every_mode_of_both_judges_has_a_family():
     assert set(FAMILIES) == set(Mode)
     assert set(FAMILY) == set(ExactMode)
-    assert [mode for mode, family in FAMILY.items() if not family] == [ExactMode.REST]
-    assert FAMILIES[Mode.SLIDING_AND_PIVOTTING] == (Family.SLIDES | Family.TURNS,)
 
 
 thirds = st.integers(-6, 6).map(lambda k: k / 3.0)
@@ -761,14 +702,3 @@ class TestVerdict:
         for word in words:
             assert word in verdict.sentence
         assert verdict.sentence.index("grain") < verdict.sentence.index("by the paper's criteria")
-
-    def test_for_json(self):
-        verdict = judge(plane_load((0.8, 0.0)), box(0.1), 0.5, INERT)
-        stored = json.loads(json.dumps(verdict.to_dict()))
-        assert (stored["moves"], stored["mode"]) == (True, "sliding")
-        assert stored["safety_factor"] == pytest.approx(0.625)
-        assert set(stored["judges"]) == {"criteria", "equilibrium"}
-        assert stored["agreement"]["agree"] is True
-        assert stored["judges"]["equilibrium"]["motion"]["mode"] == "SLIDING"
-        unlimited = judge(plane_load((0.0, -1.0)), box(0.1), 0.5).to_dict()
-        assert (unlimited["safety_factor"], unlimited["safety_status"]) == (None, "UNLIMITED")

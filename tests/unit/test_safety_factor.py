@@ -249,13 +249,6 @@ def test_factors(case, friction, status, interval, states, near):
         assert result.held is (interval[0] <= 1.0 <= interval[1])
 
 
-def test_frictionless_contacts_of_a_pocket_carry_the_weight():
-    """N = W / (2 cos) each."""
-    forces = safety_factor(load(), pocket(0.5), 0.0).contact_forces
-    inward = np.array([[math.sin(0.5), math.cos(0.5)], [-math.sin(0.5), math.cos(0.5)]])
-    assert forces[:, :2] == pytest.approx(0.5 / math.cos(0.5) * inward)
-
-
 def test_a_pocket_jams_if_friction_bridges_it():
     """The line between the contacts is in both cones if friction >= cot(theta): then it holds anything."""
     angle = np.radians(60.0)
@@ -363,16 +356,6 @@ def bar(force: float, **errors: float) -> SafetyBar:
     load = Load(np.array([force, 0, 0]), np.zeros(3), np.array([0, -1.0, 0]), np.zeros(3))
     of_loads = {name: error * np.eye(6)[0] for name, error in errors.items()}
     return bar_of_safety(load, pocket_with_bar(), 0.0, (1.0, 0.125 * np.eye(3)), of_loads)
-
-
-@pytest.mark.parametrize(("force", "error"), [(0.98, 0.01), (1.05, 0.02), (0.5, 0.0)])
-def test_safety_factor_and_its_bar(force: float, error: float) -> None:
-    """1/F, with F to the error: at rest, moving, or without an error."""
-    found = bar(force, **({"gap": error} if error else {}))
-    ends = 1.0 / (force + error), 1.0 / (force - error)
-    assert (found.value, found.low, found.high) == pytest.approx((1.0 / force, *ends))
-    assert (found.certain, len(found.modes), found.decisive) == (True, 1, "gap" if error else "")
-    assert "certain within the error bars" in found.sentence()
 
 
 def test_not_certain_and_what_decides() -> None:
@@ -535,27 +518,6 @@ class TestBatch:
         factors = [one.safety.value for one in exact]
         assert batch.factors == pytest.approx(factors, rel=near, abs=near)
         assert batch.alone <= (11 if gdim == 3 else 0) and not batch.reasons
-
-    @pytest.mark.parametrize("gdim", [2, 3])
-    def test_loads_on_the_boundary_and_none_at_all(self, gdim: int) -> None:
-        """Loads at, and to round-off at, the critical one, twice the same, along the weight, and no load."""
-        acting, contacts = (
-            (load((0.8, 0.1), -0.02), pocket(0.5)) if gdim == 2 else box(0.1, [0.5, 0.2, 0.1])
-        )
-        factor = safety_factor(acting, contacts, 0.4).value
-        near = np.array([1e-9, 1e-6, 1e-3])
-        shares = factor * np.array([0.0, 0.5, 1.0, *(1.0 - near), *(1.0 + near), 2.0])[:, None]
-        force = np.vstack([shares * acting.flow_force, np.outer([1.0, -0.5, -2.0], acting.weight)])
-        torque = np.vstack([shares * acting.flow_couple, np.zeros((3, 3))])
-        surface = contacts.points, contacts.normals
-        cases = Cases(
-            *surface, force, torque, acting.weight, acting.centre, FrictionCone.of(0.4), *INERT
-        )
-        batch = judge_many(cases).complete()
-        for number in range(len(cases)):
-            alone = judged(*cases.case(number))
-            assert batch.labels[batch.modes[number]] == alone.label
-            assert batch.factors[number] == pytest.approx(alone.safety.value, rel=1e-9, abs=1e-9)
 
     def test_wrong_loads_are_refused(self) -> None:
         good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
