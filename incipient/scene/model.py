@@ -143,18 +143,10 @@ class Effects(Section):
     unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
     gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
     contact: Choice = key("Contact forces and verdict; auto: if a grain rests on a bed", "auto")
-    moving_mesh: Choice = key(
-        "A mesh that follows grain and surface; auto: with body.motion or a free surface", "auto"
-    )
-    free_body: Choice = key("A grain moved by flow and weight; auto: with body.motion", "auto")
-    free_surface: Choice = key(
-        'A top that moves with the fluid; auto: with domain.top = "free-surface"', "auto"
-    )
     turbulence: Choice = key(
         "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
         "auto",
     )
-    third_dimension: Choice = key("Flow in 3-D; auto: with domain.width", "auto")
 
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]

@@ -97,10 +97,6 @@ def _too_rough(s: Scene) -> float:
     return number if number > _ROUGHEST else 0.0
 
 
-def _motion(s: Scene) -> str:
-    return "there is no grain" if s.body is None else f'body.motion = "{s.body.motion}"'
-
-
 def _needs_verdict(s: Any) -> bool:
     return s.body is not None and None in (s.body.x, s.bed, s.contact, s.mass)
 
@@ -236,10 +232,6 @@ RULES: tuple[Rule, ...] = (
              '"verdict" is for steady flow', "give a number, or leave [time] out"),
     ),
     # Effects that are forced on or off.
-    Rule("effects.third_dimension", lambda s: s.effects.third_dimension is True and s.gdim == 2,
-         "is true but the scene is two-dimensional", "add domain.width"),
-    Rule("effects.third_dimension", lambda s: s.effects.third_dimension is False and s.gdim == 3,
-         "is false but domain.width is given", "leave one of them out"),
     Rule("effects.inertia", lambda s: s.effects.inertia is True and not s.fluid.inertia,
          "is true but fluid.inertia = false", "leave one of them out"),
     Rule("effects.gravity", lambda s: s.effects.gravity is True and s.gravity is None,
@@ -261,16 +253,6 @@ RULES: tuple[Rule, ...] = (
          "is true but no grain rests on a bed", "add [bed], and [body] with x"),
     Rule("effects.contact", lambda s: s.effects.contact is False and _touches(s),
          "is false, but the grain touches the bed while it moves", "leave it out"),
-    Rule("effects.free_body", lambda s: s.effects.free_body is True and not _free(s) and _motion(s),
-         "is true but {v}", 'set body.motion = "free"'),
-    Rule("effects.free_body", lambda s: s.effects.free_body is False and _free(s) and _motion(s),
-         "is false but {v}", 'set body.motion = "fixed"'),
-    Rule("effects.moving_mesh", lambda s: s.effects.moving_mesh is True and not _moves(s) and _motion(s),
-         "is true but {v}", 'set body.motion = "free" or "prescribed"'),
-    Rule("effects.moving_mesh", lambda s: s.effects.moving_mesh is False and s.moves and _motion(s),
-         "is false but {v}", 'set body.motion = "fixed"'),
-    Rule("effects.moving_mesh", lambda s: s.effects.moving_mesh is False and s.has_surface,
-         "is false but the surface is free", 'use "auto"'),
     # A grain that moves on its bed, and keys that only it reads.
     Rule("contact.friction", lambda s: _touches(s) and s.contact is None,
          "is missing, but the grain touches the bed while it moves", "add a section [contact] with a friction"),
@@ -299,10 +281,6 @@ RULES: tuple[Rule, ...] = (
     Rule("surface", lambda s: not s.has_surface and s.surface is not None,
          'describes a free surface, but the top is "{s.top}"',
          f'set domain.top = "{FREE}" or leave the section out'),
-    Rule("effects.free_surface", lambda s: not s.has_surface and s.effects.free_surface is True,
-         "is true but there is none", f'set domain.top = "{FREE}"'),
-    Rule("effects.free_surface", lambda s: s.has_surface and s.effects.free_surface is False,
-         f'is false but domain.top = "{FREE}"', 'leave one of them out, as a lid is domain.top = "slip"'),
     *when(lambda s: s.has_surface,
         Rule("domain.top", lambda s: s.time is None, "a free surface needs time steps", "add a section [time]"),
         Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and _boxed(s),

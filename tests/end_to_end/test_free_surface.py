@@ -305,16 +305,6 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             'end = 0.4\nstart = "steady"',
             "time.start: below a free surface the fluid of a box starts",
         ),
-        (
-            "[numerics]",
-            "[effects]\nfree_surface = false\n[numerics]",
-            "effects.free_surface: is false but",
-        ),
-        (
-            "[numerics]",
-            "[effects]\nmoving_mesh = false\n[numerics]",
-            "effects.moving_mesh: is false but the",
-        ),
     ],
 )
 def test_what_contradicts_a_free_surface_is_refused(old, new, why):

@@ -13,7 +13,6 @@ from incipient.scene import (
     Disc,
     Discs,
     Domain,
-    Effects,
     Ellipse,
     ExpressionFlow,
     Fluid,
@@ -727,10 +726,6 @@ IN_SPACE = [
     (
         {"bed": HeightMapBed(heights=((0.0, 0.1), (0.0, 0.1)), cell=(4.0, 8.0))},
         "bed: reaches from x = 0 to 4, the domain from 0 to 12; enlarge its cell",
-    ),
-    (
-        {"effects": Effects(third_dimension=False)},
-        "effects.third_dimension: is false but domain.width is given",
     ),
     (
         {"bed": SphereBed(radius=0.5, spacing=1, slope=10)},
