@@ -22,7 +22,7 @@ from ..geometry.closest import touching
 from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
-from ..scene.mass import mass_and_inertia
+from ..scene.grains import mass_and_inertia
 from ..scene.section import (
     NotNegative,
     Positive,

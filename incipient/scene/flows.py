@@ -79,7 +79,7 @@ class FlowSection(Section):
 
     @property
     def changes(self) -> bool:
-        return False
+        return self.oscillates or getattr(self, "gust", None) is not None
 
     @property
     def cycle(self) -> float:
@@ -123,10 +123,6 @@ class Driven(Profile):
         None,
         examples=[{"start": 1.0, "duration": 0.5, "strength": 2.0}],
     )
-
-    @property
-    def changes(self) -> bool:
-        return self.gust is not None
 
 
 class Shear(Driven):
@@ -222,10 +218,6 @@ class Oscillatory(Profile):
         "V = U, amplitude of the orbital velocity above the layer [length/time]", 1.0
     )
     period: Positive = key("Period of the oscillation; U is reached at time 0 [time]")
-
-    @property
-    def changes(self) -> bool:
-        return True
 
     @property
     def cycle(self) -> float:

@@ -1,4 +1,4 @@
-"""Common keys and rules of grains in 2-D and 3-D."""
+"""Common keys and rules of grains in 2-D and 3-D, their mass and their rest on a bed."""
 
 from __future__ import annotations
 
@@ -7,11 +7,17 @@ from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
+import numpy as np
+
+from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.settle import settle
 from ..geometry.shape import Shape
 from .section import NotNegative, Rule, Section, allowed, formula, key
+
+if TYPE_CHECKING:
+    from ..contact.verdict import MassAndInertia
 
 DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees
 FRICTIONLESS = "frictionless"
@@ -124,6 +130,43 @@ class BodySection(Section):
     def new_grain(self) -> Shape:
         shape, *keys = self.made_of
         return shape(*(getattr(self, key) for key in keys))
+
+
+def mean_density(body: BodySection) -> float | None:
+    """Density relative to the fluid; None without a density or mass."""
+    return body.density if body.mass is None else body.mass / body.grain.volume
+
+
+def mass(body: BodySection) -> float | None:
+    """Mass (fluid density 1), in 2-D per unit depth; None without a density or mass."""
+    density = mean_density(body)
+    return None if density is None else density * body.grain.volume
+
+
+def inertia_tensor(body: BodySection) -> Floats:
+    """Inertia (3, 3) about the centroid in the body frame, zero without a mass: given, or of a uniform grain.
+
+    In 2-D the polar moment per unit depth fills the diagonal.
+    """
+    if body.inertia is not None:
+        return np.asarray(np.diag(body.inertia * np.ones(3)))
+    tensor = (mean_density(body) or 0.0) * np.asarray(body.grain.inertia)
+    return np.asarray(tensor[2, 2] * np.eye(3)) if body.gdim == 2 else tensor
+
+
+def mass_and_inertia(
+    body: BodySection, placement: Placement | None = None
+) -> MassAndInertia | None:
+    """Mass and inertia (3, 3) about the centre of mass, in 2-D per unit depth; None without either.
+
+    Added mass is omitted: it changes neither equilibrium nor the safety factor.
+    """
+    heavy, inert = mass(body), inertia_tensor(body)
+    if not heavy or not inert.any():
+        return None
+    if body.gdim == 3 and placement is not None:
+        inert = placement.rotation @ inert @ placement.rotation.T
+    return heavy, inert
 
 
 # The placement of a scene is read many times; computing it takes one or two seconds.

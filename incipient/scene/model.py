@@ -17,20 +17,18 @@ from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
 from .flows import Flow, FlowSection
-from .grains import FRICTIONLESS, LEVEL, rested
+from .grains import FRICTIONLESS, LEVEL, mass, mean_density, rested
 from .gusts import Gusts
-from .mass import mass, mean_density
 from .messages import discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
-from .places import PLACES
-from .rules import contradictions
+from .rules import OF_UNITS, PLACES, WITHOUT_UNITS, contradictions
 from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
 from .shapes import PlaneBed, PlaneBody
 from .solids import SolidBody, SolidSection
 from .surface import FREE, Surface
 from .terrains import TerrainBed
 from .turbulence import Turbulence
-from .units import OF_UNITS, WITHOUT_UNITS, Scales, Units, derived, scales_of
+from .units import Scales, Units, derived, scales_of
 
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone

@@ -24,6 +24,7 @@ from .expression import Expression
 from .messages import (
     WITHIN,
     Problem,
+    broken,
     counted,
     one_line,
     problem,
@@ -189,8 +190,8 @@ class Section(BaseModel):
     @model_validator(mode="after")
     def _obeys_its_rules(self) -> Self:
         rules = (rule for kind in type(self).__mro__ for rule in vars(kind).get("rules", ()))
-        if broken := first_broken(rules, self):
-            raise refusal(*broken)
+        if problems := first_broken(rules, self):
+            raise refusal(*problems)
         return self
 
     def changed(self, key: str) -> bool:
@@ -205,7 +206,7 @@ def _largest(value: Any) -> float:
 
 def contradiction(why: str, remedy: str) -> PydanticCustomError:
     """The error of the validator of a single key."""
-    return PydanticCustomError(WITHIN, "{why}; {remedy}", {"why": why, "remedy": remedy})
+    return broken(WITHIN, why, remedy)
 
 
 def is_number(value: Any) -> bool:

@@ -125,8 +125,7 @@ class Setup:
     @property
     def pinned_sides(self) -> tuple[str, ...]:
         """Sides to which fluid below a free surface sticks, and where its elevation is fixed."""
-        ends = (self.sides.left, self.sides.right) if self.surface.ends == "no-slip" else ()
-        return ends if self.scene.sides == "slip" else (*ends, *self.sides.across)
+        return () if self.scene.sides == "slip" else self.sides.across
 
     @cached_property
     def ceiling(self) -> float:

@@ -51,19 +51,6 @@ def test_the_plan_has_the_effect_and_says_why():
     assert "cells of order 3" in told
 
 
-def test_a_surface_whose_ends_are_pinned(tmp_path):
-    text = WAVE.replace('bottom = "slip"', 'bottom = "slip"\nends = "no-slip"').replace(
-        "end = 0.4", "end = 0.15"
-    )
-    assert "no slip at left and right, where the surface is pinned" in make_plan(loads(text)).text()
-    incipient.run(loads(text), tmp_path)
-    history = history_of(tmp_path)
-    assert history["elevation_1"] == pytest.approx(0.01, abs=1e-15)
-    assert history["elevation_3"] == pytest.approx(-0.01, abs=1e-15)
-    assert (np.diff(history["elevation_2"]) < 0).all()
-    assert np.abs(history["volume_above_level"]).max() < 1e-15
-
-
 @pytest.fixture(scope="module")
 def wave(tmp_path_factory):
     """The directory of a run, whole."""
@@ -284,11 +271,6 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             "0.01*cos(pi*x)",
             "0.1*y",
             "surface.elevation: depends on y but the scene is two-dimensional",
-        ),
-        (
-            'bottom = "slip"',
-            'ends = "pinned"',
-            'surface.ends: "pinned" is not known; use "wall" or "no-slip"',
         ),
         (
             "[numerics]",

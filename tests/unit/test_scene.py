@@ -69,7 +69,7 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.scene.file import dumps, load, loads
-from incipient.scene.mass import mass_and_inertia
+from incipient.scene.grains import mass_and_inertia
 from incipient.setup.setup import Setup
 
 # Scenes built from Python: what follows from them.

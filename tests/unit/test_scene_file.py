@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from kinds import every_grain_and_bed, write_files
 from scenes import message
 
+import incipient
 from incipient.errors import OutputError, SceneError
 from incipient.files import MARK
 from incipient.scene import (
@@ -287,6 +288,15 @@ def test_wrong_files(tmp_path, text, expected):
     if text is not None:
         path.write_text(text, encoding="utf-8", errors="surrogateescape")
     assert message(lambda: load(path)).startswith(f"{path}: {expected}")
+
+
+@pytest.mark.parametrize("name", ["run", "threshold", "entrainment"])
+def test_a_name_of_a_file_is_no_scene(name):
+    """They ended with "AttributeError: 'str' object has no attribute"."""
+    expected = (
+        f'incipient.{name} takes a scene, not the name of its file; use incipient.load("a.toml")'
+    )
+    assert message(lambda: getattr(incipient, name)("a.toml")) == expected
 
 
 def with_bed(tmp_path: Path, rows: str) -> Path:

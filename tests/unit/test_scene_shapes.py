@@ -15,7 +15,7 @@ from incipient.planning.plan import make_plan
 from incipient.scene import Contact, Disc, Gravity, Time
 from incipient.scene.expression import MAXIMUM_LENGTH, Expression, expressions
 from incipient.scene.file import dumps, load, loads
-from incipient.scene.mass import mass_and_inertia
+from incipient.scene.grains import mass_and_inertia
 from incipient.setup.body import rigid_body
 from incipient.setup.setup import Setup
 
