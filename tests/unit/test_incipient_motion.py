@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from incipient.scene.example import grain_on_bed
+from scenes import grain_on_bed
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from test_safety_factor import ON_PLANE, box, load, pocket, wedge
