@@ -1,12 +1,12 @@
 """The section [flow]."""
 
 import math
-import sys
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import Field
 
+from ..arrays import LARGEST
 from .domain import Top
 from .expression import Expression
 from .gusts import Gust
@@ -15,10 +15,9 @@ from .section import (
     Positive,
     Rule,
     Section,
-    allowed,
     formula,
-    is_number,
     key,
+    number_or,
     of_length,
 )
 
@@ -32,9 +31,8 @@ LEVELS = ("auto", "effective", "crest", "mean")
 _LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
 Datum = Annotated[
     float | Literal["auto", "effective", "crest", "mean"],
-    allowed(
-        lambda value: value in LEVELS or (is_number(value) and abs(value) <= sys.float_info.max),
-        f"use {_LEVELS} or a height above the bed's base line",
+    number_or(
+        *LEVELS, remedy=f"use {_LEVELS} or a height above the bed's base line", least=-LARGEST
     ),
 ]
 

@@ -2,7 +2,6 @@
 
 import difflib
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, LiteralString, get_args
@@ -47,7 +46,6 @@ _WORDS = {
         ("is {value}", "write a section [{key}]"),
     ),
 }
-_NAME = re.compile("'([^']*)'")
 
 
 @dataclass(frozen=True)
@@ -212,7 +210,7 @@ def _problem(
         "value": shown(value),
         "what": _what_to_add(name, field),
         "items": counted(context.get("actual_length", items), "item"),
-        "choices": either(_NAME.findall(str(context.get("expected")))),
+        "choices": str(context.get("expected")).replace("'", '"').lower(),
         "kinds": kinds,
         "nearest": f'did you mean "{close}"?' if close else f"use {kinds}",
         "msg": detail["msg"][:1].lower() + detail["msg"][1:],

@@ -15,18 +15,25 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
+from .beds import PlaneBed, TerrainBed
 from .domain import Domain, Sides, Top
 from .flows import Flow, FlowSection
-from .grains import FRICTIONLESS, LEVEL, mass, mean_density, rested
+from .grains import (
+    FRICTIONLESS,
+    LEVEL,
+    PlaneBody,
+    SolidBody,
+    SolidSection,
+    mass,
+    mean_density,
+    rested,
+)
 from .gusts import Gusts
 from .messages import discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
 from .rules import OF_UNITS, PLACES, WITHOUT_UNITS, contradictions
 from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
-from .shapes import PlaneBed, PlaneBody
-from .solids import SolidBody, SolidSection
 from .surface import FREE, Surface
-from .terrains import TerrainBed
 from .turbulence import Turbulence
 from .units import Scales, Units, derived, scales_of
 

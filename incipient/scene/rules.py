@@ -145,12 +145,12 @@ def _vast(s: Any) -> list[Any]:
 
 def _many_forms(s: Any) -> Any:
     """Number of bedforms to be meshed, in 3-D of those below the grain, if too many."""
-    forms, where = s.bed.forms(s.domain.length), "on the domain's length"
-    if s.gdim == 3:
-        area, where = s.domain.length * s.domain.width, "in the domain"
-        if s.grain:
-            area, where = min(s.grain.size**2, area), "under the grain"
-        forms = area / (2.0 * s.bed_shape.feature) ** 2
+    extent, where = math.prod(high - low for low, high in s.domain.spans), "in the domain"
+    if s.gdim == 2 and not s.bed_shape.period:
+        return False
+    if s.gdim == 3 and s.grain and s.grain.size**2 < extent:
+        extent, where = s.grain.size**2, "under the grain"
+    forms = extent / (2.0 * s.bed_shape.feature) ** s.up
     return forms * CELLS_OF_A_FORM > s.numerics.max_cells and (forms, where)
 
 

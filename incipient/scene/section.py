@@ -1,5 +1,6 @@
 """The base of all sections of a scene: immutable, strict, with one-line errors."""
 
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -62,6 +63,18 @@ def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
         return value
 
     return BeforeValidator(fitting)
+
+
+def number_or(
+    *words: Any, remedy: str, least: float = SMALLEST, below: float = math.inf
+) -> BeforeValidator:
+    """Validator of a key that takes words, or a number of at least `least` and less than `below`."""
+
+    def fits(value: Any) -> bool:
+        is_word = value is None or isinstance(value, str)
+        return value in words if is_word else is_number(value) and least <= value < below
+
+    return allowed(fits, remedy)
 
 
 def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:

@@ -14,9 +14,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ..arrays import SMALLEST
 from .messages import either
-from .section import Positive, Rule, Section, allowed, is_number, key
+from .section import Positive, Rule, Section, key, number_or
 
 if TYPE_CHECKING:
     from .model import Scene
@@ -27,14 +26,7 @@ METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 Length = Annotated[
     Literal["um", "mm", "cm", "m"] | Positive | None,
-    allowed(
-        lambda value: (
-            value is None
-            or (isinstance(value, str) and value in METRES)
-            or (is_number(value) and SMALLEST <= value < math.inf)
-        ),
-        f"give metres above zero, or {either([*METRES])}",
-    ),
+    number_or(None, *METRES, remedy=f"give metres above zero, or {either([*METRES])}"),
 ]
 
 

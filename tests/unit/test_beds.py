@@ -15,7 +15,7 @@ from incipient.geometry import Sinusoidal as SinusoidalBed
 from incipient.geometry.plane.beds import effective_level
 from incipient.geometry.space.beds import LOWEST
 from incipient.scene import HalfDiscs, Poiseuille, Polyline, Shear, Sinusoidal, Uniform
-from incipient.scene.terrains import HeightMapBed
+from incipient.scene.beds import HeightMapBed
 from incipient.setup.setup import Setup
 
 # Beds by brute force and elementary geometry; the level plane that one acts as in shear, published.

@@ -331,7 +331,7 @@ ONE_KEY = [
         lambda: Time(end=1, step=2),
         "Time: step: is 2 but time ends at 1; reduce step or enlarge end",
     ),
-    (lambda: Numerics(order=5), 'Numerics: order: is 5; give 2, 3, 4 or "auto"'),
+    (lambda: Numerics(order=5), 'Numerics: order: 5 is not known; use "auto", 2, 3 or 4'),
     (lambda: Numerics(order=2.0), 'Numerics: order: is 2.0; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(order=True), 'Numerics: order: is true; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(order="high"), 'Numerics: order: is "high"; give 2, 3, 4 or "auto"'),
