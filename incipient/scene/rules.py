@@ -172,7 +172,7 @@ def _steps_at_ends(s: Any) -> list[float]:
     return [x for x in s.bed.steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
 
 
-def _heights(s: Any) -> tuple[float, float]:
+def bed_heights(s: Any) -> tuple[float, float]:
     """The bed's lowest and highest height."""
     if s.gdim == 3:
         heights, spans = s.bed_shape.height(s.domain.grid(_PLACES, _PLACES)), s.domain.spans
@@ -185,7 +185,7 @@ def _heights(s: Any) -> tuple[float, float]:
 
 def _datum_off_bed(s: Any) -> Any:
     """Range of the bed's heights above its base, if it excludes the datum: a layer of fluid would be at rest."""
-    lowest, highest = (height - s.domain.bottom for height in _heights(s))
+    lowest, highest = (height - s.domain.bottom for height in bed_heights(s))
     slack = _SAME * s.domain.height
     return not lowest - slack <= s.flow.datum <= highest + slack and (lowest, highest)
 
@@ -587,7 +587,7 @@ PLACES = (
              "has a step at x = {v:g}, an end of the domain", "leave out one of its two points, or move it inward"),
         Rule("bed", _short,
              "reaches from {v[0]} = {v[1]:g} to {v[2]:g}, the domain from {v[3]:g} to {v[4]:g}", "{v[5]}"),
-        Rule("bed", lambda s: (top := _heights(s)[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
+        Rule("bed", lambda s: (top := bed_heights(s)[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
              "rises to {v[0]} = {v[1]:g}, the top is at {s.domain.ceiling:g}",
              "enlarge domain.height or lower the bed"),
         Rule("flow.datum", lambda s: s.gdim == 3 and getattr(s.flow, "datum", "") == "effective",
