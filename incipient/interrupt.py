@@ -17,7 +17,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, Self, TypeVar
 
-from .errors import IncipientError, Interrupted
+from .errors import IncipientError, Interrupted, SceneError
 from .parallel import Comm, world
 
 P = ParamSpec("P")
@@ -36,14 +36,19 @@ NOTICE = b"stopping after this step; once more to stop at once\n"
 def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
     """Serialise calls from several threads: gmsh, MPI and PETSc have one state per process.
 
-    On several ranks a call outside the main thread raises IncipientError: the order of threads may differ.
+    On several ranks a call outside the main thread raises IncipientError: the order of threads may differ. A file's
+    name instead of a scene raises SceneError.
     """
     parameters = signature(compute)
 
     @wraps(compute)
     def serialised(*arguments: P.args, **options: P.kwargs) -> T:
+        named = parameters.bind(*arguments, **options).arguments
+        if isinstance(path := named.get("scene"), str | os.PathLike):
+            why = f"incipient.{compute.__name__} takes a scene, not the name of its file"
+            raise SceneError(f'{why}; use incipient.load("{path}")')
         if threading.current_thread() is not threading.main_thread():
-            comm = parameters.bind(*arguments, **options).arguments.get("comm")
+            comm = named.get("comm")
             if (world() if comm is None else comm).size > 1:
                 remedy = "call it in the main thread, or with comm=MPI.COMM_SELF"
                 raise IncipientError(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from incipient.errors import SceneError
 from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear, Sphere, loads
-from incipient.scene.example import commented, grain_on_bed
+from incipient.scene.file import example
 
 FLOW_SCALE = Fluid(reynolds=100, scale="flow")
 GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
@@ -105,7 +105,16 @@ def scene(**changes):
 
 def on_bed(*overrides: str) -> Scene:
     """The example, a disc on a flat bed in shear, with some keys changed."""
-    return loads(commented(grain_on_bed()), overrides=overrides)
+    return loads(example(), overrides=overrides)
+
+
+def grain_on_bed() -> Scene:
+    return on_bed()
+
+
+def grain_in_pocket() -> Scene:
+    """The example in 3-D, a sphere in a pocket of spheres."""
+    return loads(example(in_space=True))
 
 
 def sphere_on_plane(**changes):

@@ -16,7 +16,7 @@ from ..contact.verdict import MassAndInertia, judged
 from ..results.contact_verdict import find_contacts
 from ..results.errorbars import SafetyBar
 from ..scene import Scene
-from ..scene.mass import mass_and_inertia
+from ..scene.grains import mass_and_inertia
 from ..scene.numerics import OF_SURFACE
 from ..setup.setup import Setup
 from ..simulation.loads import weights

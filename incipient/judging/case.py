@@ -24,7 +24,7 @@ from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.file import read
-from ..scene.mass import mass_and_inertia
+from ..scene.grains import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
 from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, first_broken, key
 

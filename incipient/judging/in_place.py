@@ -22,7 +22,7 @@ from ..geometry.closest import touching
 from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
-from ..scene.mass import mass_and_inertia
+from ..scene.grains import SolidBody, mass_and_inertia
 from ..scene.section import (
     NotNegative,
     Positive,
@@ -33,7 +33,6 @@ from ..scene.section import (
     contradiction,
     key,
 )
-from ..scene.solids import SolidBody
 from .case import Case, CaseErrors
 
 FLAT = "flat"  # instead of a file: a plane below the grain

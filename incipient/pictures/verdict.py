@@ -18,7 +18,7 @@ from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..judging.case import Case
 from ..scene import Scene
-from ..scene.mass import mass_and_inertia
+from ..scene.grains import mass_and_inertia
 from ..thresholds.outcome import with_error
 from .drawing import (
     PLANE,

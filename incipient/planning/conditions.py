@@ -51,7 +51,7 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, lid: bool) -> Ranked:
             return
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
         yield FREE, Open(right, base_flow.velocity if scene.flow.changes else None)
-    elif scene.has_surface and setup.surface.ends == "wall":
+    elif scene.has_surface:
         yield from ((FREE, Slip(name, axis=0)) for name in (left, right))
     else:
         yield from ((WALL, no_slip(name)) for name in (left, right))

@@ -95,9 +95,9 @@ def percent(share: float) -> str:
 
 
 def _decided(setup: Setup, name: EffectName, present: bool, reason: str, **more: Any) -> Decision:
-    """The decision, unless the scene forces it."""
+    """The decision, unless the scene forces it; no key forces what other sections say."""
     key = name.replace(" ", "_")
-    option = getattr(setup.scene.effects, key)
+    option = getattr(setup.scene.effects, key, "auto")
     if present and option is False:
         return Decision(name, False, f"effects.{key} = false; {reason}", True, **more)
     return Decision(name, present, reason, option is True, **more)

@@ -9,8 +9,7 @@ from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
 from ..geometry.placement import Placement
 from ..scene import Scene
-from ..scene.mass import mass_and_inertia
-from ..scene.solids import orientation_of
+from ..scene.grains import mass_and_inertia, orientation_of
 from ..setup.setup import Setup
 from .errorbars import SafetyBar
 from .loads import Forces, Torques

@@ -1,5 +1,17 @@
 """Scenes as validated data."""
 
+from .beds import (
+    Flat,
+    HalfDiscs,
+    HeapBed,
+    HeightMapBed,
+    Inclined,
+    MeshBed,
+    Polyline,
+    RidgeBed,
+    Sinusoidal,
+    SphereBed,
+)
 from .domain import Domain
 from .file import dumps, example, load, loads, save, schema
 from .flows import (
@@ -14,35 +26,27 @@ from .flows import (
     Still,
     Uniform,
 )
-from .model import Bed, Body, Contact, Effects, Fluid, Gravity, Output, Scene, Time, register
-from .numerics import Numerics
-from .shapes import (
-    Disc,
-    Discs,
-    Ellipse,
-    Flat,
-    HalfDiscs,
-    Inclined,
-    Polygon,
-    Polyline,
-    Rectangle,
-    Sinusoidal,
-    Star,
-    Superellipse,
-)
-from .solids import (
+from .grains import (
     Box,
     Capsule,
     Cylinder,
+    Disc,
+    Discs,
+    Ellipse,
     Ellipsoid,
     Mesh,
+    Polygon,
     Polyhedron,
+    Rectangle,
     Sphere,
     Spheres,
+    Star,
+    Superellipse,
     Superquadric,
 )
+from .model import Bed, Body, Contact, Effects, Fluid, Gravity, Output, Scene, Time, register
+from .numerics import Numerics
 from .surface import Surface
-from .terrains import HeapBed, HeightMapBed, MeshBed, RidgeBed, SphereBed
 from .turbulence import Turbulence
 from .units import Units
 

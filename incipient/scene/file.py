@@ -15,7 +15,6 @@ from ..errors import SceneError, shortened
 from ..files import own, write_text_atomically
 from ..input_files import read_text
 from ..parallel import Comm, from_first
-from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
 from .model import Scene
 from .section import Section, ordered_keys
@@ -88,7 +87,8 @@ def save(scene: Scene, path: Path | str) -> None:
 
 def example(in_space: bool = False) -> str:
     """Commented TOML scene: a disc on a flat bed, or a sphere on a bed of spheres, in shear flow."""
-    return commented(grain_in_pocket() if in_space else grain_on_bed())
+    name = "sphere_in_pocket" if in_space else "grain_on_bed"
+    return (Path(__file__).parent / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def schema() -> dict[str, Any]:

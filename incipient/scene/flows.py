@@ -1,12 +1,12 @@
 """The section [flow]."""
 
 import math
-import sys
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import Field
 
+from ..arrays import LARGEST
 from .domain import Top
 from .expression import Expression
 from .gusts import Gust
@@ -15,10 +15,9 @@ from .section import (
     Positive,
     Rule,
     Section,
-    allowed,
     formula,
-    is_number,
     key,
+    number_or,
     of_length,
 )
 
@@ -32,9 +31,8 @@ LEVELS = ("auto", "effective", "crest", "mean")
 _LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
 Datum = Annotated[
     float | Literal["auto", "effective", "crest", "mean"],
-    allowed(
-        lambda value: value in LEVELS or (is_number(value) and abs(value) <= sys.float_info.max),
-        f"use {_LEVELS} or a height above the bed's base line",
+    number_or(
+        *LEVELS, remedy=f"use {_LEVELS} or a height above the bed's base line", least=-LARGEST
     ),
 ]
 
@@ -79,7 +77,7 @@ class FlowSection(Section):
 
     @property
     def changes(self) -> bool:
-        return False
+        return self.oscillates or getattr(self, "gust", None) is not None
 
     @property
     def cycle(self) -> float:
@@ -123,10 +121,6 @@ class Driven(Profile):
         None,
         examples=[{"start": 1.0, "duration": 0.5, "strength": 2.0}],
     )
-
-    @property
-    def changes(self) -> bool:
-        return self.gust is not None
 
 
 class Shear(Driven):
@@ -222,10 +216,6 @@ class Oscillatory(Profile):
         "V = U, amplitude of the orbital velocity above the layer [length/time]", 1.0
     )
     period: Positive = key("Period of the oscillation; U is reached at time 0 [time]")
-
-    @property
-    def changes(self) -> bool:
-        return True
 
     @property
     def cycle(self) -> float:

@@ -6,11 +6,10 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator
 
 from .messages import either
 from .points import FromFile, file_key
-from .section import SMALLEST, NotNegative, Pairs, Positive, Rule, allowed, is_number, key, rises
+from .section import NotNegative, Pairs, Positive, Rule, key, number_or, rises
 
 RISE = 0.1  # of the duration: default rise and fall time of a top-hat
 # Laws of data, and the least number of points of a series, and of gusts that were counted.
@@ -93,17 +92,14 @@ def _smooth(share: float) -> float:
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
 
 
-def _size(*words: str) -> BeforeValidator:
-    return allowed(
-        lambda value: (
-            value in (None, *words) or (is_number(value) and SMALLEST <= value < math.inf)
-        ),
-        f"give a number above zero, or {either(words)}",
-    )
-
-
-Intensity = Annotated[Positive | Literal["near-wall", "model"] | None, _size(NEAR_WALL, MODEL)]
-ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
+_NUMBER = "give a number above zero, or"
+Intensity = Annotated[
+    Positive | Literal["near-wall", "model"] | None,
+    number_or(None, NEAR_WALL, MODEL, remedy=f"{_NUMBER} {either((NEAR_WALL, MODEL))}"),
+]
+ModelTime = Annotated[
+    Positive | Literal["model"] | None, number_or(None, MODEL, remedy=f'{_NUMBER} "{MODEL}"')
+]
 
 
 def _of_data(s: Any) -> list[str]:

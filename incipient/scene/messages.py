@@ -2,7 +2,6 @@
 
 import difflib
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, LiteralString, get_args
@@ -11,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
+from ..errors import shortened
 from . import retired
 
 Key = tuple[str | int, ...]
@@ -46,7 +46,6 @@ _WORDS = {
         ("is {value}", "write a section [{key}]"),
     ),
 }
-_NAME = re.compile("'([^']*)'")
 
 
 @dataclass(frozen=True)
@@ -95,15 +94,16 @@ def either(names: Sequence[str]) -> str:
 def refusal(*problems: Problem, between: bool = False) -> ValidationError:
     """Problems within a section, or `between` sections, as the exception of a pydantic validator."""
     kind = BETWEEN if between else WITHIN
-    kinds = [
-        PydanticCustomError(kind, "{why}; {remedy}", {"why": p.why, "remedy": p.remedy})
+    errors = [
+        InitErrorDetails(type=broken(kind, p.why, p.remedy), loc=p.key, input=None)
         for p in problems
     ]
-    errors = [
-        InitErrorDetails(type=kind, loc=p.key, input=None)
-        for kind, p in zip(kinds, problems, strict=True)
-    ]
     return ValidationError.from_exception_data("", errors)
+
+
+def broken(kind: LiteralString, why: str, remedy: str) -> PydanticCustomError:
+    """An error of a pydantic validator: the kind, the reason, and the remedy."""
+    return PydanticCustomError(kind, "{why}; {remedy}", {"why": why, "remedy": remedy})
 
 
 def split(message: str) -> tuple[str, str]:
@@ -210,7 +210,7 @@ def _problem(
         "value": shown(value),
         "what": _what_to_add(name, field),
         "items": counted(context.get("actual_length", items), "item"),
-        "choices": either(_NAME.findall(str(context.get("expected")))),
+        "choices": str(context.get("expected")).replace("'", '"').lower(),
         "kinds": kinds,
         "nearest": f'did you mean "{close}"?' if close else f"use {kinds}",
         "msg": detail["msg"][:1].lower() + detail["msg"][1:],
@@ -234,15 +234,10 @@ def _closest(word: str, known: list[str]) -> str | None:
 
 def shown(value: Any) -> str:
     """Short form of a value as in TOML."""
-    match value:
-        case bool() | str():
-            text = json.dumps(value, ensure_ascii=False)
-        case dict():
-            text = "a section"
-        case list() | tuple():
-            text = f"a list of {len(value)}"
-        case BaseModel():
-            text = f"a {type(value).__name__}"
-        case _:
-            text = str(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
+    if isinstance(value, bool | str):
+        value = json.dumps(value, ensure_ascii=False)
+    elif isinstance(value, list | tuple):
+        value = f"a list of {len(value)}"
+    elif isinstance(value, dict | BaseModel):
+        value = "a section" if isinstance(value, dict) else f"a {type(value).__name__}"
+    return shortened(value, 40)

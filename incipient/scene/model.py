@@ -15,22 +15,27 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
+from .beds import PlaneBed, TerrainBed
 from .domain import Domain, Sides, Top
 from .flows import Flow, FlowSection
-from .grains import FRICTIONLESS, LEVEL, rested
+from .grains import (
+    FRICTIONLESS,
+    LEVEL,
+    PlaneBody,
+    SolidBody,
+    SolidSection,
+    mass,
+    mean_density,
+    rested,
+)
 from .gusts import Gusts
-from .mass import mass, mean_density
 from .messages import discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
-from .places import PLACES
-from .rules import contradictions
+from .rules import OF_UNITS, PLACES, WITHOUT_UNITS, contradictions
 from .section import Choice, NotNegative, Positive, Rule, Section, first_broken, key
-from .shapes import PlaneBed, PlaneBody
-from .solids import SolidBody, SolidSection
 from .surface import FREE, Surface
-from .terrains import TerrainBed
 from .turbulence import Turbulence
-from .units import OF_UNITS, WITHOUT_UNITS, Scales, Units, derived, scales_of
+from .units import Scales, Units, derived, scales_of
 
 if TYPE_CHECKING:
     from ..contact.friction import FrictionCone
@@ -143,18 +148,10 @@ class Effects(Section):
     unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
     gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
     contact: Choice = key("Contact forces and verdict; auto: if a grain rests on a bed", "auto")
-    moving_mesh: Choice = key(
-        "A mesh that follows grain and surface; auto: with body.motion or a free surface", "auto"
-    )
-    free_body: Choice = key("A grain moved by flow and weight; auto: with body.motion", "auto")
-    free_surface: Choice = key(
-        'A top that moves with the fluid; auto: with domain.top = "free-surface"', "auto"
-    )
     turbulence: Choice = key(
         "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
         "auto",
     )
-    third_dimension: Choice = key("Flow in 3-D; auto: with domain.width", "auto")
 
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from .section import SMALLEST, Positive, Section, allowed, is_number, key
+from .section import Positive, Section, key, number_or
 
 ORDERS = (2, 3, 4)
 MESH_SIZES = (0.01, 100.0)  # range of mesh_size
@@ -15,31 +15,23 @@ OF_WALLS = "shear velocity"
 FINEST = 1e-5
 Accuracy = Annotated[
     float | Literal["verdict"] | None,
-    allowed(
-        lambda value: value in (None, "verdict") or (is_number(value) and FINEST <= value < 1.0),
-        f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"',
+    number_or(
+        *(None, "verdict"),
+        remedy=f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"',
+        least=FINEST,
+        below=1.0,
     ),
 ]
 Tolerance = Annotated[
     float | Literal["auto"],
-    allowed(
-        lambda value: value == "auto" or (is_number(value) and value >= SMALLEST),
-        'give a number above 0 such as 1e-8, or "auto"',
-    ),
-]
-Order = Annotated[
-    Literal["auto", 2, 3, 4],
-    allowed(
-        lambda value: value == "auto" or (type(value) is int and value in ORDERS),
-        'give 2, 3, 4 or "auto"',
-    ),
+    number_or("auto", remedy='give a number above 0 such as 1e-8, or "auto"'),
 ]
 
 
 class Numerics(Section):
     """How the equations are solved; every key is optional."""
 
-    order: Order = key(
+    order: Literal["auto", 2, 3, 4] = key(
         "Order of the velocity, the pressure's less one; "
         "auto: 3 if nothing moves, in 3-D in creeping flow, otherwise 2",
         "auto",

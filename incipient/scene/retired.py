@@ -2,8 +2,13 @@
 
 # Dotted key -> remedy; indices of lists are left out of the key.
 KEYS: dict[str, str] = {
+    "effects.free_body": 'leave it out, and set body.motion = "free" or "fixed"',
+    "effects.free_surface": 'leave it out, and set domain.top = "free-surface" or "slip"',
+    "effects.moving_mesh": "leave it out: the mesh moves with the grain and the free surface",
+    "effects.third_dimension": "leave it out: domain.width makes a scene three-dimensional",
     "numerics.coupling": "leave it out: grain and fluid are coupled with the grain's added mass",
     "numerics.form": "leave it out: the convective term is the paper's",
+    "surface.ends": "leave it out: the fluid slides along both ends of a box",
     "surface.inflow": "use surface.wave, or a flow.kind whose velocity is steady",
     "surface.seepage": "leave it out: nothing crosses the bed",
     "surface.tension": "leave it out: the surface is that of water deeper than some millimetres",

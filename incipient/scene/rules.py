@@ -1,16 +1,23 @@
-"""Rules between sections."""
+"""Rules of a scene `s` between its sections."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ..arrays import spatial
+from ..geometry.closest import clearance
 from .expression import Expression
 from .flows import kinds
 from .messages import Key, Problem, either
 from .numerics import OF_SURFACE, OF_WALLS
 from .section import Rule, when
 from .surface import FREE
+from .symmetry import differences
+from .units import derived
 
 if TYPE_CHECKING:
     from .model import Scene
@@ -28,6 +35,16 @@ _BY_OTHERS = (
     "leave it out for the steady loads on a held grain, or judge forces of a large-eddy simulation: "
     "incipient judge --forces"
 )
+# Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
+TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
+FARTHEST = 1e6  # extents of the domain, in sizes of grain or bedforms
+FINEST_PLACE = 1e-6  # of the smallest size in the scene: least resolution of positions
+_SAME = 1e-9  # of an extent of the domain
+_PLACES, _ALONG = (
+    201,
+    2001,
+)  # points across and, in 2-D, along which bed and free surface are checked
+CELLS_OF_A_FORM = 20  # at the least
 
 
 def contradictions(scene: Scene) -> list[Problem]:
@@ -97,12 +114,151 @@ def _too_rough(s: Scene) -> float:
     return number if number > _ROUGHEST else 0.0
 
 
-def _motion(s: Scene) -> str:
-    return "there is no grain" if s.body is None else f'body.motion = "{s.body.motion}"'
-
-
 def _needs_verdict(s: Any) -> bool:
     return s.body is not None and None in (s.body.x, s.bed, s.contact, s.mass)
+
+
+# -- conditions on sizes and positions -------------------------------------------------------------
+
+
+def _coarse(s: Any) -> list[Any]:
+    finest = s.contact.tolerance if s.grain and s.contact else FINEST_PLACE
+    size = s.grain.size if s.grain else math.inf
+    sides = [
+        (
+            name if abs(start) <= extent else "origin",
+            math.ulp(abs(start) + extent),
+            finest * min(extent, size),
+        )
+        for (name, extent), start in zip(s.domain.sizes.items(), s.domain.origin, strict=True)
+    ]
+    return [side for side in sides if 4.0 * side[1] > side[2]]
+
+
+def _vast(s: Any) -> list[Any]:
+    what, size = "the grain", s.grain.size if s.grain else math.inf
+    if s.gdim == 3 and s.bed and s.bed_shape.feature < size:
+        what, size = "a bedform", s.bed_shape.feature
+    sides = s.domain.sizes.items()
+    return [(key, side, side / size, what) for key, side in sides if side > FARTHEST * size]
+
+
+def _many_forms(s: Any) -> Any:
+    """Number of bedforms to be meshed, in 3-D of those below the grain, if too many."""
+    extent, where = math.prod(high - low for low, high in s.domain.spans), "in the domain"
+    if s.gdim == 2 and not s.bed_shape.period:
+        return False
+    if s.gdim == 3 and s.grain and s.grain.size**2 < extent:
+        extent, where = s.grain.size**2, "under the grain"
+    forms = extent / (2.0 * s.bed_shape.feature) ** s.up
+    return forms * CELLS_OF_A_FORM > s.numerics.max_cells and (forms, where)
+
+
+def _short(s: Any) -> list[Any]:
+    reaches: Any = s.bed_shape.extent if s.gdim == 3 else ()
+    slack, remedy = _SAME, "enlarge its cell, change its offset or shrink the domain"
+    if s.bed.kind == "polyline":
+        reaches, slack = ((s.bed.points[0][0], s.bed.points[-1][0]),), 0.0
+        remedy = "add points or shorten the domain"
+    return [
+        (axis, first, last, low, high, remedy)
+        for axis, (first, last), (low, high) in zip("xy", reaches, s.domain.spans, strict=False)
+        if low < first - slack * (high - low) or high > last + slack * (high - low)
+    ]
+
+
+def _steps_at_ends(s: Any) -> list[float]:
+    (ends,) = s.domain.spans
+    return [x for x in s.bed.steps if min(abs(x - end) for end in ends) <= _SAME * s.domain.length]
+
+
+def bed_heights(s: Any) -> tuple[float, float]:
+    """The bed's lowest and highest height."""
+    if s.gdim == 3:
+        heights, spans = s.bed_shape.height(s.domain.grid(_PLACES, _PLACES)), s.domain.spans
+    else:
+        (spans,) = s.domain.spans
+        x = np.concatenate([s.domain.grid(_ALONG)[:, 0], s.bed_shape.corners(*spans)])
+        heights = s.bed_shape.height(x)
+    return float(heights.min()), max(float(heights.max()), s.bed_shape.crest_level(*spans))
+
+
+def _datum_off_bed(s: Any) -> Any:
+    """Range of the bed's heights above its base, if it excludes the datum: a layer of fluid would be at rest."""
+    lowest, highest = (height - s.domain.bottom for height in bed_heights(s))
+    slack = _SAME * s.domain.height
+    return not lowest - slack <= s.flow.datum <= highest + slack and (lowest, highest)
+
+
+def _outside(s: Any) -> list[Any]:
+    return [
+        (number, axis, value, low, high)
+        for number, place in enumerate(s.surface.places())
+        for axis, value, (low, high) in zip("xy", place, s.domain.spans, strict=False)
+        if not low <= value <= high
+    ]
+
+
+def _low_surface(s: Any) -> Any:
+    across = s.domain.grid(*[_PLACES] * len(s.domain.spans))
+    depths = s.domain.ceiling + s.surface.height(spatial(across).T) - s.domain.bottom
+    if s.bed:
+        places = across[:, 0] if s.gdim == 2 else across
+        depths += s.domain.bottom - s.bed_shape.height(places)
+    place = zip("xy", across[int(np.argmin(depths))], strict=False)
+    return depths.min() <= 0.0 and ", ".join(f"{axis} = {value:g}" for axis, value in place)
+
+
+def _away(s: Any) -> list[Any]:
+    centre = (s.body.x, getattr(s.body, "y", None)) if s.body.centre is None else s.body.centre
+    axes = zip("xy", centre, s.domain.spans, strict=False)
+    return [
+        (axis, value, low, high)
+        for axis, value, (low, high) in axes
+        if value is not None and not low < value < high
+    ]
+
+
+def _sides(s: Any) -> list[Any]:
+    """Axis, extreme coordinate of the grain, side, its place, and the distance between them."""
+    if (placement := s.placement) is None:
+        return []
+    if s.gdim == 2:
+        points = placement.to_scene(s.grain.chain.points(65))
+    else:
+        axes = np.vstack([np.eye(3), -np.eye(3)]) @ placement.rotation
+        points = placement.to_scene([s.grain.extreme(axis) for axis in axes])
+    extent = zip(points.min(axis=0), points.max(axis=0), strict=True)
+    across = [("side at least y", "side at largest y")] * (s.gdim - 2)
+    names = [("left side", "right side"), *across, ("lower side", "top")]
+    box = (*s.domain.spans, (s.domain.bottom, s.domain.ceiling))
+    sides = []
+    for axis, (low, high), (start, end), (first, last) in zip(
+        "xyz", extent, box, names, strict=False
+    ):
+        sides += [(axis, low, first, start, low - start), (axis, high, last, end, end - high)]
+    passed = ["lower side"] * bool(s.bed) + [*sum(across, ())] * (s.body.shape == "cylinder")
+    return [side for side in sides if side[2] not in passed]
+
+
+def _into_bed(s: Any) -> Any:
+    """Why the grain and the bed overlap or touch, and the remedy."""
+    depth, tolerance = -clearance(s.grain, s.placement, s.bed_shape)[0], s.contact_tolerance
+    remedy = "raise the grain, or give x to let it rest on the bed"
+    if s.body.x is not None:  # lowered onto a bed finer than the resolution of its support
+        remedy = (
+            "make the bedforms larger or flatter: next to the grain they are too steep to lower it"
+        )
+    if depth > tolerance:
+        return f"the grain reaches {depth:.3g} into the bed", remedy
+    held = not s.rests and -depth <= max(tolerance, TOUCHING * s.grain.size)
+    return held and ("the grain touches the bed above which centre holds it", remedy)
+
+
+def _not_across(s: Any) -> Any:
+    low, high = (s.body.centre[1] + end * s.body.length for end in (-0.5, 0.5))
+    near, far = s.domain.across
+    return max(abs(low - near), abs(high - far)) > _SAME * (far - near) and (low, high, near, far)
 
 
 # -- the rules ------------------------------------------------------------------------------------
@@ -236,10 +392,6 @@ RULES: tuple[Rule, ...] = (
              '"verdict" is for steady flow', "give a number, or leave [time] out"),
     ),
     # Effects that are forced on or off.
-    Rule("effects.third_dimension", lambda s: s.effects.third_dimension is True and s.gdim == 2,
-         "is true but the scene is two-dimensional", "add domain.width"),
-    Rule("effects.third_dimension", lambda s: s.effects.third_dimension is False and s.gdim == 3,
-         "is false but domain.width is given", "leave one of them out"),
     Rule("effects.inertia", lambda s: s.effects.inertia is True and not s.fluid.inertia,
          "is true but fluid.inertia = false", "leave one of them out"),
     Rule("effects.gravity", lambda s: s.effects.gravity is True and s.gravity is None,
@@ -261,16 +413,6 @@ RULES: tuple[Rule, ...] = (
          "is true but no grain rests on a bed", "add [bed], and [body] with x"),
     Rule("effects.contact", lambda s: s.effects.contact is False and _touches(s),
          "is false, but the grain touches the bed while it moves", "leave it out"),
-    Rule("effects.free_body", lambda s: s.effects.free_body is True and not _free(s) and _motion(s),
-         "is true but {v}", 'set body.motion = "free"'),
-    Rule("effects.free_body", lambda s: s.effects.free_body is False and _free(s) and _motion(s),
-         "is false but {v}", 'set body.motion = "fixed"'),
-    Rule("effects.moving_mesh", lambda s: s.effects.moving_mesh is True and not _moves(s) and _motion(s),
-         "is true but {v}", 'set body.motion = "free" or "prescribed"'),
-    Rule("effects.moving_mesh", lambda s: s.effects.moving_mesh is False and s.moves and _motion(s),
-         "is false but {v}", 'set body.motion = "fixed"'),
-    Rule("effects.moving_mesh", lambda s: s.effects.moving_mesh is False and s.has_surface,
-         "is false but the surface is free", 'use "auto"'),
     # A grain that moves on its bed, and keys that only it reads.
     Rule("contact.friction", lambda s: _touches(s) and s.contact is None,
          "is missing, but the grain touches the bed while it moves", "add a section [contact] with a friction"),
@@ -299,10 +441,6 @@ RULES: tuple[Rule, ...] = (
     Rule("surface", lambda s: not s.has_surface and s.surface is not None,
          'describes a free surface, but the top is "{s.top}"',
          f'set domain.top = "{FREE}" or leave the section out'),
-    Rule("effects.free_surface", lambda s: not s.has_surface and s.effects.free_surface is True,
-         "is true but there is none", f'set domain.top = "{FREE}"'),
-    Rule("effects.free_surface", lambda s: s.has_surface and s.effects.free_surface is False,
-         f'is false but domain.top = "{FREE}"', 'leave one of them out, as a lid is domain.top = "slip"'),
     *when(lambda s: s.has_surface,
         Rule("domain.top", lambda s: s.time is None, "a free surface needs time steps", "add a section [time]"),
         Rule("time.start", lambda s: s.time is not None and s.time.start != "rest" and _boxed(s),
@@ -324,8 +462,6 @@ RULES: tuple[Rule, ...] = (
          'is "stream", which is not possible with a free surface',
          'use "slip", or "wall" where the fluid sticks and the surface stays'),
     *when(lambda s: _stream(s) and s.surface,
-        Rule("surface.ends", lambda s: s.surface.ends != "wall",
-             "is read only in a box but the domain is a channel", "leave it out"),
         Rule("surface.sponge", lambda s: s.surface.sponge > (half := 0.5 * s.domain.length) and half,
              "is {s.surface.sponge:g}, more than half of the channel", "give at most {v:g}"),
         Rule("surface.wave", lambda s: s.surface.wave and s.domain.sides == "wall",
@@ -408,4 +544,83 @@ RULES: tuple[Rule, ...] = (
     Rule("bed.points", lambda s: s.body and s.bed and s.bed.kind == "polyline" and s.bed.steps[:1],
          "has a vertical step at x = {v:g}, and grains over steps are not simulated",
          "give the step a width, or leave the grain out"),
+)  # fmt: skip
+
+# Of units.
+WITHOUT_UNITS = (
+    Rule("fluid.reynolds", lambda s: s.fluid.reynolds is None, "is missing",
+         "add it: V L / nu, V is the flow's velocity; or a section [units]"),
+    Rule("gravity.acceleration", lambda s: s.gravity is not None and s.gravity.acceleration is None,
+         "is missing", "add it, or a section [units]"),
+)  # fmt: skip
+OF_UNITS = (
+    Rule("units", lambda s: s.body is None,
+         "are those of a scene with a grain, and there is none", "add a section [body]"),
+    Rule("units.{s.flow.scaled_by}", lambda s: getattr(s.units, s.flow.scaled_by) is None,
+         'is missing, which the flow "{s.flow.kind}" needs', "add it"),
+    Rule("units.{v}",
+         lambda s: [k for k in ("shear_rate", "velocity") if k != s.flow.scaled_by and getattr(s.units, k) is not None],
+         'is not of the flow "{s.flow.kind}"', "give {s.flow.scaled_by} only"),
+    Rule("body.mass", lambda s: s.body.mass is not None, "is given with [units]", "leave one of them out"),
+    Rule("{v[0]}.{v[1]}", lambda s: [
+            (section, key, stated, value) for (section, key), value in derived(s).items()
+            if (stated := getattr(getattr(s, section), key, None)) is not None and abs(stated / value - 1.0) > _SAME],
+         "is {v[2]:g}, but [units] makes it {v[3]:g}", "leave it out"),
+)  # fmt: skip
+
+# Of sizes and positions of domain, bed, grain and surface; each needs the earlier ones.
+_MOVE = "move the grain, make it smaller or enlarge the domain"
+_PLACE = "body.{s.body.place}"
+
+PLACES = (
+    Rule("domain.{v[0]}", _coarse,
+         "is so large that numbers there are {v[1]:.2g} apart, but positions are needed to {v[2]:.2g}",
+         "move the scene towards zero, or make it smaller"),
+    Rule("domain.{v[0]}", _vast, "is {v[1]:g}, {v[2]:.2g} times the size of {v[3]}",
+         f"give at most {FARTHEST:g} times that size"),
+    *when(lambda s: s.bed,
+        Rule("bed", _many_forms,
+             f"has about {{v[0]:.2g}} forms {{v[1]}}, with at least {CELLS_OF_A_FORM} cells each more than "
+             "numerics.max_cells = {s.numerics.max_cells}",
+             "enlarge them, use a flat bed instead, or allow more with --set numerics.max_cells=NUMBER"),
+        Rule("bed", lambda s: s.bed.kind == "polyline" and _steps_at_ends(s),
+             "has a step at x = {v:g}, an end of the domain", "leave out one of its two points, or move it inward"),
+        Rule("bed", _short,
+             "reaches from {v[0]} = {v[1]:g} to {v[2]:g}, the domain from {v[3]:g} to {v[4]:g}", "{v[5]}"),
+        Rule("bed", lambda s: (top := bed_heights(s)[1]) >= s.domain.ceiling and ("xyz"[s.up], top),
+             "rises to {v[0]} = {v[1]:g}, the top is at {s.domain.ceiling:g}",
+             "enlarge domain.height or lower the bed"),
+        Rule("flow.datum", lambda s: s.gdim == 3 and getattr(s.flow, "datum", "") == "effective",
+             'is "effective" in 3-D, where it is not computed', 'use "auto" or a height'),
+        Rule("flow.datum", lambda s: isinstance(getattr(s.flow, "datum", ""), float) and _datum_off_bed(s),
+             "is {s.flow.datum:g}, the bed's heights above its base line go from {v[0]:g} to {v[1]:g}",
+             'give one of them, or "auto", "crest" or "mean"'),
+    ),
+    *when(lambda s: s.surface,
+        Rule("surface.stations.{v}",
+             lambda s: s.gdim == 2 and [n for n, place in enumerate(s.surface.places()) if place[1:]],
+             "has 2 coordinates", "give its x"),
+        Rule("surface.stations.{v}",
+             lambda s: s.gdim == 3 and [n for n, place in enumerate(s.surface.places()) if not place[1:]],
+             "has 1 coordinate", "give [x, y]"),
+        Rule("surface.stations.{v[0]}", _outside,
+             "{v[1]} = {v[2]:g} is outside the domain", "give {v[3]:g} to {v[4]:g}"),
+        Rule("surface.{s.surface.given}", _low_surface,
+             "brings the surface down to the bed at {v}", "give a smaller elevation"),
+    ),
+    *when(lambda s: s.body,
+        Rule(_PLACE, lambda s: s.grain.size >= math.hypot(*s.domain.sizes.values()),
+             "the grain measures {s.grain.size:g}, more than the domain", _MOVE),
+        Rule(_PLACE, _away, "{v[0]} = {v[1]:g} is outside the domain, {v[2]:g} to {v[3]:g}", _MOVE),
+        Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] <= 0.0],
+             "the grain reaches {v[0]} = {v[1]:g}, the domain's {v[2]} is at {v[3]:g}", _MOVE),
+        Rule(_PLACE, lambda s: [side for side in _sides(s) if side[-1] < NEARLY_TOUCHING * s.grain.size],
+             "the grain nearly touches the domain's {v[2]}, from which it is {v[4]:.3g}", _MOVE),
+        Rule(_PLACE, lambda s: s.bed and s.placement and _into_bed(s), "{v[0]}", "{v[1]}"),
+        Rule("body.length", lambda s: s.body.shape == "cylinder" and _not_across(s),
+             "the cylinder reaches from y = {v[0]:g} to {v[1]:g}, the domain from {v[2]:g} to {v[3]:g}",
+             "give domain.width, and the middle in centre"),
+    ),
+    Rule("domain.symmetric", lambda s: s.gdim == 3 and s.domain.symmetric is True and [*differences(s)],
+         "is true, but {v}", "make the scene symmetric, or give false"),
 )  # fmt: skip

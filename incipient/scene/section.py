@@ -1,5 +1,6 @@
 """The base of all sections of a scene: immutable, strict, with one-line errors."""
 
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +25,7 @@ from .expression import Expression
 from .messages import (
     WITHIN,
     Problem,
+    broken,
     counted,
     one_line,
     problem,
@@ -61,6 +63,18 @@ def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
         return value
 
     return BeforeValidator(fitting)
+
+
+def number_or(
+    *words: Any, remedy: str, least: float = SMALLEST, below: float = math.inf
+) -> BeforeValidator:
+    """Validator of a key that takes words, or a number of at least `least` and less than `below`."""
+
+    def fits(value: Any) -> bool:
+        is_word = value is None or isinstance(value, str)
+        return value in words if is_word else is_number(value) and least <= value < below
+
+    return allowed(fits, remedy)
 
 
 def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
@@ -189,8 +203,8 @@ class Section(BaseModel):
     @model_validator(mode="after")
     def _obeys_its_rules(self) -> Self:
         rules = (rule for kind in type(self).__mro__ for rule in vars(kind).get("rules", ()))
-        if broken := first_broken(rules, self):
-            raise refusal(*broken)
+        if problems := first_broken(rules, self):
+            raise refusal(*problems)
         return self
 
     def changed(self, key: str) -> bool:
@@ -205,7 +219,7 @@ def _largest(value: Any) -> float:
 
 def contradiction(why: str, remedy: str) -> PydanticCustomError:
     """The error of the validator of a single key."""
-    return PydanticCustomError(WITHIN, "{why}; {remedy}", {"why": why, "remedy": remedy})
+    return broken(WITHIN, why, remedy)
 
 
 def is_number(value: Any) -> bool:

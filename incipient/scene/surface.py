@@ -50,9 +50,6 @@ class Surface(FromFile):
         (),
     )
     bottom: Literal["no-slip", "slip"] = key("Level bottom, without [bed]", "no-slip")
-    ends: Literal["wall", "no-slip"] = key(
-        "Both ends; wall: the fluid slides; no-slip: it sticks, and the surface is pinned", "wall"
-    )
     wave: Wave | None = key(
         "Wave that enters with the base flow",
         None,

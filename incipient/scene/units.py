@@ -14,28 +14,19 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ..arrays import SMALLEST
 from .messages import either
-from .section import Positive, Rule, Section, allowed, is_number, key
+from .section import Positive, Rule, Section, key, number_or
 
 if TYPE_CHECKING:
     from .model import Scene
 
 _ONE_LENGTH = 'give one of them, as in length = "mm"'
-_SAME = 1e-9  # relative difference allowed between a value of the scene and its units
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 Length = Annotated[
     Literal["um", "mm", "cm", "m"] | Positive | None,
-    allowed(
-        lambda value: (
-            value is None
-            or (isinstance(value, str) and value in METRES)
-            or (is_number(value) and SMALLEST <= value < math.inf)
-        ),
-        f"give metres above zero, or {either([*METRES])}",
-    ),
+    number_or(None, *METRES, remedy=f"give metres above zero, or {either([*METRES])}"),
 ]
 
 
@@ -111,28 +102,6 @@ def nominal_diameter(grain: Any) -> float:
     if grain.gdim == 2:
         return math.sqrt(4.0 * grain.volume / math.pi)
     return float((6.0 * grain.volume / math.pi) ** (1.0 / 3.0))
-
-
-WITHOUT_UNITS = (
-    Rule("fluid.reynolds", lambda s: s.fluid.reynolds is None, "is missing",
-         "add it: V L / nu, V is the flow's velocity; or a section [units]"),
-    Rule("gravity.acceleration", lambda s: s.gravity is not None and s.gravity.acceleration is None,
-         "is missing", "add it, or a section [units]"),
-)  # fmt: skip
-OF_UNITS = (
-    Rule("units", lambda s: s.body is None,
-         "are those of a scene with a grain, and there is none", "add a section [body]"),
-    Rule("units.{s.flow.scaled_by}", lambda s: getattr(s.units, s.flow.scaled_by) is None,
-         'is missing, which the flow "{s.flow.kind}" needs', "add it"),
-    Rule("units.{v}",
-         lambda s: [k for k in ("shear_rate", "velocity") if k != s.flow.scaled_by and getattr(s.units, k) is not None],
-         'is not of the flow "{s.flow.kind}"', "give {s.flow.scaled_by} only"),
-    Rule("body.mass", lambda s: s.body.mass is not None, "is given with [units]", "leave one of them out"),
-    Rule("{v[0]}.{v[1]}", lambda s: [
-            (section, key, stated, value) for (section, key), value in derived(s).items()
-            if (stated := getattr(getattr(s, section), key, None)) is not None and abs(stated / value - 1.0) > _SAME],
-         "is {v[2]:g}, but [units] makes it {v[3]:g}", "leave it out"),
-)  # fmt: skip
 
 
 def scales_of(scene: Scene) -> Scales:

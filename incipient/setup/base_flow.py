@@ -287,15 +287,11 @@ def duct_speed(y: np.ndarray, z: np.ndarray, width: float, depth: float) -> np.n
     4/(depth m^3) sin(m z) cosh(m e)/cosh(m width/2), e being the distance from the middle (White, Viscous Fluid Flow,
     section 3-3).
     """
-    half, away = 0.5 * width, np.abs(np.asarray(y) - 0.5 * width)
-    speed = 0.5 * np.asarray(z) * (depth - np.asarray(z))
-    for m in _wave_numbers(depth):
-        # cosh(m e)/cosh(m half) without large numbers.
-        fading = (np.exp(m * (away - half)) + np.exp(-m * (away + half))) / (
-            1.0 + np.exp(-2.0 * m * half)
-        )
-        speed -= 4.0 / (depth * m**3) * np.sin(m * z) * fading
-    return speed / duct_mean(width, depth)
+    m, half, away = _wave_numbers(depth)[:, None], 0.5 * width, np.abs(y - 0.5 * width)
+    # cosh(m e)/cosh(m half) without large numbers.
+    fading = np.exp(m * (away - half)) + np.exp(-m * (away + half))
+    series = 4.0 / (depth * m**3) * np.sin(m * z) * fading / (1.0 + np.exp(-2.0 * m * half))
+    return (0.5 * z * (depth - z) - series.sum(axis=0)) / duct_mean(width, depth)
 
 
 def duct_mean(width: float, depth: float) -> float:

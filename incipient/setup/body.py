@@ -7,7 +7,7 @@ from ..body.state import BodyState, Freedom, Inertia
 from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.expression import of_time
-from ..scene.mass import inertia_tensor, mass
+from ..scene.grains import inertia_tensor, mass
 
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 # What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.
@@ -21,9 +21,8 @@ def rigid_body(body: Body, symmetric: bool = False) -> RigidBody:
         freedom = Freedom(tuple(name not in held for name in DEGREES[body.gdim]))
     else:
         freedom = Freedom.none(body.gdim, of_time(body.course, "body.course"))
-    tensor = inertia_tensor(body)
-    tensor = np.zeros((3, 3)) if tensor is None else tensor
-    return RigidBody(Inertia.about(mass(body) or 0.0, tensor, body.gdim), freedom)
+    inertia = Inertia.about(mass(body) or 0.0, inertia_tensor(body), body.gdim)
+    return RigidBody(inertia, freedom)
 
 
 def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> BodyState:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..scene import Scene, Surface, Turbulence
 from ..scene.expression import of_time
+from ..scene.rules import bed_heights
 from ..scene.symmetry import differences
 from .base_flow import KINDS, BaseFlow
 from .geometry import Geometry, SideNames, side_names
@@ -125,8 +126,7 @@ class Setup:
     @property
     def pinned_sides(self) -> tuple[str, ...]:
         """Sides to which fluid below a free surface sticks, and where its elevation is fixed."""
-        ends = (self.sides.left, self.sides.right) if self.surface.ends == "no-slip" else ()
-        return ends if self.scene.sides == "slip" else (*ends, *self.sides.across)
+        return () if self.scene.sides == "slip" else self.sides.across
 
     @cached_property
     def ceiling(self) -> float:
@@ -237,14 +237,9 @@ def _own_speed(setup: Setup) -> float:
 
 
 def _bed_reynolds(base_flow: BaseFlow) -> float | None:
-    domain, bed = base_flow.domain, base_flow.scene.bed_shape
-    if bed is None:
+    if base_flow.scene.bed is None or not np.ptp(heights := bed_heights(base_flow.scene)):
         return None
-    along = domain.grid(*(20 * SAMPLES, 2 * SAMPLES)[: len(domain.spans)])
-    heights = bed.height(along if domain.gdim == 3 else along[:, 0])
-    relief = float(heights.max() - heights.min())
-    if relief == 0.0:
-        return None
+    relief = float(np.ptp(heights))
     levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
     points = base_flow.column(base_flow.domain.entrance, levels)
     return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.scene.viscosity

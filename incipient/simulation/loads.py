@@ -57,7 +57,7 @@ def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
     with run.accounts.ledger.stage("contact"):
         from ..contact.verdict import judge
         from ..results.contact_verdict import load_of
-        from ..scene.mass import mass_and_inertia
+        from ..scene.grains import mass_and_inertia
 
         load, inert = (
             load_of(scene.placement, force, torque),

@@ -19,7 +19,7 @@ from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.file import parse
-from ..scene.solids import SolidSection
+from ..scene.grains import SolidSection
 from ..sweep.cases import Source, identity_of
 from ..sweep.table import columns
 from .outcome import SHARES, TOO_FEW, few

@@ -24,7 +24,7 @@ from ..results.contact_verdict import load_of
 from ..results.loads import Forces, Torques, named, named_torque
 from ..results.si import in_si, with_loads
 from ..scene import Scene
-from ..scene.mass import mass_and_inertia
+from ..scene.grains import mass_and_inertia
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.build import prepared

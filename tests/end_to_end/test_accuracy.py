@@ -16,7 +16,7 @@ import pytest
 from environment import end, environment
 from mpi4py import MPI
 from processes import CAVITY, GRAIN_ON_BED, SCENES, settings
-from scenes import IN_STREAM
+from scenes import IN_STREAM, grain_on_bed
 from scipy.special import kve
 
 import incipient
@@ -28,7 +28,7 @@ from incipient.cost.frontier import seconds
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads
-from incipient.scene.example import commented, grain_on_bed
+from incipient.scene.file import example
 
 # Asking for accuracy: what is promised is kept, at a price that is worth it, and no further than asked.
 
@@ -306,7 +306,7 @@ def test_a_comparison_that_fails_is_no_error(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.slow
 def test_two_ranks_choose_alike(tmp_path: Path, mpirun: Any) -> None:
     path = tmp_path / "grain.toml"
-    path.write_text(commented(grain_on_bed()))
+    path.write_text(example())
     done = mpirun(2, SCRIPT, path, tmp_path / "out")
     assert done.returncode == 0, done.stderr
     force, unknowns = json.loads(done.stdout.splitlines()[-1])

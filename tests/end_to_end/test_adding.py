@@ -48,10 +48,11 @@ from incipient.scene import (
     loads,
     register,
 )
+from incipient.scene.beds import BedSection
 from incipient.scene.file import schema
 from incipient.scene.flows import Profile
+from incipient.scene.grains import GrainSection
 from incipient.scene.section import NotNegative, Positive, Rule, key
-from incipient.scene.shapes import BedSection, GrainSection
 from incipient.setup import base_flow
 from incipient.setup.base_flow import BaseFlow
 from incipient.setup.setup import Setup

@@ -51,19 +51,6 @@ def test_the_plan_has_the_effect_and_says_why():
     assert "cells of order 3" in told
 
 
-def test_a_surface_whose_ends_are_pinned(tmp_path):
-    text = WAVE.replace('bottom = "slip"', 'bottom = "slip"\nends = "no-slip"').replace(
-        "end = 0.4", "end = 0.15"
-    )
-    assert "no slip at left and right, where the surface is pinned" in make_plan(loads(text)).text()
-    incipient.run(loads(text), tmp_path)
-    history = history_of(tmp_path)
-    assert history["elevation_1"] == pytest.approx(0.01, abs=1e-15)
-    assert history["elevation_3"] == pytest.approx(-0.01, abs=1e-15)
-    assert (np.diff(history["elevation_2"]) < 0).all()
-    assert np.abs(history["volume_above_level"]).max() < 1e-15
-
-
 @pytest.fixture(scope="module")
 def wave(tmp_path_factory):
     """The directory of a run, whole."""
@@ -286,11 +273,6 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             "surface.elevation: depends on y but the scene is two-dimensional",
         ),
         (
-            'bottom = "slip"',
-            'ends = "pinned"',
-            'surface.ends: "pinned" is not known; use "wall" or "no-slip"',
-        ),
-        (
             "[numerics]",
             '[numerics]\naccuracy = "verdict"',
             'accuracy: "verdict" needs a grain but there is none; add a section [body] or give a number',
@@ -304,16 +286,6 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             "end = 0.4",
             'end = 0.4\nstart = "steady"',
             "time.start: below a free surface the fluid of a box starts",
-        ),
-        (
-            "[numerics]",
-            "[effects]\nfree_surface = false\n[numerics]",
-            "effects.free_surface: is false but",
-        ),
-        (
-            "[numerics]",
-            "[effects]\nmoving_mesh = false\n[numerics]",
-            "effects.moving_mesh: is false but the",
         ),
     ],
 )

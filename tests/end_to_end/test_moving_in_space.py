@@ -34,7 +34,7 @@ from incipient.scene import (
     Still,
     Time,
 )
-from incipient.scene.solids import orientation_of
+from incipient.scene.grains import orientation_of
 from incipient.setup.body import rigid_body
 from incipient.setup.setup import Setup
 

@@ -234,11 +234,6 @@ def test_the_plan_tells_of_the_ends():
             'height = 1.0\nwidth = 1.0\nsides = "stream"',
             'domain.sides: is "stream", which',
         ),
-        (
-            'elevation = "0"',
-            'ends = "no-slip"',
-            "surface.ends: is read only in a box but the domain is a channel",
-        ),
     ],
 )
 def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):

@@ -18,7 +18,7 @@ from incipient.files import MARK
 from incipient.judging.case import Case, judge_case
 from incipient.pictures.charts import survey as chart
 from incipient.scene.file import parse
-from incipient.scene.mass import mass_and_inertia
+from incipient.scene.grains import mass_and_inertia
 from incipient.survey.beds import Spheres
 from incipient.survey.full_runs import scene_of
 from incipient.survey.pockets import Surface, pockets

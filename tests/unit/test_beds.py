@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from every_shape import BEDS, TERRAINS, dense
-from scenes import CHANNEL, message, scene
+from scenes import CHANNEL, grain_in_pocket, message, scene
 
 from incipient.errors import SceneError
 from incipient.geometry import Arc, Curved, HeightMap, Line, SphereBed, Spline
@@ -15,8 +15,7 @@ from incipient.geometry import Sinusoidal as SinusoidalBed
 from incipient.geometry.plane.beds import effective_level
 from incipient.geometry.space.beds import LOWEST
 from incipient.scene import HalfDiscs, Poiseuille, Polyline, Shear, Sinusoidal, Uniform
-from incipient.scene.example import grain_in_pocket
-from incipient.scene.terrains import HeightMapBed
+from incipient.scene.beds import HeightMapBed
 from incipient.setup.setup import Setup
 
 # Beds by brute force and elementary geometry; the level plane that one acts as in shear, published.

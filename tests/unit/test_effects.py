@@ -288,14 +288,6 @@ def test_auto_is_the_default_and_one_word():
             "unsteadiness: is true but without [time] the flow is steady; add a section",
         ),
         (
-            {"free_body": True},
-            'free_body: is true but body.motion = "fixed"; set body.motion = "free"',
-        ),
-        (
-            {"moving_mesh": True},
-            'moving_mesh: is true but body.motion = "fixed"; set body.motion = "free" or',
-        ),
-        (
             {"inertia": True, "fluid": Fluid(reynolds=1, scale="grain", inertia=False)},
             "leave one of them out",
         ),
@@ -308,14 +300,6 @@ def test_auto_is_the_default_and_one_word():
             "contact: is true but no grain rests on a bed; add [bed], and [body] with",
         ),
         ({"unsteadiness": False, **FREE}, "unsteadiness: is false but a grain moves in time; use"),
-        (
-            {"moving_mesh": False, **FREE},
-            'moving_mesh: is false but body.motion = "free"; set body.motion = "f',
-        ),
-        (
-            {"free_body": False, **FREE},
-            'free_body: is false but body.motion = "free"; set body.motion = "fixed"',
-        ),
         (
             {"unsteadiness": False, "time": Time(end=1, step=0.1, tolerance=1e-3)},
             "unsteadiness: is false but steps adapt to the rate of change; leave time.tolerance out",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import CARRIED, IN_STREAM, SETTLED
+from scenes import CARRIED, IN_STREAM, SETTLED, grain_in_pocket, grain_on_bed
 from scenes import on_bed as example
 
 import incipient
@@ -46,7 +46,6 @@ from incipient.results.errorbars import Correction, Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
-from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
 from incipient.simulation.moved_mesh import MovedMesh

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import grain_on_bed
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from test_safety_factor import ON_PLANE, box, load, pocket, wedge
@@ -52,8 +53,7 @@ from incipient.results.contact_verdict import (
 from incipient.results.contact_verdict import followed as followed_in
 from incipient.results.errorbars import SafetyBar
 from incipient.scene import Scene, loads
-from incipient.scene.example import grain_on_bed
-from incipient.scene.mass import mass_and_inertia
+from incipient.scene.grains import mass_and_inertia
 
 # Incipient accelerations against rigid-body mechanics. Each test states its formula; mass one unless said.
 #

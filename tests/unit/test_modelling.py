@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import SETTLED, on_bed, sphere_on_plane
+from scenes import SETTLED, grain_on_bed, on_bed, sphere_on_plane
 
 import incipient
 from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, farther
@@ -36,7 +36,7 @@ from incipient.scene import (
     Time,
     loads,
 )
-from incipient.scene.example import commented, grain_on_bed
+from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 from incipient.simulation.moved_mesh import moved_meshes
 from incipient.simulation.recorder import Recorder
@@ -120,7 +120,7 @@ def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> 
         .replace("], ", "]; ")
         .replace(", domain", "; domain")
     )
-    advised = loads(commented(scene), overrides=tuple(overrides.split("; ")))
+    advised = loads(dumps(scene), overrides=tuple(overrides.split("; ")))
     assert advised.domain.height > 2.0 * scene.domain.height
     solve = KeptRuns({}, lambda: "", solved)
     whole = solve(changed(advised, numerics={"error_bars": False, "accuracy": None}))

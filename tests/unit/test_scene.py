@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from domains import unit_box
 from pydantic import ValidationError
-from scenes import BOX, FLOW_SCALE, message, scene
+from scenes import BOX, FLOW_SCALE, grain_in_pocket, grain_on_bed, message, scene
 from scenes import sphere_on_plane as sphere_scene
 
 from incipient.accuracy.coarse_runs import changed, farther
@@ -68,9 +68,8 @@ from incipient.scene import (
     Time,
     Uniform,
 )
-from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.scene.file import dumps, load, loads
-from incipient.scene.mass import mass_and_inertia
+from incipient.scene.grains import mass_and_inertia
 from incipient.setup.setup import Setup
 
 # Scenes built from Python: what follows from them.

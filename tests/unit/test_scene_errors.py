@@ -13,7 +13,6 @@ from incipient.scene import (
     Disc,
     Discs,
     Domain,
-    Effects,
     Ellipse,
     ExpressionFlow,
     Fluid,
@@ -332,7 +331,7 @@ ONE_KEY = [
         lambda: Time(end=1, step=2),
         "Time: step: is 2 but time ends at 1; reduce step or enlarge end",
     ),
-    (lambda: Numerics(order=5), 'Numerics: order: is 5; give 2, 3, 4 or "auto"'),
+    (lambda: Numerics(order=5), 'Numerics: order: 5 is not known; use "auto", 2, 3 or 4'),
     (lambda: Numerics(order=2.0), 'Numerics: order: is 2.0; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(order=True), 'Numerics: order: is true; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(order="high"), 'Numerics: order: is "high"; give 2, 3, 4 or "auto"'),
@@ -727,10 +726,6 @@ IN_SPACE = [
     (
         {"bed": HeightMapBed(heights=((0.0, 0.1), (0.0, 0.1)), cell=(4.0, 8.0))},
         "bed: reaches from x = 0 to 4, the domain from 0 to 12; enlarge its cell",
-    ),
-    (
-        {"effects": Effects(third_dimension=False)},
-        "effects.third_dimension: is false but domain.width is given",
     ),
     (
         {"bed": SphereBed(radius=0.5, spacing=1, slope=10)},

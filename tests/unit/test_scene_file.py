@@ -8,7 +8,7 @@ import re
 import shutil
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import tomli_w
@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from kinds import every_grain_and_bed, write_files
 from scenes import message
 
+import incipient
 from incipient.errors import OutputError, SceneError
 from incipient.files import MARK
 from incipient.scene import (
@@ -27,8 +28,9 @@ from incipient.scene import (
     Shear,
     Time,
 )
-from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.scene.file import dumps, example, load, loads, parse, save, schema
+from incipient.scene.messages import variants
+from incipient.scene.section import Section
 
 # Scene files: what is read is what was written, and one line that names the file for everything else.
 
@@ -56,15 +58,28 @@ WITH_FILE = MINIMAL + '[bed]\nkind = "polyline"\nfile = "survey/bed.csv"\n'
 def test_a_scene_of_eight_lines_and_the_examples_are_those_of_python():
     domain, fluid = Domain(length=12, height=6), Fluid(reynolds=20, scale="flow")
     assert loads(MINIMAL) == Scene(domain=domain, fluid=fluid, flow=Shear(rate=1))
-    assert (loads(example()), loads(example(True))) == (grain_on_bed(), grain_in_pocket())
     for name, in_space in (("grain_on_bed", False), ("sphere_in_pocket", True)):
         assert (SCENES / f"{name}.toml").read_text(encoding="utf-8") == example(in_space)
 
 
-def test_the_example_explains_every_key():
-    keys = re.findall(r"(?m)^(?:# )?(?:\[|\w+ = ).*", example().partition("\n[")[2])
-    assert len(keys) > 100 and not [line for line in keys if not re.search(r"\S +# \w.*", line)]
-    assert "(channel | box)" in example() and "(shear | poiseuille | open-channel" in example()
+@pytest.mark.parametrize("in_space", [False, True])
+def test_the_example_explains_every_key(in_space):
+    """Each key of the example's sections and of the absent ones, its description, and its choices."""
+    text, scene = example(in_space), loads(example(in_space))
+    for name, field in Scene.model_fields.items():
+        chosen = getattr(scene, name)
+        section = (
+            type(chosen) if isinstance(chosen, Section) else [*variants(field.annotation), None][0]
+        )
+        part = re.search(
+            rf"(?m)^(?:# )?\[{name}\] .*{re.escape(field.description)}\n((?:.+\n)*)", text
+        )
+        for key, about in () if section is None else section.model_fields.items():
+            assert re.search(
+                rf"(?m)^(?:# )?{key} = .* # {re.escape(about.description)}", part[1]
+            ), key
+            for choice in (c for c in get_args(about.annotation) if isinstance(c, str)):
+                assert choice in part[1], (key, choice)
 
 
 def test_what_the_example_comments_out_may_be_set():
@@ -273,6 +288,15 @@ def test_wrong_files(tmp_path, text, expected):
     if text is not None:
         path.write_text(text, encoding="utf-8", errors="surrogateescape")
     assert message(lambda: load(path)).startswith(f"{path}: {expected}")
+
+
+@pytest.mark.parametrize("name", ["run", "threshold", "entrainment"])
+def test_a_name_of_a_file_is_no_scene(name):
+    """They ended with "AttributeError: 'str' object has no attribute"."""
+    expected = (
+        f'incipient.{name} takes a scene, not the name of its file; use incipient.load("a.toml")'
+    )
+    assert message(lambda: getattr(incipient, name)("a.toml")) == expected
 
 
 def with_bed(tmp_path: Path, rows: str) -> Path:

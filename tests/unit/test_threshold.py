@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import IN_STREAM, POCKET, on_bed
+from scenes import IN_STREAM, POCKET, grain_on_bed, on_bed
 from scenes import on_bed as scene
 from scipy.optimize import brentq, minimize_scalar
 from turbulent import channel, grain
@@ -60,7 +60,7 @@ from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads, Term
 from incipient.results.loads import Forces, Torques
 from incipient.scene import Disc, Flat, Fluid, Scene, Turbulence, loads
 from incipient.scene import load as scene_load
-from incipient.scene.example import commented, grain_on_bed
+from incipient.scene.file import dumps, example
 from incipient.setup.setup import Setup
 from incipient.simulation.recorder import Recorder
 from incipient.thresholds import meshes
@@ -389,9 +389,7 @@ def on_plane(inertia: float, limit: float = np.inf) -> Pretended:
     """An ellipse on a plane, which rocks, under a force along the stream."""
     along = np.array([1.0, 0, 0, 0, 0, 0])
     pretended = Pretended(lambda f: along * (0.3 + inertia * f), limit=limit)
-    text = commented(grain_on_bed()).replace(
-        'shape = "disc"', 'shape = "ellipse"\nsemi_axes = [0.5, 0.3]'
-    )
+    text = example().replace('shape = "disc"', 'shape = "ellipse"\nsemi_axes = [0.5, 0.3]')
     text = "\n".join(line for line in text.splitlines() if not line.startswith("diameter"))
     pretended.scene = loads(text, overrides=["body.settle=true", "contact.friction=0.8"])
     pretended.contacts = find_contacts(pretended.scene)
@@ -621,7 +619,7 @@ def test_a_smaller_gap_or_a_larger_domain() -> None:
     assert lessened(changed(scene, contact={"gap": SMALLEST_GAP}), gap, 0.25) is None
     larger = lessened(scene, domain, 0.25)
     assert larger is not None and (larger.domain.length, larger.domain.height) == (48.0, 40.0)
-    box = loads(commented(scene), overrides=("domain.kind=box", "flow={kind='lid'}"))
+    box = loads(dumps(scene), overrides=("domain.kind=box", "flow={kind='lid'}"))
     assert lessened(box, domain, 0.25) is None and lessened(scene, datum, 0.25) is None
 
 
@@ -785,7 +783,7 @@ def test_a_search_ends_with_the_least_error_that_it_found(
 # -- what may be asked for ----------------------------------------------------------------------------
 
 
-ON_BED = commented(grain_on_bed())
+ON_BED = example()
 STILL = "\n".join(
     line for line in ON_BED.splitlines() if not line.startswith(("rate", "datum"))
 ).replace('"shear"', '"still"')

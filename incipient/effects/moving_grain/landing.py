@@ -18,7 +18,7 @@ from ...errors import IncipientError
 from ...geometry.closest import touching
 from ...results.contact_verdict import load_of, standing
 from ...results.loads import Forces, Torques
-from ...scene.mass import mass_and_inertia
+from ...scene.grains import mass_and_inertia
 from ...scene.model import Contact
 from ...setup.setup import Setup
 from ...setup.surroundings import Clearance

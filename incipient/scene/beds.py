@@ -1,9 +1,10 @@
-"""Beds in 3-D: their sections and geometry."""
+"""The section [bed]: beds in 2-D and 3-D."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -12,12 +13,114 @@ from pydantic import Field
 
 from .. import geometry
 from ..arrays import MOST_HEIGHTS
-from .points import FromFile, file_key
-from .section import NotNegative, Pair, Positive, PositivePair, Rule, key
-from .shapes import APART, BedSection
-from .solids import Ball
+from .grains import Ball
+from .points import MOST_POINTS, FromFile, file_key
+from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key
 
 MOST_SPHERES = 10_000  # of a heap
+
+APART = Rule("spacing", lambda s: s.spacing < 2.0 * s.radius and 2.0 * s.radius,
+             "{s.spacing:g} is less than two radii, {v:g}: the {s.kind} overlap",
+             "enlarge spacing or reduce radius")  # fmt: skip
+
+
+class BedSection(Section):
+    """Common keys of beds."""
+
+    gdims: ClassVar[tuple[int, ...]] = (2,)  # possible geometric dimensions
+
+    @property
+    def slope_angle(self) -> float:
+        return math.radians(getattr(self, "slope", 0.0))
+
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        """Geometry above a base line or plane at this height, with x, in 3-D also y, counted from a corner."""
+        raise NotImplementedError
+
+
+class Flat(BedSection):
+    """A horizontal plane."""
+
+    gdims: ClassVar[tuple[int, ...]] = (2, 3)
+    kind: Literal["flat"] = key("Kind of bed", "flat")
+
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        return geometry.Flat(base) if len(corner) == 1 else geometry.Plane(origin_z=base)
+
+
+class Inclined(Flat):
+    """A plane that falls in the direction of the flow; coordinates are parallel to it and gravity is turned."""
+
+    kind: Literal["inclined"] = key("Kind of bed", "inclined")  # type: ignore[assignment]
+    slope: float = key(
+        "Angle by which the bed falls in the direction of the flow [degrees]", gt=-90, lt=90
+    )
+
+
+class Sinusoidal(BedSection):
+    """Ripples, amplitude sin(2 pi x / wavelength + phase) above the base line."""
+
+    kind: Literal["sinusoidal"] = key("Kind of bed", "sinusoidal")
+    amplitude: NotNegative = key("Half the height from trough to crest [length]")
+    wavelength: Positive = key("Distance between crests [length]")
+    phase: float = key("Phase at x = 0 [degrees]", 0.0)
+
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        ahead = math.radians(self.phase) + math.tau * math.fmod(corner[0] / self.wavelength, 1.0)
+        return geometry.Sinusoidal(self.amplitude, self.wavelength, ahead, base)
+
+
+class HalfDiscs(BedSection):
+    """A row of half-discs on the base line."""
+
+    rules = (APART,)
+    kind: Literal["half-discs"] = key("Kind of bed", "half-discs")
+    radius: Positive = key("Radius of the half-discs [length]")
+    spacing: Positive = key("Distance between their centres, at least two radii [length]")
+    offset: float = key("Abscissa of the centre of one of them [length]", 0.0)
+
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        return geometry.HalfDiscs(self.radius, self.spacing, self.offset - corner[0], base)
+
+
+def _disorder(s: Any) -> list[tuple[float, float]]:
+    pairs = pairwise(s.points)
+    return [(right[0], left[0]) for left, right in pairs if right[0] < left[0] or right == left][:1]
+
+
+class Polyline(FromFile, BedSection):
+    """Straight lines, or a smooth curve, through points."""
+
+    rules = (
+        Rule("points", _disorder, "has x = {v[0]:g} after x = {v[1]:g}",
+             "sort the points by ascending x, each place once"),
+        Rule("smooth", lambda s: s.smooth and s.steps,
+             "is true, but points have a step, the same x twice", "leave it out"),
+    )  # fmt: skip
+    kind: Literal["polyline"] = key("Kind of bed", "polyline")
+    file: str | None = file_key("CSV file of x, y,", "points", "bed.csv")
+    points: Annotated[
+        tuple[Pair, ...], Field(strict=False, min_length=2, max_length=MOST_POINTS)
+    ] = key(
+        "Points with ascending x, heights counted from the base line; the same x twice: a step [length]",
+        (),
+    )
+    smooth: bool = key("A smooth curve through the points instead of straight lines", False)
+
+    @property
+    def steps(self) -> list[float]:
+        """Abscissae that are given twice."""
+        return [left[0] for left, right in pairwise(self.points) if left[0] == right[0]]
+
+    def shape(self, base: float, corner: Sequence[float]) -> Any:
+        curve = geometry.Curved if self.smooth else geometry.Polyline
+        return curve([(x - corner[0], y) for x, y in self.points], base)
+
+
+PlaneBed = Flat | Inclined | Sinusoidal | HalfDiscs | Polyline
+
+
+# -- 3-D -------------------------------------------------------------------------------------------
 
 
 class TerrainSection(BedSection):
