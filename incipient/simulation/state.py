@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
+    from ..restart import Checkpoint
     from ..results.result import Result
     from ..results.wall_report import WallReport
     from .march import March
@@ -64,7 +65,8 @@ class Run:
     """A scene, its plan, mesh, flow and progress.
 
     fluid, parts: on the newest mesh, parts with moving boundaries first. march: None for steady flow and before the
-    first step. first_motion: time at which a fixed grain in unsteady flow would first move.
+    first step. first_motion: time at which a fixed grain in unsteady flow would first move. last_checkpoint: of the
+    last step, to be written after the result.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class Run:
         self.march: March | None = None
         self.steadiness: Steadiness | None = None
         self.first_motion: float | None = None
+        self.last_checkpoint: Checkpoint | None = None
 
     @property
     def states(self) -> list[Any]:

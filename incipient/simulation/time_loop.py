@@ -159,8 +159,12 @@ class TimeLoop:
         if not self._recorder.keeps:
             return
         every, stop = run.scene.output.checkpoint, self._interruption.asked() and not last
-        if stop or kept or (every > 0 and step.number % every == 0):
+        due = kept or (every > 0 and step.number % every == 0)
+        if stop or (due and not last):
             path = self._keep()
+        elif due:  # written after the result, which a run resumed from it could not compute
+            assert run.march is not None
+            run.last_checkpoint = run.march.checkpoint()
         if stop:
             raise Interrupted(
                 f"interrupted at t = {step.time:.6g}; resume with: incipient resume {path}"
