@@ -51,10 +51,10 @@ from incipient.meshes.session import session
 from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound, kind_of
 from incipient.meshes.surfaces import Ground
 from incipient.planning import meshing
+from incipient.planning.conditions import conditions
 from incipient.planning.meshing import lay_out
 from incipient.planning.plan import make_plan, plan_of
 from incipient.planning.wall_cells import layers
-from incipient.planning.wall_conditions import conditions
 from incipient.scene import (
     Contact,
     Domain,
