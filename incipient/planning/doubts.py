@@ -9,8 +9,8 @@ import numpy as np
 
 from ..scene.model import WIDE_GAP
 from ..setup.setup import Setup
-from .cells import meshed_bed
 from .discretisation import velocity_order
+from .sizes import WALL_CELL, coarsening, meshed_bed
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
@@ -134,8 +134,6 @@ def _cut_at_inflow(setup: Setup) -> bool:
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    from .wall_cells import WALL_CELL, coarsening
-
     asked, walls = setup.scene.numerics.mesh_size, setup.walls
     size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * asked
     across = setup.scene.grain.size / size

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from ..effects.effect import RunPart
 from ..parallel import Comm
 from ..planning.effects import EffectName
-from ..planning.layout import Layout
+from ..planning.meshing import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..results.errorbars import Loads, Term
