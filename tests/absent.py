@@ -14,7 +14,7 @@ from contextlib import nullcontext
 from typing import Any
 
 # Modules that are for one effect only.
-OF_UNSTEADINESS = ("simulation.march", "simulation.time_loop", "fluid.transient")
+OF_UNSTEADINESS = ("simulation.time_loop", "fluid.transient")
 OF_MOVING_MESH = (
     "mesh.motion",
     "mesh.transfer",

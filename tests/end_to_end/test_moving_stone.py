@@ -10,6 +10,7 @@ from turbulent import balance, changes_by_new_meshes
 
 import incipient
 from incipient.geometry.placement import Placement
+from incipient.interrupt import Interruption
 from incipient.scene import (
     Contact,
     Disc,
@@ -31,7 +32,8 @@ from incipient.scene import (
 )
 from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
-from incipient.simulation.march import March
+from incipient.simulation.recorder import Recorder
+from incipient.simulation.time_loop import TimeLoop
 from incipient.turbulence.developed import developed
 
 
@@ -55,7 +57,9 @@ def balances(scene):
     Then the load along the stream by the walls, what it leaves of the stream, and what the stream loses.
     """
     with prepared(scene, MPI.COMM_SELF) as run:
-        steps = list(March(run, None).steps())
+        loop = TimeLoop(run, Recorder(), Interruption(run.comm))
+        loop.set_up()
+        steps = list(loop.steps())
         fluid, grain, gdim = run.fluid, run.grain, scene.gdim
         past = grain.past
         borne, lost = balance(fluid, ("body", "bed"))
