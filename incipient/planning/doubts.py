@@ -128,8 +128,8 @@ def _turbulence(setup: Setup) -> Iterator[str]:
     held = scene.body.centre is not None and not scene.body.moves
     if held and near.other in walls.names and near.distance < least:
         yield (
-            f"the grain is held {near.distance:.3g} from the {near.other}, twice the distance of the law of the wall is "
-            f"{least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
+            f"the grain is held {near.distance:.3g} from the {near.other}, twice the distance of the law of the wall "
+            f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
         )
 
 
