@@ -75,13 +75,11 @@ def conditions(
 def _of_mean_flow(setup: Setup) -> dict[str, str]:
     """The kind of condition at each boundary of a turbulent flow."""
     sides, closing = setup.sides, CLOSED if setup.scene.closes_contacts else ()
-    kinds = {sides.right: "outflow", sides.left: "mean inflow", sides.top: "slip"}
+    kinds = {sides.right: "outflow", sides.left: "mean inflow"}
     kinds |= dict.fromkeys((*setup.walls.names, *closing), "friction")
-    return (
-        kinds
-        | dict.fromkeys(sides.across, "slip")
-        | ({SYMMETRY: "slip"} if setup.symmetric else {})
-    )
+    kinds.setdefault(sides.top, "slip")
+    planes = (*sides.across, SYMMETRY) if setup.symmetric else sides.across
+    return kinds | dict.fromkeys(planes, "slip")
 
 
 def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
