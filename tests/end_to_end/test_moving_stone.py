@@ -172,20 +172,6 @@ def test_a_disc_without_mass_follows_at_every_moment(tmp_path):
     assert np.abs(np.diff(spin, 2)).max() < 0.01 * np.abs(spin).max()
 
 
-@pytest.mark.slow
-def test_the_path_of_a_stone_let_go_converges_in_time_with_order_two():
-    """Steps of 0.04, 0.02 and 0.01: velocities differ from each to the next by four times less, or nearly so.
-
-    The first step is of order one. Along x it goes 0.012 only, on which all agree to 1e-6.
-    """
-    ends = []
-    for step in (0.04, 0.02, 0.01):
-        told = released(0.3, step, 0.16).trajectory
-        ends.append([*told["velocity"], told["spin"], told["place"][1]])
-    coarse, fine = np.abs(np.diff(ends, axis=0))
-    assert (coarse / fine > 3.0).all() and (fine < 2.5e-3).all()
-
-
 # Sand by k-omega SST, whose cells reach into the viscous sublayer.
 
 COURSE = ("0.8*(1-exp(-t/0.02))", "0.2*(1-exp(-t/0.02))", "0.3")
