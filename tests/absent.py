@@ -14,7 +14,7 @@ from contextlib import nullcontext
 from typing import Any
 
 # Modules that are for one effect only.
-OF_UNSTEADINESS = ("simulation.march", "simulation.time_loop", "fluid.transient")
+OF_UNSTEADINESS = ("simulation.time_loop", "fluid.transient")
 OF_MOVING_MESH = (
     "mesh.motion",
     "mesh.transfer",
@@ -34,7 +34,6 @@ OF_FREE_SURFACE = (
     "mesh.elevation",
     "coupled.surface",
     "effects.moving_surface",
-    "planning.surface_conditions",
 )
 OF_TURBULENCE = (
     "forms.turbulence",
@@ -43,8 +42,6 @@ OF_TURBULENCE = (
     "turbulence",
     "effects.turbulent_flow",
     "mesh.wall_distance",
-    "planning.wall_cells",
-    "planning.wall_conditions",
     "results.wall_report",
 )
 OF_CONTACT = ("results.contact_verdict", "contact")

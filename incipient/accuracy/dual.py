@@ -33,7 +33,7 @@ from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
 from ..meshes import SizeField
 from ..parallel import Comm
-from ..planning.layout import STEEPEST, coarse_sizes
+from ..planning.meshing import STEEPEST, coarse_sizes
 from ..results.errorbars import Loads
 from ..scene import Scene
 from ..simulation.build import prepared

@@ -9,7 +9,7 @@ from ..interrupt import told_where_kept
 from ..results.errorbars import ErrorBars
 from ..results.result import Result
 from ..simulation.assemble import completed, outcome
-from ..simulation.recorder import Recorder
+from ..simulation.recorder import Recorder, record_result
 from ..simulation.state import Run
 
 
@@ -23,7 +23,7 @@ def finished(run: Run, recorder: Recorder) -> Result:
     estimated = run.scene.numerics.error_bars
     with told_where_kept(recorder.provisional(result), run.comm) if estimated else nullcontext():
         result = completed(run, result, *_bars(run, result))
-    recorder.finish(result)
+    record_result(recorder, run, result)
     return result
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from ..errors import MissingError
 from ..installed import memory_of_libraries
-from ..planning import expense, meshing
-from ..planning.layout import coarse_sizes
+from ..planning import meshing
+from ..planning.meshing import coarse_sizes
 from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
 from ..setup.setup import Setup
@@ -38,7 +38,7 @@ def first_mesh(scene: Scene) -> Estimate:
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
     sized = coarse_sizes(next_mesh.coarsest(scene), None, layout) if steady else layout
-    return expense.count(sized, plan.order, steady, plan.solver.name)
+    return meshing.count(sized, plan.order, steady, plan.solver.name)
 
 
 def counted(scene: Scene) -> Estimate:
@@ -47,12 +47,12 @@ def counted(scene: Scene) -> Estimate:
     Memory includes the coarse run of the error bars that coexists with the flow.
     """
     setup = Setup(scene)
-    plan, has_dual = plan_of(setup), expense.has_dual(setup)
+    plan, has_dual = plan_of(setup), meshing.has_dual(setup)
     wider = on_more_bed(scene) if has_dual else None
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)
-    expected = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
-    more = expense.memory_of_parts(setup, expected.unknowns)
+    expected = meshing.count(layout, plan.order, has_dual, plan.solver.name, beside)
+    more = meshing.memory_of_parts(setup, expected.unknowns)
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = counted(comparisons(scene)[1])
         more += other.memory_mib - memory_of_libraries()

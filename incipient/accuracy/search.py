@@ -16,8 +16,7 @@ from ..installed import free_bytes
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.discretisation import order_of
-from ..planning.expense import MEMORY_GROWTH
-from ..planning.layout import Layout
+from ..planning.meshing import MEMORY_GROWTH, Layout
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
 from ..results.errorbars import ErrorBars, Loads, Term

@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import IncipientError, Interrupted, MeshError
 from ..interrupt import told_where_kept
 from ..planning.discretisation import order_of
-from ..planning.layout import coarse_sizes
-from ..planning.wall_cells import coarsest as coarsest_at_walls
+from ..planning.meshing import coarse_sizes
+from ..planning.sizes import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
 from ..scene.numerics import MESH_SIZES, OF_SURFACE, OF_WALLS, ORDERS

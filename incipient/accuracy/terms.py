@@ -15,7 +15,7 @@ from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
 from ..planning.discretisation import LEVEL, coarsest_grid, far_cell, order_of
 from ..planning.meshing import is_resolved
-from ..planning.wall_cells import coarsest, ratio_of_rows
+from ..planning.sizes import coarsest, ratio_of_rows
 from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
 from ..scene.model import WIDEST_GAP

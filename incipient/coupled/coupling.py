@@ -98,16 +98,16 @@ class Coupling(Interface):
             flow = self.fluid.solve(self._inner_tolerance(residuals or before), remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
-                self._complaint = self._folded() if self._is_folded() else ""
+                self._complaint = self._folded()
                 break
             try:
                 residuals.append(max(part.residual(length, order) for part in self.parts))
             except ConvergenceError as error:
-                self._complaint = self._folded() if self._is_folded() else str(error)
+                self._complaint = self._folded() or str(error)
                 break
             if residuals[-1] <= self.tolerance:
-                if self._is_folded():
-                    self._complaint = self._folded()
+                if complaint := self._folded():
+                    self._complaint = complaint
                     break
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
@@ -125,11 +125,9 @@ class Coupling(Interface):
         return self._complaint
 
     def _folded(self) -> str:
-        return " or ".join(part.folded for part in self.parts)
-
-    def _is_folded(self) -> bool:
+        """Reason and remedy if a cell is folded, or ""."""
         self.quality = self.motion.quality()
-        return self.quality.worst <= 0.0
+        return "" if self.quality.worst > 0.0 else " or ".join(part.folded for part in self.parts)
 
     def _inner_tolerance(self, residuals: Sequence[float]) -> float:
         last = residuals[-1] if residuals else self._first_residual

@@ -141,6 +141,7 @@ class TractionProbe:
         owned = space.dofmap.index_map.size_local
         blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
+        self._unknowns = fluid.space.unknowns_at_nodes[self._blocks]
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
@@ -151,7 +152,7 @@ class TractionProbe:
 
     def resultant_of(self, residual: np.ndarray) -> Resultant:
         """Force and torque of a fluid residual, or its change, (owned unknowns,)."""
-        return self._sum(-residual[self._unknowns()])
+        return self._sum(-residual[self._unknowns])
 
     def surface_resultant(self) -> Resultant:
         """Integral of the stress at the boundary."""
@@ -192,7 +193,7 @@ class TractionProbe:
         """Traction as a velocity-space function t, (t, w) over the boundary being the nodal forces; zero elsewhere."""
         space = self.fluid.space.velocity
         traction = dolfinx.fem.Function(space, name="traction")
-        mass = self._boundary_mass()
+        mass = compat.matrix_of(self._mass_form)
         right = mass.createVecRight()
         values = np.zeros(right.getLocalSize())
         values.reshape(-1, self.fluid.space.gdim)[self._blocks] = self._nodal_forces()
@@ -221,14 +222,9 @@ class TractionProbe:
         return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
     def _nodal_forces(self) -> np.ndarray:
-        return -self._residual()[self._unknowns()]
-
-    def _residual(self) -> np.ndarray:
-        return (
-            self.fluid.residual()
-            if self._near_form is None
-            else self.fluid.assembled(self._near_form)
-        )
+        near = self._near_form
+        residual = self.fluid.residual() if near is None else self.fluid.assembled(near)
+        return -residual[self._unknowns]
 
     def _made_near(self, blocks: np.ndarray) -> Any:
         """Compiled residual of the cells at the nodes in unsteady flow; None: of all cells.
@@ -242,9 +238,6 @@ class TractionProbe:
             return None
         return compat.form(fluid.residual_form(w, q, fluid.space.cells_at(blocks)))
 
-    def _unknowns(self) -> np.ndarray:
-        return self.fluid.space.unknowns_at_nodes[self._blocks]
-
     def _sum(self, forces: np.ndarray) -> Resultant:
         return resultant(self.fluid.domain, forces, self._places(), self.about)
 
@@ -255,9 +248,6 @@ class TractionProbe:
         place = dolfinx.fem.Function(self.fluid.space.velocity)
         compat.interpolate(place, self.fluid.place())
         return place.x.array.reshape(-1, gdim)[self._blocks]
-
-    def _boundary_mass(self) -> Any:
-        return compat.matrix_of(self._mass_form)
 
     @cached_property
     def _mass_form(self) -> Any:

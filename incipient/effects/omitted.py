@@ -40,7 +40,7 @@ def without_unsteadiness(solved: Solved, decision: Decision) -> Iterator[Omissio
         if risk := shedding(Setup(run.scene)):
             yield Omission(name, None, risk, True, "add a section [time]")
         return
-    remedy, transient = 'set effects.unsteadiness = "auto"', run.time_stepper
+    remedy, transient = 'set effects.unsteadiness = "auto"', run.transient
     if not run.scene.numerics.error_bars or transient is None or not transient.past:
         how = "history force, pressure gradient and added mass, leading terms"
         yield Omission(name, decision.expected, how, False, remedy)

@@ -26,7 +26,7 @@ from ..mesh.wall_distance import distances
 from ..planning.conditions import conditions
 from ..planning.discretisation import of_turbulent, velocity_order
 from ..planning.effects import EffectName
-from ..planning.wall_cells import rise
+from ..planning.sizes import rise
 from ..restart import spread_field, stored_field
 from ..results.wall_report import LARGEST_CHANGE, WallReport
 from ..setup.setup import Setup

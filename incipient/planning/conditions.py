@@ -1,109 +1,184 @@
-"""The boundary conditions of a scene's flow."""
+"""The boundary conditions of a scene's flow: a kind for each boundary, in 2-D and 3-D, at walls and free surfaces."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable
+from functools import partial
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
-from ..fluid.conditions import Carried, Condition, Open, Prescribed, Slip, no_slip
+import numpy as np
+import ufl
+
+from ..arrays import Floats
+from ..fluid.conditions import (
+    Carried,
+    Condition,
+    Entering,
+    FreeSurface,
+    Friction,
+    IncomingWave,
+    Open,
+    Prescribed,
+    Slip,
+    Sponge,
+    Velocity,
+    no_slip,
+)
 from ..meshes import SYMMETRY
-from ..setup.base_flow import BaseFlow, Velocity
+from ..scene.expression import Expression
+from ..setup.base_flow import BaseFlow
+from ..setup.geometry import CLOSED
 from ..setup.setup import Setup
+from .discretisation import LEVEL, far_cell, velocity_order
 
-# In which conditions override each other: walls last, so corners are watertight. Base flow is prescribed on sides,
-# then above, then at the ends and below.
-FREE, SIDES, ABOVE, AROUND, WALL = range(5)
-Ranked = Iterator[tuple[int, Condition]]
+if TYPE_CHECKING:
+    from ..setup.waves import StokesWave
+
+UFL = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos, sqrt=ufl.sqrt)
+# Kinds that override others where boundaries meet: prescribed velocities, then walls, so that corners are watertight.
+LATER = {"flow": 1, "inflow": 1, "mean inflow": 1, "wall": 2}
+# A long wave that runs through the sponge to the end and back keeps exp(-ABSORBED) of its height.
+ABSORBED = 5.0
 
 
 def conditions(
     setup: Setup, held: bool = False, lid: bool = False, speed: float = 1.0
 ) -> list[Condition]:
-    """Boundary conditions in the order in which they override each other: walls last, so corners are watertight.
+    """Boundary conditions in the order in which they override each other.
 
     With `lid` a rigid lid replaces a free surface; with `speed` the flow is faster by that factor, in its own units.
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
-    if setup.is_averaged:
-        from . import wall_conditions
-
-        return wall_conditions.conditions(setup)
-    base_flow = setup.base_flow_at(speed)
-    ranked = [
-        *_at_ends(setup, base_flow, lid),
-        *_below(setup, base_flow.velocity),
-        *_above(setup, base_flow.velocity, lid),
-        *_across(setup, base_flow.velocity),
-        *_on_grain(setup, held),
-    ]
-    return [condition for _, condition in sorted(ranked, key=lambda pair: pair[0])]
-
-
-def _at_ends(setup: Setup, base_flow: BaseFlow, lid: bool) -> Ranked:
-    left, right, scene = setup.sides.left, setup.sides.right, setup.scene
-    if scene.domain.kind == "channel" and scene.has_surface and not lid:
-        from .surface_conditions import ends
-
-        yield from ((FREE, end) for end in ends(setup))
-    elif scene.domain.kind == "channel":
-        yield AROUND, Prescribed(left, base_flow.entering)
-        if scene.flow.oscillates:
-            yield AROUND, Prescribed(right, base_flow.entering)
-            return
+    scene, sides, flow = setup.scene, setup.sides, setup.base_flow_at(speed)
+    axes = {sides.left: 0, sides.right: 0, sides.bottom: scene.up, sides.top: scene.up}
+    make: dict[str, Callable[[str], Condition]] = {
+        "wall": no_slip,
+        "slip": lambda name: Slip(name, axes.get(name, 1)),
+        "friction": lambda name: _friction(setup, name),
+        "flow": lambda name: Prescribed(name, flow.velocity),
+        "inflow": lambda name: Prescribed(name, flow.entering),
+        "mean inflow": lambda name: Prescribed(name, setup.walls.inflow.velocity),
+        "discharge": lambda name: _discharge(setup, name),
+        "outflow": Open,
         # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
-        yield FREE, Open(right, base_flow.velocity if scene.flow.changes else None)
-    elif scene.has_surface:
-        yield from ((FREE, Slip(name, axis=0)) for name in (left, right))
-    else:
-        yield from ((WALL, no_slip(name)) for name in (left, right))
+        "outflow that reverses": lambda name: Open(name, flow.velocity),
+        "free surface": lambda name: _free_surface(setup, name),
+        "moving": Carried,
+        "held": lambda name: Prescribed(name, _velocity_of_grain(setup)),
+    }
+    kinds = _of_mean_flow(setup) if setup.is_averaged else _kinds(setup, held, lid)
+    return [make[kinds[name]](name) for name in sorted(kinds, key=lambda n: LATER.get(kinds[n], 0))]
 
 
-def _below(setup: Setup, velocity: Velocity) -> Ranked:
-    bottom, scene = setup.sides.bottom, setup.scene
-    wall = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
-    if scene.has_surface and setup.surface.bottom == "slip":
-        yield FREE, Slip(bottom, axis=scene.up)
-    elif wall or scene.flow.wall_below or scene.bed_shape is not None:
-        yield WALL, no_slip(bottom)
-    else:
-        yield AROUND, Prescribed(bottom, velocity)
+def _of_mean_flow(setup: Setup) -> dict[str, str]:
+    """The kind of condition at each boundary of a turbulent flow."""
+    sides, closing = setup.sides, CLOSED if setup.scene.closes_contacts else ()
+    kinds = {sides.right: "outflow", sides.left: "mean inflow"}
+    kinds |= dict.fromkeys((*setup.walls.names, *closing), "friction")
+    kinds.setdefault(sides.top, "slip")
+    planes = (*sides.across, SYMMETRY) if setup.symmetric else sides.across
+    return kinds | dict.fromkeys(planes, "slip")
 
 
-def _above(setup: Setup, velocity: Velocity, lid: bool) -> Ranked:
-    top, scene = setup.sides.top, setup.scene
-    if scene.has_surface and not lid:
-        from .surface_conditions import free_surface
-
-        yield FREE, free_surface(setup)
-    elif scene.has_surface or scene.top == "slip":
-        yield FREE, Slip(top, axis=scene.up)
-    elif scene.top == "wall" and not scene.flow.moves_top:
-        yield WALL, no_slip(top)
-    else:
-        yield ABOVE, Prescribed(top, velocity)
-
-
-def _across(setup: Setup, velocity: Velocity) -> Ranked:
-    for name in setup.sides.across:
-        if setup.scene.sides == "slip":
-            yield FREE, Slip(name, axis=1)
-        elif setup.scene.sides == "wall":
-            yield WALL, no_slip(name)
-        else:
-            yield SIDES, Prescribed(name, velocity)
+def _kinds(setup: Setup, held: bool, lid: bool) -> dict[str, str]:
+    """The kind of condition at each boundary of a laminar flow."""
+    scene, sides, surface = setup.scene, setup.sides, setup.surface
+    kinds = dict.fromkeys(sides.across, {"slip": "slip", "wall": "wall"}.get(scene.sides, "flow"))
     if setup.symmetric:
-        yield FREE, Slip(SYMMETRY, axis=1)
+        kinds[SYMMETRY] = "slip"
+    wall_above = scene.top == "wall" and not scene.flow.moves_top
+    kinds[sides.top] = "wall" if wall_above else "flow"
+    if scene.has_surface or scene.top == "slip":
+        kinds[sides.top] = "free surface" if scene.has_surface and not lid else "slip"
+    if scene.domain.kind == "box":
+        kinds[sides.left] = kinds[sides.right] = "slip" if scene.has_surface else "wall"
+    elif scene.has_surface and not lid:
+        kinds[sides.left] = "discharge"
+        kinds[sides.right] = "outflow" if surface.outflow == "open" else "slip"
+    else:
+        out = "outflow that reverses" if scene.flow.changes else "outflow"
+        kinds[sides.left] = "inflow"
+        kinds[sides.right] = "inflow" if scene.flow.oscillates else out
+    below = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
+    below = below or scene.flow.wall_below or scene.bed_shape is not None
+    kinds[sides.bottom] = "wall" if below else "flow"
+    if scene.has_surface and surface.bottom == "slip":
+        kinds[sides.bottom] = "slip"
+    if scene.grain is not None:
+        kinds["body"] = ("held" if held else "moving") if scene.moves else "wall"
+    return kinds
 
 
-def _on_grain(setup: Setup, held: bool) -> Ranked:
-    scene, body = setup.scene, setup.scene.body
-    if scene.moves and held:
-        from ..body.state import rigid_velocity
-        from ..setup.body import initial_state
+def _velocity_of_grain(setup: Setup) -> Velocity:
+    from ..body.state import rigid_velocity
+    from ..setup.body import initial_state
 
-        assert body is not None and scene.placement is not None
-        state = initial_state(body, scene.placement, setup.symmetric)
-        yield FREE, Prescribed("body", lambda x, t: rigid_velocity(state, x[: scene.gdim].T).T)
-    elif scene.moves:
-        yield FREE, Carried("body")
-    elif scene.grain is not None:
-        yield WALL, no_slip("body")
+    scene = setup.scene
+    assert scene.body is not None and scene.placement is not None
+    state = initial_state(scene.body, scene.placement, setup.symmetric)
+    return lambda x, t: rigid_velocity(state, x[: scene.gdim].T).T
+
+
+def _friction(setup: Setup, name: str) -> Friction:
+    walls, scene = setup.walls, setup.scene
+    axis = scene.up if walls.is_beyond(name) else None
+    drag = partial(walls.law(name).drag, functions=UFL)
+    return Friction(name, walls.slip(name), drag, axis, moves=name == "body" and scene.moves)
+
+
+# -- free surface -----------------------------------------------------------------------------------
+
+
+def _free_surface(setup: Setup, name: str) -> FreeSurface:
+    surface, domain, scene = setup.surface, setup.scene.domain, setup.scene
+    # The pressure without the hydrostatic part is zero where the still level meets the right end.
+    origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
+    pressure = None if surface.pressure == "0" else Expression(surface.pressure, "surface.pressure")
+    sponge, gravity = None, tuple(scene.gravity_vector.tolist())
+    if surface.sponge > 0.0:
+        # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end, on average.
+        rate = 3.0 * ABSORBED * math.sqrt(abs(gravity[scene.up]) * domain.height) / surface.sponge
+        start, base = domain.right - surface.sponge, setup.base_flow.velocity
+        sponge = Sponge(start, domain.right, rate, base)
+    return FreeSurface(name, gravity, origin, pressure, setup.pinned_sides, sponge)
+
+
+def _discharge(setup: Setup, name: str) -> Entering:
+    """The inflow of a channel with a free surface: base flow and wave over the present depth."""
+    from ..setup.waves import wave_of
+
+    scene, base_flow, wave = setup.scene, setup.base_flow, wave_of(setup)
+    largest = scene.numerics.mesh_size * far_cell(scene, velocity_order(setup)[0])
+    level = max(LEVEL * scene.domain.height, largest)
+    given = (setup.numbers.froude or 0.0) >= 1.0
+    if wave is None:
+        return Entering(name, 0, lambda x, t: base_flow.entering(x, t)[0], level, given)
+    along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
+    return Entering(name, 0, along, level, given, coming)
+
+
+def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Velocity:
+    """The velocity (n,) at the inflow, over the depth below the wave, weighted by the area of the initial mesh."""
+    base_velocity, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
+
+    def along(x: Floats, t: float) -> Floats:
+        deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
+        places[up] = datum + (x[up] - datum) * deeper
+        waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
+        return np.asarray((base_velocity(places, t)[0] + waving) * deeper)
+
+    return along
+
+
+def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
+    left, datum, up = base_flow.domain.left, base_flow.datum, base_flow.domain.up
+
+    def velocity(x: Floats, t: float) -> Floats:
+        total = base_flow.velocity(x, t)
+        for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
+            total[axis] += waving
+        return total
+
+    return IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..scene.model import WIDE_GAP
 from ..setup.setup import Setup
-from .cells import meshed_bed
 from .discretisation import velocity_order
+from .sizes import WALL_CELL, coarsening, meshed_bed
 
 NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of channels with a free surface of which a plan warns
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which a plan warns
@@ -118,9 +118,19 @@ def _turbulence(setup: Setup) -> Iterator[str]:
         ),
     )
     yield from (text for holds, text in doubts if holds)
-    if scene.grain is not None and not walls.is_resolved:
-        yield from _narrow_gap(setup)
+    if scene.body is None or scene.placement is None or walls.is_resolved:
+        return
+    if scene.gdim == 3:
         yield from _coarse(setup)
+    # The law of each wall ignores the other: friction in a gap is too small.
+    least = 2.0 * walls.distance("body")
+    near = setup.surroundings.clearance(scene.placement)
+    held = scene.body.centre is not None and not scene.body.moves
+    if held and near.other in walls.names and near.distance < least:
+        yield (
+            f"the grain is held {near.distance:.3g} from the {near.other}, twice the distance of the law of the wall "
+            f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
+        )
 
 
 def _cut_at_inflow(setup: Setup) -> bool:
@@ -134,32 +144,14 @@ def _cut_at_inflow(setup: Setup) -> bool:
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    from .wall_cells import WALL_CELL, coarsening
-
     asked, walls = setup.scene.numerics.mesh_size, setup.walls
     size = WALL_CELL * coarsening(walls, velocity_order(setup)[0]) * walls.nearest * asked
     across = setup.scene.grain.size / size
-    if setup.scene.gdim == 3 and across < FEWEST_ACROSS:
+    if across < FEWEST_ACROSS:
         yield (
             f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
             f"quarter off; use numerics.mesh_size = {asked * across / FEWEST_ACROSS:.2g} or less"
         )
-
-
-def _narrow_gap(setup: Setup) -> Iterator[str]:
-    """Warn of narrow gaps: the law of each wall ignores the other, and friction in the gap is too small."""
-    body, placement = setup.scene.body, setup.scene.placement
-    if body is None or body.centre is None or body.moves or placement is None:
-        return
-    nearest, least = setup.surroundings.clearance(placement), 2.0 * setup.walls.distance("body")
-    lid = setup.sides.top if setup.scene.top != "wall" else ""
-    open_sides = (setup.sides.right, setup.sides.left, lid, *setup.sides.across)
-    if nearest.other in open_sides or nearest.distance >= least:
-        return
-    yield (
-        f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
-        f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
-    )
 
 
 # Each gives warnings in words; it raises SceneError where an effect that is present cannot be simulated in the scene.

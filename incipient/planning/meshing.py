@@ -1,24 +1,112 @@
-"""The region or grid that gmsh meshes, with its cell sizes."""
+"""The geometry of a scene with its cell sizes, ready for gmsh; cells, unknowns and memory of its mesh."""
 
+from __future__ import annotations
+
+import logging
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arrays import Integers, unordered_keys
+from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.plane.curves import Curve, Line
-from ..geometry.space.beds import Plane
-from ..meshes import Grid, PlacedSolid, Region, Sizes, SolidRegion, graded_ends
+from ..geometry.space.beds import Plane, SmoothTerrain
+from ..installed import memory_of_libraries, required
+from ..meshes import Grid, PlacedSolid, Region, SizeField, Sizes, SolidRegion, graded_ends
+from ..meshes.expected import expected_cells
 from ..setup.geometry import CLOSED, Stance
 from ..setup.setup import Setup, time_of_change
-from . import cells
-from .discretisation import FEWEST, far_cell, velocity_order
-from .layout import Layout
-from .plan import Plan
+from . import sizes as cells
+from .discretisation import FEWEST, LOWEST_ORDER, far_cell, velocity_order
+from .plan import Estimate, Plan
+
+if TYPE_CHECKING:
+    from ..meshes.simplices import Simplices
 
 # Of the cells of an empty box: spacing at walls over that in the middle.
 GRID_GRADING = {2: 0.05, 3: 0.2}
+# Cells expected, by dimension, from which it is said that mesh and flow take long.
+MANY_CELLS = {2: 20_000, 3: 50_000}
+# Slope of a 3-D bed: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
+STEEP = 2.5
+STEEPEST = 0.35  # growth of coarse cells with distance
+# Memory of n unknowns: bytes per n log2 n of LU factors in 2-D, per n^(4/3) in 3-D (George 1973, SIAM J. Numer. Anal.
+# 10, 345), per unknown of the order that is assembled by blocks, of a higher order without a matrix, and of a 3-D
+# flow with a model of turbulence. Measured peaks are within a quarter (tests/unit/test_meshing_in_space.py).
+MEMORY_GROWTH, OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS = 194.0, 600.0, 3600.0, 900.0
+OF_TURBULENCE = 17000.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout(Stance):
+    """A scene's geometry with the grain placed.
+
+    max_cells: expected triangles, in 3-D tetrahedra, above which no mesh is made
+    closing: the closed space next to the contacts of a grain; None: open
+    """
+
+    shape: Region | SolidRegion | Grid
+    sizes: Sizes
+    geometry_order: int
+    max_cells: float
+    closing: Closing | None = None
+
+    @property
+    def gdim(self) -> int:
+        if isinstance(self.shape, Grid):
+            return len(self.shape.extents)
+        return 3 if isinstance(self.shape, SolidRegion) else 2
+
+    def mesh(self) -> Simplices:
+        """The mesh, on one rank only.
+
+        Raises:
+            MeshError: the geometry cannot be meshed.
+            SceneError: too many cells are expected.
+            MissingError: gmsh, or a library that it needs, is not installed.
+        """
+        self._require_few_cells()
+        with required():
+            from ..meshes.model import meshed
+        return meshed(self.shape, self.sizes, self.geometry_order)
+
+    def _require_few_cells(self) -> None:
+        parts = expected_cells(self.shape, self.sizes)
+        expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
+        if not expected <= self.max_cells:
+            of_contact = self.resting is not self.placement and most.startswith("narrow places")
+            smallest = "contact.gap" if of_contact else "numerics.mesh_size or the smallest length"
+            raise SceneError(
+                f"numerics.max_cells: a mesh of about {expected:.2g} cells is expected, most for the {most}, more than "
+                f"{self.max_cells:g}; enlarge {smallest}, or allow them with "
+                f"--set numerics.max_cells={_round_up(expected)}"
+            )
+        log = logging.getLogger("incipient")
+        if expected > MANY_CELLS[self.gdim]:
+            words = (
+                "a mesh of about %.2g cells is made, most for the %s: mesh and flow take minutes"
+            )
+            log.info(words, expected, most)
+        bed = self.shape.bed if isinstance(self.shape, SolidRegion) else None
+        if isinstance(bed, SmoothTerrain) and bed.steepest > STEEP:
+            words = "the bed rises by %.2g on 1: to mesh it takes minutes and may fail; give a flatter or smoother one"
+            log.info(words, bed.steepest)
+
+
+def _round_up(number: float) -> int:
+    digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
+    return (int(number / digits) + 1) * digits
+
+
+def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
+    """Default cell sizes times `factor`, except in gaps and where `field` prescribes sizes."""
+    return replace(layout, sizes=replace(layout.sizes.coarsened(factor, STEEPEST), field=field))
 
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
@@ -27,9 +115,7 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     shape: Region | SolidRegion | Grid
     sizes = Sizes(1.0)
     if setup.is_averaged and setup.walls.plane:
-        from .wall_cells import channel_grid
-
-        shape = channel_grid(setup, order, plan.mesh_size)
+        shape = cells.channel_grid(setup, order, plan.mesh_size)
     elif scene.is_empty_box:
         shape = _box(setup, plan.mesh_size * far_cell(scene, order))
     else:
@@ -40,19 +126,13 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
             shape = _solid_region(setup, stance.placement)
         else:
             shape, outline = _region(setup, stance.placement, closing)
-        sizes = cells.sizes(setup, order, stance, outline, closing)
-        if setup.is_averaged:
-            from .wall_cells import with_walls
-
-            sizes = with_walls(sizes, setup, order, stance.placement)
-        sizes = sizes.scaled(plan.mesh_size)
-    order, most = plan.geometry_order, scene.numerics.max_cells
+        sizes = cells.sizes(setup, order, stance, outline, closing).scaled(plan.mesh_size)
     return Layout(
         **vars(stance),
         shape=shape,
         sizes=sizes,
-        geometry_order=order,
-        max_cells=most,
+        geometry_order=plan.geometry_order,
+        max_cells=scene.numerics.max_cells,
         closing=closing,
     )
 
@@ -147,3 +227,79 @@ def is_resolved(setup: Setup) -> bool:
     cell = cells.thinner(setup) * cells.GRAIN_CELL[scene.gdim][order]
     between_nodes = scene.numerics.mesh_size * cell * grain.size / order
     return 2.0 * between_nodes <= math.sqrt(viscosity * min(t for t in times if t is not None))
+
+
+# -- expense --------------------------------------------------------------------------------------
+
+
+def count(
+    layout: Layout,
+    order: int,
+    dual: bool = False,
+    solver: str = "direct",
+    wider: Layout | None = None,
+) -> Estimate:
+    """Cells, unknowns and memory of the flow on the layout's mesh.
+
+    dual:   whether errors of a steady flow are estimated in elements of the next-higher order (see `has_dual`)
+    solver: name of a `linear.Method`; in 2-D it is direct
+    wider:  of a run for the error bars while the flow stays in memory; in 3-D
+    """
+    cells, unknowns = _counted(layout)
+    needed = memory(layout.gdim, solver, unknowns, order, dual)
+    if wider is not None:
+        beside = memory(3, solver, _counted(wider)[1], order, False) - memory_of_libraries()
+        needed = max(needed, memory(3, solver, unknowns, order, False) + beside)
+    return Estimate(cells, unknowns(order), needed)
+
+
+def has_dual(setup: Setup) -> bool:
+    """Whether a scene's error bars need a dual solution."""
+    scene = setup.scene
+    held = scene.body is not None and scene.time is None and not scene.is_averaged
+    return scene.numerics.error_bars and held
+
+
+def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
+    gdim = layout.gdim
+    corners = layout.mesh().cells[:, : gdim + 1]
+    vertices, edges, faces = (_distinct(corners, number) for number in range(1, 4))
+    inner = len(corners) if gdim == 3 else 0
+    return len(corners), lambda k: sum(
+        times * lagrange(order, vertices, edges, faces, inner)
+        for times, order in ((gdim, k), (1, k - 1))
+    )
+
+
+def _distinct(cells: Integers, number: int) -> int:
+    rows = np.concatenate(
+        [cells[:, list(some)] for some in combinations(range(cells.shape[1]), number)]
+    )
+    return len(np.unique(unordered_keys(rows, int(cells.max()) + 1)))
+
+
+def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:
+    """Nodes of continuous elements of an order on tetrahedra; in 2-D on triangles, `faces` without `cells`."""
+    inner = (order - 1) * (order - 2)
+    return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
+
+
+def memory(gdim: int, solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
+    """MiB of a flow with a solver, and of its error bars if `dual`."""
+    orders = range(order, order + 1 + dual)
+    if gdim == 2:
+        size = MEMORY_GROWTH * sum(unknowns(k) * math.log2(unknowns(k)) for k in orders)
+    elif solver == "direct":
+        size = OF_FACTORS * sum(unknowns(k) ** (4.0 / 3.0) for k in orders)
+    else:
+        assembled = LOWEST_ORDER if solver == "two-level" else order
+        highest = order if solver == "two-level" else order + dual
+        size = OF_BLOCKS * unknowns(assembled)
+        size += OF_CORRECTIONS * unknowns(highest) if highest > assembled else 0.0
+    return memory_of_libraries() + size / 2**20
+
+
+def memory_of_parts(setup: Setup, unknowns: int) -> float:
+    """MiB that a turbulence model adds to a 3-D flow."""
+    added = setup.is_averaged and setup.scene.gdim == 3
+    return OF_TURBULENCE * unknowns / 2**20 if added else 0.0

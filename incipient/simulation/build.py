@@ -12,7 +12,7 @@ from ..installed import required
 from ..parallel import Comm, collectively
 from ..planning import meshing
 from ..planning.effects import EffectName
-from ..planning.layout import Layout
+from ..planning.meshing import Layout
 from ..planning.plan import Plan, plan_of
 from ..progress import Silent
 from ..scene import Scene

@@ -54,6 +54,13 @@ class Recorder:
         """Record the result of a run, complete or not."""
 
 
+def record_result(recorder: Recorder, run: Run, result: Result) -> None:
+    """Record the result of a run, then the checkpoint of its last step, if any. Collective."""
+    recorder.finish(result)
+    if run.last_checkpoint is not None:
+        recorder.keep(run.last_checkpoint)
+
+
 class History(Recorder):
     """A recorder of time steps as `rows`."""
 

@@ -17,7 +17,7 @@ from ..results.result import Result
 from ..scene import Scene
 from .assemble import completed, outcome
 from .build import prepared
-from .recorder import Recorder, record_fields
+from .recorder import Recorder, record_fields, record_result
 from .state import Accounts, Run
 from .steady import loads_at, solve_with_turbulence
 
@@ -58,7 +58,7 @@ def simulate(
     recorder = recorder or Recorder()
     with solved(scene, comm, recorder, voice) as run:
         result = completed(run, outcome(run), follows=follows)
-        recorder.finish(result)
+        record_result(recorder, run, result)
         return result
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from ..effects.effect import RunPart
 from ..parallel import Comm
 from ..planning.effects import EffectName
-from ..planning.layout import Layout
+from ..planning.meshing import Layout
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..results.errorbars import Loads, Term
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
+    from ..restart import Checkpoint
     from ..results.result import Result
     from ..results.wall_report import WallReport
-    from .march import March
     from .time_loop import Steadiness
 
 
@@ -63,8 +63,9 @@ class Accounts:
 class Run:
     """A scene, its plan, mesh, flow and progress.
 
-    fluid, parts: on the newest mesh, parts with moving boundaries first. march: None for steady flow and before the
-    first step. first_motion: time at which a fixed grain in unsteady flow would first move.
+    fluid, parts: on the newest mesh, parts with moving boundaries first. transient: None for steady flow and before the
+    first step. first_motion: time at which a fixed grain in unsteady flow would first move. last_checkpoint: of the
+    last step, to be written after the result.
     """
 
     def __init__(
@@ -86,9 +87,10 @@ class Run:
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record
         self.fluid, self._probe = fluid, probe
-        self.march: March | None = None
+        self.transient: Transient | None = None
         self.steadiness: Steadiness | None = None
         self.first_motion: float | None = None
+        self.last_checkpoint: Checkpoint | None = None
 
     @property
     def states(self) -> list[Any]:
@@ -102,10 +104,6 @@ class Run:
     @property
     def probe(self) -> TractionProbe | None:
         return self._probe if self.grain is None else self.grain.probe
-
-    @property
-    def time_stepper(self) -> Transient | None:
-        return None if self.march is None else self.march.transient
 
     @property
     def grain(self) -> MovingGrain | None:

@@ -1,49 +1,63 @@
-"""Time loop of a run: start, steps, records, checkpoints, interrupts."""
+"""Time loop of a run: start, steps of flow and coupled parts, remeshing, records, checkpoints, interrupts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import nullcontext, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..body.state import BodyState
 from ..effects import known
-from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
+from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError
 from ..fluid import Fluid
+from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
 from ..interrupt import Interruption
+from ..mesh.domain import build
+from ..planning import meshing
 from ..planning.conditions import conditions
-from ..planning.discretisation import of_steady
+from ..planning.discretisation import of_steady, with_order
 from ..planning.effects import EffectName
 from ..results.loads import named, named_torque
 from ..results.result import Steadied
+from ..scene.file import dumps
+from ..setup.setup import Setup
 from .build import flow_model
 from .loads import coefficients, judged, loads
-from .march import March
 from .recorder import Recorder, record_fields
 from .state import Run
 from .steady import solve_steadily, solve_with_turbulence
 
 if TYPE_CHECKING:
+    from ..coupled.coupling import Coupling
+    from ..coupled.part import Part
+    from ..effects.moving_grain.part import MovingGrain
     from ..effects.moving_surface import MovingSurface
-    from ..fluid.transient import TimeStep
+    from ..mesh.motion import MeshMotion
     from ..restart import Checkpoint
-
 
 NOT_STEADY = 'time.start: the steady flow did not converge; use a smaller numerics.mesh_size, or time.start = "rest"'
 NOT_BEGUN = "flow: the oscillation does not begin; use a smaller numerics.mesh_size or velocity"
 
 
 class TimeLoop:
-    """Advances a run from its start or checkpoint to its end. Every method is collective."""
+    """Advances a run from its start or checkpoint to its end. Every method is collective.
+
+    transient, coupling: once `set_up`; the latter of flow and moving boundaries, or None.
+    """
+
+    transient: Transient
+    coupling: Coupling | None = None
 
     def __init__(
         self,
         run: Run,
         recorder: Recorder,
         interruption: Interruption,
-        checkpoint: Checkpoint | None,
+        checkpoint: Checkpoint | None = None,
     ):
         assert run.scene.time is not None
         self._run, self._time, self._recorder = run, run.scene.time, recorder
@@ -58,6 +72,7 @@ class TimeLoop:
         """
         try:
             self._start()
+            self.set_up()
             self._march()
         except Interrupted:
             raise
@@ -115,39 +130,202 @@ class TimeLoop:
             if turbulence is not None and run.turbulence is not None:
                 run.turbulence.fields.state.x.array[:] = turbulence.fields.state.x.array
 
-    def _march(self) -> None:
-        run, time = self._run, self._time
-        stage = run.stage("mesh motion" if run.scene.moves else "free surface")
-        with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
-            march, domain = March(run, self._checkpoint), run.domain
-        if time.until_steady is not None:
-            run.steadiness = Steadiness(
-                run.fluid, run.surface, run.scene.domain.height, time.until_steady
-            )
-        for step in self._timed(march.steps()):
-            if run.domain is not domain:
-                domain = run.domain
-                self._recorder.remeshed(domain)
-            row, over = self._row(step), step.time >= time.end * (1 - 1e-9)
-            last = over or run.is_steady or march.over
-            self._record(step, row, last, kept=march.over and not over)
-            if not last:
-                march.check(step)
+    def set_up(self) -> None:
+        """Make moving parts and their coupling with the flow, as at the start or from the checkpoint."""
+        run, moving = self._run, list[Any]()
+        if run.plan.has(EffectName.MOVING_MESH):
+            from ..mesh.motion import MeshMotion
 
-    def _timed(self, steps: Iterator[TimeStep]) -> Iterator[TimeStep]:
-        """Count and time the steps; interrupts act between them."""
-        run = self._run
+            with run.stage("mesh motion" if run.scene.moves else "free surface"):
+                motion = MeshMotion(run.fluid.domain)
+                moving = _moving_parts(run, motion, self._checkpoint)
+                self.coupling = self._coupled(run.fluid, moving, motion)
+        kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
+        asked = run.scene.numerics.tolerance
+        tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
+        order = 2 if self._time.scheme == "bdf2" else 1
+        interface: Interface | None = self.coupling
+        if run.turbulence is not None:
+            interface = run.turbulence.around(interface)
+        self.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
+        run.transient, run.parts = self.transient, (*moving, *run.parts)
+        if self._checkpoint is not None:
+            self._restore(self._checkpoint)
+        if self._time.until_steady is not None:
+            run.steadiness = Steadiness(
+                run.fluid, run.surface, run.scene.domain.height, self._time.until_steady
+            )
+
+    def _march(self) -> None:
+        run, domain, end = self._run, self._run.domain, self._time.end * (1 - 1e-9)
         self._recorded, self._interruption.armed = run.fluid.time, True
         if run.surface is not None:
             run.surface.begin()
+        steps = self.steps()
         while not run.is_steady:
             with run.stage("flow"), run.corrections.step():
                 step = next(steps, None)
             if step is None:
                 break
             run.accounts.count(steps=1, rejected=step.rejected, newton=step.report.iterations)
-            yield step
+            if run.domain is not domain:
+                domain = run.domain
+                self._recorder.remeshed(domain)
+            row, over = self._row(step), step.time >= end
+            last = over or run.is_steady or self._has_ended
+            self._record(step, row, last, kept=self._has_ended and not over)
+            if run.surface is not None and not last:
+                run.surface.check(step, None if run.grain is None else run.grain.state.placement)
         self._interruption.armed = False
+
+    @property
+    def _has_ended(self) -> bool:
+        """Whether an event of a moving grain has ended the run."""
+        return self._run.grain is not None and self._run.grain.ends != ""
+
+    # -- steps --------------------------------------------------------------------------------
+
+    def steps(self) -> Iterator[TimeStep]:
+        """Advance to the end or an event of a moving grain (see `Transient.march`).
+
+        Raises ConvergenceError if a step fails, MeshError if remeshing does; the last converged
+        state is kept.
+        """
+        time = self._time
+        self._renew_worn_mesh()
+        for step in self.transient.march(time.end, time.step, time.first_step):
+            for part in self._run.parts:
+                part.accept_step(step)
+            yield step
+            if self._has_ended or time.end - step.time <= 1e-9 * time.end:
+                return
+            self._renew_worn_mesh()
+
+    def _coupled(self, fluid: Fluid, moving: Sequence[Part], motion: MeshMotion) -> Coupling:
+        from ..coupled.coupling import Coupling
+
+        asked = self._run.scene.numerics.interface_tolerance
+        tolerance = None if asked == "auto" else asked
+        stage = self._run.accounts.ledger.stage
+        coupling = Coupling(fluid, moving, motion, tolerance, stage=stage)
+        fluid.domain.mesh.geometry.x[:] = coupling.places[0]
+        fluid.constraints.boundary_points_moved()
+        return coupling
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        from ..restart import put_back_flow, spread_nodes
+
+        fluid, mesh = self._run.fluid, self._run.fluid.domain.mesh
+        if self.coupling is not None:
+            assert checkpoint.motion is not None
+            places = spread_nodes(mesh, checkpoint.motion.places)
+            self.coupling.places = list(np.moveaxis(places, 1, 0).copy())
+            # Values stored by node position belong to the mesh of that time.
+            mesh.geometry.x[:] = self.coupling.places[0]
+            fluid.constraints.boundary_points_moved()
+        for part in self._run.parts:
+            part.resume(checkpoint)
+        put_back_flow(checkpoint, self.transient)
+
+    def _state(self) -> Checkpoint:
+        """The state between two steps, complete on rank 0."""
+        from ..restart import (
+            Checkpoint,
+            Progress,
+            StoredMotion,
+            numbered_nodes,
+            stored_flow,
+            stored_mesh,
+        )
+
+        run, transient, coupling = self._run, self.transient, self.coupling
+        fluid, ledger = transient.fluid, run.accounts.ledger
+        progress = Progress(
+            number=transient.number,
+            next_length=transient.next_length,
+            error=transient.last_error,
+            first_motion=run.first_motion,
+            iterations=dict(run.accounts.iterations),
+            linear=asdict(fluid.solver.statistics),
+            wall_time=dict(ledger.wall_time),
+            total=ledger.total(),
+        )
+        states = [fluid.state.x.array, *(one.state for one in transient.past)]
+        stored: dict[str, Any] = {**stored_flow(fluid, states)}
+        for part in run.parts:
+            stored |= part.stored(transient)
+        if coupling is not None:
+            nodes = numbered_nodes(fluid.domain.mesh)
+            places = nodes.joined(np.stack(coupling.places, axis=1))
+            stored["motion"] = StoredMotion(nodes.joined(coupling.motion.reference), places)
+        return Checkpoint(
+            # Later versions may choose another order.
+            scene=dumps(with_order(run.scene, run.plan.order)),
+            progress=progress,
+            mesh=stored_mesh(fluid.domain),
+            times=np.array([fluid.time, *(one.time for one in transient.past)]),
+            **stored,
+        )
+
+    def _renew_worn_mesh(self) -> None:
+        grain = self._run.grain
+        if grain is None or self.coupling is None or (length := grain.last_step()) is None:
+            return
+        ahead = self.coupling.quality_ahead(length, self.transient.order)
+        if ahead.relative >= self._run.scene.numerics.remesh_below:
+            return
+        first = grain.drawn()
+        try:
+            self._remesh(grain, self.coupling)
+        except MeshError:
+            grain.meshes_ahead = False  # a predicted mesh may fold as it moves back to the grain
+            if grain.drawn() == first:
+                raise
+            self._remesh(grain, self.coupling)
+
+    def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
+        """Remesh around the grain and transfer all fields; the old mesh is freed last."""
+        from ..coupled.remeshing import carry_over
+        from ..mesh.motion import MeshMotion
+
+        run, transient = self._run, self.transient
+        with run.accounts.ledger.stage("remeshing"):
+            old, drawn, scene, height = run.fluid, grain.drawn(), run.scene, run.scene.domain.height
+            surface, turbulence = run.surface, run.turbulence
+            if surface is not None:
+                height = surface.drawn_height(height, drawn)
+            higher = {"domain": scene.domain.model_copy(update={"height": height})}
+            laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
+            made = build(run.comm, laid_out.mesh)
+            eddies = None if turbulence is None else turbulence.on(made)
+            model = old.model if eddies is None else eddies.within(old.model)
+            fluid = Fluid(made, model, old.conditions, old.reynolds)
+            fluid.watch = old.watch
+            try:
+                if eddies is not None:
+                    eddies.joined(fluid)
+                motion = MeshMotion(made)
+                # A surface begins on the mesh as made, which the grain then moves.
+                above = [] if surface is None else [surface.on(fluid, motion)]
+                moving: list[Any] = [grain.on(fluid, motion), *above]
+                coupling = self._coupled(fluid, moving, motion)
+                now = Past(old.time, old.state.x.array, np.empty(0))
+                (_, *past), done = carry_over(before, coupling, [now, *transient.past])
+            except IncipientError:
+                fluid.destroy()
+                raise
+            interface: Interface = coupling
+            self.coupling = coupling
+            if eddies is not None and turbulence is not None:
+                interface = eddies.around(coupling)
+                eddies.carry_over(turbulence)
+            transient.continue_on(fluid, interface, past)
+            grain.remeshings.append(done)
+            run.take_mesh(fluid, [*moving, *([] if eddies is None else [eddies])])
+        projected = f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
+        run.voice.say(f"t = {done.time:.6g}: remeshed with {done.cells} cells; {projected}")
+
+    # -- records --------------------------------------------------------------------------------
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
         run = self._run
@@ -159,8 +337,11 @@ class TimeLoop:
         if not self._recorder.keeps:
             return
         every, stop = run.scene.output.checkpoint, self._interruption.asked() and not last
-        if stop or kept or (every > 0 and step.number % every == 0):
+        due = kept or (every > 0 and step.number % every == 0)
+        if stop or (due and not last):
             path = self._keep()
+        elif due:  # written after the result, which a run resumed from it could not compute
+            run.last_checkpoint = self._state()
         if stop:
             raise Interrupted(
                 f"interrupted at t = {step.time:.6g}; resume with: incipient resume {path}"
@@ -168,7 +349,6 @@ class TimeLoop:
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
         run = self._run
-        assert run.march is not None
         row: dict[str, Any] = {
             "time": step.time,
             "step": step.length,
@@ -179,8 +359,8 @@ class TimeLoop:
             row["gust"] = base_flow.factor(step.time)
         for part in run.parts:
             row |= part.columns(step)
-        if run.march.coupling is not None:
-            row |= run.march.coupling.columns(step.report)
+        if self.coupling is not None:
+            row |= self.coupling.columns(step.report)
         if run.grain is not None:
             row |= run.grain.energies()
         if run.steadiness is not None:
@@ -213,18 +393,16 @@ class TimeLoop:
         return row
 
     def _keep(self) -> Path | None:
-        march = self._run.march
-        assert march is not None
         with self._run.stage("checkpoint"):
-            march.transient.forget()
-            return self._recorder.keep(march.checkpoint())
+            self.transient.forget()
+            return self._recorder.keep(self._state())
 
     def _kept_after(self, error: IncipientError) -> IncipientError:
         run = self._run
         # If recording a step failed, the history lacks its row, and the earlier checkpoint is valid.
-        if isinstance(error, OutputError) or run.time_stepper is None or not self._recorder.keeps:
+        if isinstance(error, OutputError) or run.transient is None or not self._recorder.keeps:
             return error
-        if run.time_stepper.fluid.time != self._recorded:
+        if self.transient.fluid.time != self._recorded:
             return error
         with suppress(OutputError):
             kept = self._keep()
@@ -232,6 +410,28 @@ class TimeLoop:
                 f"{error}; the state at t = {self._recorded:.6g} is saved: incipient resume {kept}"
             )
         return error
+
+
+def _moving_parts(
+    run: Run, motion: MeshMotion, checkpoint: Checkpoint | None
+) -> list[MovingGrain | MovingSurface]:
+    """Moving grain and free surface of a run, at the start or for the mesh of a checkpoint."""
+    setup, parts = run.setup, list[Any]()
+    args = setup, run.fluid, motion, run.accounts.ledger.stage
+    if setup.scene.has_surface:
+        from ..effects.moving_surface import MovingSurface
+
+        parts = [MovingSurface(*args)]
+    if setup.scene.moves:
+        assert setup.scene.body is not None
+        if setup.scene.body.touches:
+            from ..effects.moving_grain.on_bed import GrainOnBed as Grain
+        else:
+            from ..effects.moving_grain.part import MovingGrain as Grain  # type: ignore[assignment]
+        body = None if checkpoint is None else checkpoint.body
+        state = None if body is None else BodyState.unpacked(body.made_for)
+        parts.insert(0, Grain(*args, state))
+    return parts
 
 
 class Steadiness:

@@ -10,6 +10,7 @@ from turbulent import balance, changes_by_new_meshes
 
 import incipient
 from incipient.geometry.placement import Placement
+from incipient.interrupt import Interruption
 from incipient.scene import (
     Contact,
     Disc,
@@ -31,7 +32,8 @@ from incipient.scene import (
 )
 from incipient.setup.setup import Setup
 from incipient.simulation.build import prepared
-from incipient.simulation.march import March
+from incipient.simulation.recorder import Recorder
+from incipient.simulation.time_loop import TimeLoop
 from incipient.turbulence.developed import developed
 
 
@@ -55,7 +57,9 @@ def balances(scene):
     Then the load along the stream by the walls, what it leaves of the stream, and what the stream loses.
     """
     with prepared(scene, MPI.COMM_SELF) as run:
-        steps = list(March(run, None).steps())
+        loop = TimeLoop(run, Recorder(), Interruption(run.comm))
+        loop.set_up()
+        steps = list(loop.steps())
         fluid, grain, gdim = run.fluid, run.grain, scene.gdim
         past = grain.past
         borne, lost = balance(fluid, ("body", "bed"))
@@ -166,20 +170,6 @@ def test_a_disc_without_mass_follows_at_every_moment(tmp_path):
         assert np.abs(np.diff(gained)).max() < 0.1 * np.abs(gained).max()
     spin = found["spin"]
     assert np.abs(np.diff(spin, 2)).max() < 0.01 * np.abs(spin).max()
-
-
-@pytest.mark.slow
-def test_the_path_of_a_stone_let_go_converges_in_time_with_order_two():
-    """Steps of 0.04, 0.02 and 0.01: velocities differ from each to the next by four times less, or nearly so.
-
-    The first step is of order one. Along x it goes 0.012 only, on which all agree to 1e-6.
-    """
-    ends = []
-    for step in (0.04, 0.02, 0.01):
-        told = released(0.3, step, 0.16).trajectory
-        ends.append([*told["velocity"], told["spin"], told["place"][1]])
-    coarse, fine = np.abs(np.diff(ends, axis=0))
-    assert (coarse / fine > 3.0).all() and (fine < 2.5e-3).all()
 
 
 # Sand by k-omega SST, whose cells reach into the viscous sublayer.

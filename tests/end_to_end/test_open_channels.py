@@ -82,17 +82,6 @@ def test_a_nusselt_film_stays(tmp_path):
     assert history["inflow"] == pytest.approx(SPEED, rel=1e-14)
 
 
-def test_a_film_that_begins_too_deep_becomes_nusselts(tmp_path):
-    deep = FILM.replace('elevation = "0"', 'elevation = "0.1"').replace("end = 5.0", "end = 40.0")
-    result = incipient.run(loads(deep), tmp_path)
-    history = history_of(tmp_path)
-    assert np.abs(history["elevation_1"][:3]).min() > 0.01
-    assert furthest_from_film(result) < 1e-6
-    assert np.abs(result.surface["elevations"]).max() < 1e-6
-    assert result.surface["inflow"] == pytest.approx(SPEED, rel=1e-14)
-    assert f"elevation           {result.surface['elevations'][1]:+.6g} at 1.5" in result.text()
-
-
 def test_a_film_that_becomes_steady_ends_there(tmp_path):
     """From a depth a tenth too large; what is left then is about the change over the rate at which it decays."""
     deep = FILM.replace('elevation = "0"', 'elevation = "0.1"').replace("end = 5.0", "end = 40.0")

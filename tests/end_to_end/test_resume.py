@@ -238,6 +238,26 @@ def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
     )
 
 
+def test_a_run_killed_between_its_last_step_and_its_result_is_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the checkpoint before, whose later steps are taken again: loads of a step need its past."""
+
+    def killed(*arguments: object) -> None:
+        raise SystemExit
+
+    directory, scene = tmp_path / "x", pothole(output_checkpoint=4, time_end=1.2)
+    with monkeypatch.context() as patch, pytest.raises(SystemExit):
+        patch.setattr("incipient.accuracy.finish.outcome", killed)
+        incipient.run(scene, directory)
+    assert read(directory / "checkpoint.h5", COMM).time == pytest.approx(0.8)
+    resumed, whole = incipient.resume(directory), incipient.run(scene, tmp_path / "whole")
+    assert read(directory / "checkpoint.h5", COMM).time == pytest.approx(1.2)
+    assert resumed.force is not None and whole.force is not None
+    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-7)
+    assert_same_run(directory, tmp_path / "whole")
+
+
 def test_a_run_goes_on_with_other_steps(tmp_path: Path, stopped: Callable[[int], None]) -> None:
     """Of a new length from the first on; with a tolerance from the length at hand on."""
     scene = vortices(time_end=0.1, fluid_reynolds=50)  # so that no step from rest is halved

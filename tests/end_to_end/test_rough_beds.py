@@ -9,7 +9,7 @@ import incipient
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import SceneError
 from incipient.planning.plan import make_plan
-from incipient.planning.wall_cells import layers
+from incipient.planning.sizes import wall_layers
 from incipient.scene import (
     Contact,
     Disc,
@@ -294,7 +294,7 @@ def test_sand_is_on_the_bed_and_small_beside_the_grain():
     """Cells at both walls are as each needs; what enters is over the sand; sand over a fifth of a grain is refused."""
     scene = on_sand(80.0, 0.1)
     walls, plan = Setup(scene).walls, make_plan(scene)
-    first = layers(Setup(scene), 2, 10.0).first
+    first = wall_layers(Setup(scene), 2, 10.0).first
     assert first["body"] == pytest.approx(1.1 * walls.smooth)
     assert first["bed"] == pytest.approx(0.5 * shift(8.0) * walls.unit, rel=0.05)
     assert walls.roughness / walls.unit == pytest.approx(8.0, rel=1e-3)

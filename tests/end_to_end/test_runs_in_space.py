@@ -281,12 +281,6 @@ def test_without_coarser_cells_there_is_no_error_bar_and_the_run_says_why():
     assert "fewer rows or columns of cells: use numerics.mesh_size = 4 or less" in result.text()
 
 
-def test_a_cavity_in_time_makes_no_coarse_runs():
-    overrides = settings(numerics_mesh_size=4.0, numerics_order=2, time_end=0.2, time_step=0.1)
-    result = incipient.run(incipient.load(CAVITY, [one for one in overrides if one != "--set"]))
-    assert result.error_bars is None and "in steady flow only" in result.without_error_bars
-
-
 def test_a_cube_takes_an_accuracy_from_its_cells():
     with pytest.raises(SceneError, match=r"choose numerics\.mesh_size"):
         cube(10, accuracy=0.01)

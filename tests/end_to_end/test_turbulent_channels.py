@@ -20,7 +20,7 @@ from incipient.cost.study import run_ladder
 from incipient.fluid.transient import Transient
 from incipient.pictures.flow import along_walls
 from incipient.pictures.record import read
-from incipient.planning.wall_cells import coarsest
+from incipient.planning.sizes import coarsest
 from incipient.scene import (
     Contact,
     Disc,

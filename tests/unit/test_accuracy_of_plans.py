@@ -32,7 +32,7 @@ from incipient.meshes import expected
 from incipient.planning import meshing
 from incipient.planning.discretisation import order_of, velocity_order
 from incipient.planning.plan import make_plan
-from incipient.planning.wall_cells import coarsest, ratio_of_rows
+from incipient.planning.sizes import coarsest, ratio_of_rows
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.results.quantity import screen_lines

@@ -173,13 +173,6 @@ def test_a_stream_that_oscillates_slowly_around_a_held_grain():
     assert found.expected == pytest.approx(0.5 / 1e2 + 0.25 / 3e4, rel=1e-2)
 
 
-def test_quasi_steady_flow_has_no_scheme_of_its_own():
-    plan = make_plan(
-        scene(flow=TIDE, time=Time(end=6, step=1), effects=Effects(unsteadiness=False))
-    )
-    assert plan.scheme == "quasi-steady" and not plan.has(EffectName.UNSTEADINESS)
-
-
 @pytest.mark.parametrize("settle", [True, False])
 def test_a_released_grain_that_does_not_fill_its_pocket_is_told_of(settle):
     """Lowered at x it stands on the sphere behind it alone, and begins 0.026, not 0.05, from the two in front of it."""
@@ -251,10 +244,6 @@ DECISIONS = [
 def test_an_effect_is_present_for_a_reason(name, changes, present, reason):
     decision = effect(name, **changes)
     assert decision.present is present and re.fullmatch(reason, decision.reason)
-
-
-def test_without_gravity_there_is_none():
-    assert abs(scene(effects=Effects(gravity=False)).gravity_vector).max() == 0.0
 
 
 def test_the_plan_tells_the_numbers():

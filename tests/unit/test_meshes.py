@@ -51,10 +51,10 @@ from incipient.meshes.session import session
 from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound, kind_of
 from incipient.meshes.surfaces import Ground
 from incipient.planning import meshing
+from incipient.planning.conditions import conditions
 from incipient.planning.meshing import lay_out
 from incipient.planning.plan import make_plan, plan_of
-from incipient.planning.wall_cells import layers
-from incipient.planning.wall_conditions import conditions
+from incipient.planning.sizes import wall_layers
 from incipient.scene import (
     Contact,
     Domain,
@@ -690,10 +690,10 @@ def test_the_first_cells_at_walls_in_the_viscous_sublayer_are_thin():
     assert rows[0] == pytest.approx(0.6 * plane.walls.unit, rel=0.2)
     assert "y+ about 0.45" in plane.walls.text()
     sand = Setup(grain(0.05).model_copy(update={"turbulence": asked}))
-    first = layers(sand, 2, math.inf).first
+    first = wall_layers(sand, 2, math.inf).first
     assert first[sand.walls.names[0]] == pytest.approx(sand.walls.unit, rel=0.02)
     assert first["body"] == pytest.approx(0.5 * first[sand.walls.names[0]])
-    assert layers(Setup(grain(0.2)), 2, math.inf) is None
+    assert wall_layers(Setup(grain(0.2)), 2, math.inf) is None
 
 
 # Layers of thin cells along walls: they fill the region, are as thick as asked, and fold nowhere; 2-D, then 3-D.

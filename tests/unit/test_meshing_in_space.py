@@ -16,10 +16,8 @@ from incipient.errors import SceneError
 from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.surfaces import Ground
-from incipient.planning.cells import BED_LARGEST
-from incipient.planning.expense import memory, memory_of_parts
-from incipient.planning.layout import Layout
-from incipient.planning.meshing import lay_out
+from incipient.planning.meshing import Layout, lay_out, memory, memory_of_parts
+from incipient.planning.sizes import BED_LARGEST
 from incipient.scene import (
     Contact,
     Domain,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -204,82 +203,6 @@ def test_a_closed_box_that_takes_in_more_than_it_lets_out() -> None:
         left = np.sort(np.abs(continuity(fluid)))
         assert left[-1] == pytest.approx(1.0, rel=1e-10)
         assert left[-2] < 1e-12
-
-
-RANKS = """
-import json
-import numpy as np
-from mpi4py import MPI
-from domains import square_in_box
-from incipient import compat
-from incipient.fluid import FlowModel, Fluid, Open, Prescribed, Slip, no_slip
-from incipient.fluid.projection import Projection
-from incipient.mesh.sampling import sample
-from incipient.mesh.transfer import Transfer
-
-inflow = Prescribed("left", lambda x, t: np.vstack([x[1] * (2 - x[1]), 0 * x[0]]))
-channel = [Open("right"), Slip("top", axis=1), inflow, no_slip("bottom"), no_slip("body")]
-lid = Prescribed("top", lambda x, t: np.vstack([x[0] * (2 - x[0]), 0 * x[0]]))
-box = [lid, *(no_slip(name) for name in ("left", "right", "bottom", "body"))]
-found = []
-for conditions in (channel, box):
-    for order in (2, 3):
-        model = FlowModel(order=order, inertia=False)
-        with (
-            Fluid(square_in_box(0.3, 0.3), model, conditions, 1.0) as source,
-            Fluid(square_in_box(0.3, 0.25), model, conditions, 1.0) as fluid,
-        ):
-            source.solve(1e-12)
-            transfer = Transfer(source.domain.mesh, fluid.space.velocity_points())
-            fluid.state.x.array[fluid.space.velocity_map] = transfer.values(source.velocity).ravel()
-            with Projection(fluid) as projection:
-                change = projection.apply()
-            points = np.array([[0.3, 0.3], [1.0, 0.8], [1.3, 0.5], [1.9, 0.1]])
-            velocities = sample(fluid.velocity, points)
-            found += [transfer.outside, change, *velocities.ravel().tolist()]
-comm = MPI.COMM_WORLD
-if comm.rank == 0:
-    print(json.dumps([comm.size, found]))
-"""
-
-
-def test_two_ranks_agree_with_one(mpirun: Any) -> None:
-    """Transfer between differently divided meshes and projection, in open and closed domains, orders two and three."""
-    found = []
-    for n in (1, 2):
-        done = mpirun(n, RANKS)
-        assert done.returncode == 0, done.stderr
-        found.append(json.loads(done.stdout))
-    assert [ranks for ranks, _ in found] == [1, 2]
-    assert found[1][1] == pytest.approx(found[0][1], rel=1e-8, abs=1e-10)
-
-
-# Two parts that move on one mesh: the inner and the outer disc of a ring.
-
-
-INNER, OUTER = 0.5, 1.0
-CENTRE = Placement((0.0, 0.0))
-
-
-def nodes_at(domain: Domain, radius: float) -> np.ndarray:
-    """Numbers of the mesh's nodes on a circle, where the mesh was made."""
-    return np.flatnonzero(np.abs(np.linalg.norm(domain.mesh.geometry.x, axis=1) - radius) < 1e-9)
-
-
-def test_each_part_moves_its_own_boundary() -> None:
-    domain = ring(INNER, OUTER, 16, 2)
-    motion, made = MeshMotion(domain), domain.mesh.geometry.x.copy()
-    inner, outer = (
-        RigidDisplacement(domain, name, CENTRE, turning=True) for name in ("inner", "outer")
-    )
-    at = {radius: nodes_at(domain, radius) for radius in (INNER, OUTER)}
-    motion.move(inner.at(Placement((0.05, 0.0))), outer.at(Placement((0.0, -0.03), 0.1)))
-    moved = domain.mesh.geometry.x
-    turned = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
-    assert moved[at[INNER]] == pytest.approx(made[at[INNER]] + [0.05, 0.0, 0.0], abs=1e-12)
-    expected = made[at[OUTER], :2] @ turned.T + [0.0, -0.03]
-    assert moved[at[OUTER], :2] == pytest.approx(expected, abs=1e-12)
-    assert 0.0 < motion.quality().worst < 1.0
 
 
 # The linear answer of the flow to motions of a body: from the cells at the body only, yet the whole traction.

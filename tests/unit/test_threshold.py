@@ -52,7 +52,7 @@ from incipient.geometry.space.beds import SphereBed
 from incipient.geometry.space.grains import Sphere
 from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import meshed
-from incipient.planning.layout import STEEPEST
+from incipient.planning.meshing import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Trial
 from incipient.results.contact_verdict import find_contacts

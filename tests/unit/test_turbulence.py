@@ -36,7 +36,7 @@ from incipient.geometry.plane.grains import Disc
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
-from incipient.planning.wall_conditions import UFL
+from incipient.planning.conditions import UFL
 from incipient.results.wall_report import WallReport
 from incipient.turbulence.developed import developed, of_discharge
 from incipient.turbulence.in_time import InTime

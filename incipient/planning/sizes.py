@@ -1,0 +1,370 @@
+"""Cell sizes of a scene, in 2-D and 3-D, for mesh_size = 1, with those along the walls of a mean flow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import pairwise, takewhile
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Floats, Point
+from ..geometry.placement import Placement
+from ..geometry.plane.closing import Closing
+from ..geometry.plane.curves import Curve
+from ..geometry.space.grains import Box
+from ..meshes import LAYERS_SHARE, Away, Grid, Near, Resolved, Sizes, WallLayers, graded_ends
+from ..scene import Scene
+from ..setup.geometry import Stance, point
+from ..setup.setup import Setup, speed_past_grain
+from .discretisation import by_order, far_cell, velocity_order
+
+if TYPE_CHECKING:
+    from ..turbulence.walls import Walls
+
+# Cell sizes by dimension and order of the velocity, chosen so that the orders err alike
+# (docs/contribute/defaults.md).
+GRAIN_CELL = {2: by_order(0.05, 0.1, 0.15), 3: by_order(0.15, 0.22, 0.3)}  # of the grain
+BED_CELL = {2: by_order(0.15, 0.25, 0.35), 3: by_order(0.35, 0.5, 0.7)}  # of the bed's feature
+# Of the gap between grain and bed, in 3-D also of narrow passages.
+GAP_CELL = {2: by_order(0.5, 0.75, 1.0), 3: by_order(0.8, 1.5, 1.8)}
+# Along the bed below a base flow that bends next to it, in thicknesses of that layer.
+PROFILE_CELL = by_order(0.5, 1.0, 1.5)
+CORNER_CELL, EDGE_CELL = 0.3, 0.5  # of the grain's cells, at corners in 2-D, at sharp edges in 3-D
+GROWTH, GAP_GROWTH = {2: 0.25, 3: 0.3}, {2: 0.18, 3: 0.22}  # of cell sizes with distance
+# Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
+# smallest feature. There only the drag of the bed as a whole matters; larger cells do not follow its surface.
+BED_GROWTH, BED_LARGEST = {2: 0.05, 3: 0.15}, 0.6
+# The boundary layer of a held 3-D grain thins as Re^-1/2: from this Reynolds number on cells at it do, to this part.
+LAYERED, THINNEST = 50.0, 0.2
+# Cells behind a held grain with such a layer, how far from its centre, and how far in time, over the grain's size.
+WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
+TOP_CELL = 0.1  # of the largest cells, at the ends of a sliding top
+# Where an inflow given by formulas has kinks: cells over the largest ones (discharge missed at a kink from 0 to 12 U/h:
+# 2e-6), sampled heights and instants, and the third difference of the velocity over the largest that counts as a kink.
+KINK_CELL, INFLOW_HEIGHTS, INFLOW_TIMES, KINKED = 0.02, 1001, 9, 1e-4
+
+# Rows of a channel: the first over the distance of the wall; growth with the distance from it; the largest over the
+# depth, along the channel as well.
+FIRST_ROW, ROW_GROWTH, LARGEST_ROW, COLUMN = 4.0 / 3.0, 0.3, 0.08, 0.5
+# First row on coarse meshes over the distance of the wall, at most: where it was 6.5 or 10 (mesh_size 3 or 4) k of that
+# row in the viscous sublayer grew in each iteration, and the flow did not converge.
+LARGEST_FIRST = 3.5
+FEWEST_ROWS, FEWEST_COLUMNS, LAYERS = 6, 8, 2
+# Cells at other walls in the logarithmic layer, over the distance; in the viscous sublayer the first layer likewise,
+# and at a grain, where u* on its crest is twice that of the bed.
+WALL_CELL, FIRST_LAYER, AT_GRAIN = 4.0, 2.2, 0.5
+# The first layer on coarse meshes [nu/u*], at most: up to here omega is that of the viscous sublayer (Wilcox 1988, AIAA
+# J. 26, 1299). Where it was 3.6 thick k grew in each iteration.
+THICKEST = 2.5
+# Rows and layers at rough walls, over the distance of a smooth wall with the same flow: with 0.5 the velocity over
+# u* k_s/nu = 27 is within 0.1% of the developed flow, with 2.2 it was 8% off.
+ON_ROUGH = 0.5
+LAYER_GROWTH, MOST_LAYERS = {2: 1.35, 3: 2.0}, 80
+# Cells along walls with such layers: over the depth, a grain's size, and the length over which a bed would rise by its
+# relief at its steepest slope (tests/end_to_end/test_resolved_channels.py).
+ALONG, RISE_SAMPLES = 0.1, 4001
+WALL_CORNER = 0.05  # at corners that protrude, over the cells at walls
+PLANE_CELL = 0.2  # of a 3-D grain, along a level bed next to it
+BED_CORNER = 27.0  # cells where layers meet at a corner of the bed, over the distance of the walls
+
+# Behind a corner that sticks out: how far its shear layer reaches, and the cells in it, over the height by which the
+# bed falls; their growth away from it; points along it; sine of the turn from which on a corner is one.
+LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
+
+
+def sizes(
+    setup: Setup, order: int, stance: Stance, outline: tuple[Curve, ...], closing: Closing | None
+) -> Sizes:
+    """Cell sizes around a grain with an `outline` in 2-D."""
+    scene, far, placement = setup.scene, far_cell(setup.scene, order), stance.placement
+    near = [
+        *_along_grain(setup, order, outline, stance, closing),
+        *_along_bed(setup, order, placement),
+        *_in_profile(setup, order, placement),
+        *_in_wake(setup),
+        *_at_top_and_inflow(setup, far),
+    ]
+    gap_part, layers = GAP_CELL[3][order] if scene.gdim == 3 else math.inf, None
+    if setup.is_averaged:
+        around = placement if scene.moves else scene.placement
+        near += _along_walls(setup, order, around)
+        sizes_along = [math.inf] if scene.gdim == 2 else [x.size for x in near if x.boundary]
+        layers = wall_layers(setup, order, min(sizes_along))
+    return Sizes(far, tuple(near), gap_part=gap_part, layers=layers)
+
+
+def _along_grain(
+    setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance, closing: Closing | None
+) -> Iterator[Near]:
+    grain, gdim = setup.scene.grain, setup.scene.gdim
+    if grain is None:
+        return
+    size = thinner(setup) * GRAIN_CELL[gdim][order] * grain.size
+    edged = isinstance(grain, Box) and grain.edge_radius == 0.0
+    yield Near(EDGE_CELL * size if edged else size, GROWTH[gdim], boundary="body")
+    if sharp := corners(outline, outline[1:] + outline[:1]):
+        yield Near(CORNER_CELL * size, GROWTH[gdim], points=sharp)
+    if closing is not None:
+        points = tuple(
+            end for line in (closing.left, closing.right) for end in (line.start, line.end)
+        )
+    elif stance.gap < 4.0 * size and stance.gap_ends is not None and stance.placement is not None:
+        points = setup.geometry.gap_points(stance.gap_ends, stance.placement)
+    else:
+        return
+    width = GAP_CELL[gdim][order] * stance.gap
+    yield Near(width, GAP_GROWTH[gdim], points=points, needed=True)
+
+
+def meshed_bed(setup: Setup, placement: Placement | None) -> Resolved | None:
+    """The region about a held grain in which 3-D bedforms are meshed; None: everywhere."""
+    if setup.scene.gdim == 2 or setup.scene.moves:
+        return None
+    return setup.geometry.resolved_bed(placement, setup.base_flow.datum)
+
+
+def _along_bed(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
+    scene, bed, gdim = setup.scene, setup.scene.bed_shape, setup.scene.gdim
+    if bed is None or not math.isfinite(bed.feature):
+        return
+    largest, most, level, away = BED_LARGEST * bed.feature, math.inf, math.inf, None
+    if gdim == 3:
+        most, meshed = largest, meshed_bed(setup, placement)
+        level = math.inf if meshed is None else meshed.radius + meshed.passage
+    # With wall layers in 2-D the drag of the forms makes the flow, and they are meshed alike all along.
+    if placement is not None and (gdim == 3 or not scene.is_averaged):
+        away = Away(point(placement.centre), BED_GROWTH[gdim], largest, level)
+    size = min(BED_CELL[gdim][order] * bed.feature, largest)
+    yield Near(size, GROWTH[gdim], boundary="bed", away=away, most=most)
+
+
+def _in_profile(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
+    """Cells in the layer of an oscillating flow, in 2-D also of a mean profile."""
+    layer, gdim, away = setup.base_flow.layer, setup.scene.gdim, None
+    if math.isinf(layer) or (gdim == 3 and not setup.scene.flow.oscillates):
+        return
+    if gdim == 3 and placement is not None:
+        away = Away(point(placement.centre), BED_GROWTH[3], far_cell(setup.scene, order))
+    size = PROFILE_CELL[order] * layer
+    yield Near(size, GROWTH[gdim], boundary=setup.sides.bottom, away=away)
+
+
+def thinner(setup: Setup) -> float:
+    """Factor by which the boundary layer of a held 3-D grain reduces the cells at it."""
+    scene, base_flow = setup.scene, setup.base_flow
+    unlayered = scene.gdim == 2 or scene.grain is None or scene.moves
+    if unlayered or base_flow.creeping or setup.is_averaged:
+        return 1.0
+    reynolds = speed_past_grain(setup) * scene.grain.size / setup.scene.viscosity
+    return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
+
+
+def _in_wake(setup: Setup) -> Iterator[Near]:
+    """Cells behind a held 3-D grain with a thin boundary layer."""
+    scene, grain, placement = setup.scene, setup.scene.grain, setup.scene.placement
+    layered = scene.gdim == 3 and setup.is_averaged and setup.walls.is_resolved
+    if grain is None or placement is None or not (layered or thinner(setup) < 1.0):
+        return
+    centre = np.array(placement.centre)
+    velocity = setup.base_flow.velocity(centre[:, None], 0.0)[:, 0]
+    speed = float(np.linalg.norm(velocity))
+    if speed == 0.0:
+        return
+    steps = np.arange(0.5, WAKE if scene.time is None else WAKE_IN_TIME, 0.5 * WAKE_CELL)
+    if scene.flow.oscillates:
+        steps = np.concatenate([-steps, steps])
+    points = centre + grain.size * steps[:, None] * velocity / speed
+    yield Near(WAKE_CELL * grain.size, GROWTH[3], points=tuple(map(point, points)))
+
+
+def _at_top_and_inflow(setup: Setup, far: float) -> Iterator[Near]:
+    """Cells at the ends of a sliding top, and at kinks of an inflow given by formulas, in 2-D."""
+    scene, domain = setup.scene, setup.scene.domain
+    if scene.gdim == 2 and scene.flow.moves_top:
+        ends = tuple((x, domain.ceiling) for x in (domain.left, domain.right))
+        yield Near(TOP_CELL * far, GROWTH[2], points=ends)
+    if scene.gdim == 3 or not scene.flow.by_formulas:
+        return
+    low, high = setup.ceiling - setup.base_flow.depth, setup.ceiling
+    times = np.linspace(0.0, 0.0 if scene.time is None else scene.time.end, INFLOW_TIMES)
+    heights = np.linspace(low, high, INFLOW_HEIGHTS)
+    points = setup.base_flow.column((domain.left, low), heights)
+    velocities = np.array([setup.base_flow.entering(points, float(t)) for t in times])
+    bends = np.abs(np.diff(velocities, 3, axis=-1)).max(axis=(0, 1))
+    kinks = heights[1:-2][bends > KINKED * np.abs(velocities).max()]
+    if len(kinks):
+        at_kinks = tuple((domain.left, y) for y in kinks.tolist())
+        yield Near(KINK_CELL * far, GROWTH[2], points=at_kinks)
+
+
+def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:
+    """Corners of more than ten degrees between successive curves."""
+    cosine = np.cos(np.radians(10.0))
+    return tuple(
+        after.start
+        for before, after in zip(curves, following, strict=False)
+        if before.tangent([1.0])[0] @ after.tangent([0.0])[0] < cosine
+    )
+
+
+# -- walls of a mean flow ---------------------------------------------------------------------------
+
+
+def coarsening(walls: Walls, order: int) -> float:
+    """Factor on cells at walls for an order; sizes in the logarithmic layer are for order three."""
+    if walls.is_resolved:
+        return 1.0 if order == 2 else 1.3
+    return 1.0 if order > 2 else 0.75
+
+
+def channel_grid(setup: Setup, order: int, mesh_size: float) -> Grid:
+    """The mesh between plane walls: rows that grow with the distance from them; extruded in 3-D."""
+    walls, domain, gdim = setup.walls, setup.scene.domain, setup.scene.gdim
+    coarse = mesh_size * coarsening(walls, order)
+    column = COLUMN * walls.depth * coarse
+    extents = [(domain.left, domain.right), (domain.bottom + walls.nearest, walls.ceiling)]
+    columns = max(FEWEST_COLUMNS, round(domain.length / column))
+    ends = [graded_ends(columns, 1.0), tuple(map(float, _row_ends(walls, coarse)))]
+    if gdim == 3:
+        low, high = setup.geometry.half
+        extents.insert(1, (low, high))
+        ends.insert(1, graded_ends(max(LAYERS, round((high - low) / (2.0 * column))), 1.0))
+    sides = setup.sides.of_grid
+    return Grid(tuple(extents), tuple(ends), sides, setup.symmetric, parallel=gdim == 3)
+
+
+def _rows(walls: Walls, coarse: float) -> tuple[float, float, float, float]:
+    """First and largest row, and the number of rows to where they stop growing and in all, for cells of size 1."""
+    largest = LARGEST_ROW * walls.depth
+    bed = walls.names[0]
+    over = min(
+        ON_ROUGH if walls.is_rough(bed) else FIRST_ROW,
+        LARGEST_FIRST * ROW_GROWTH / math.expm1(ROW_GROWTH * coarse),
+    )
+    first = min(over * walls.from_origin(bed), largest)
+    part = walls.depth - walls.nearest
+    bend = min((largest - first) / ROW_GROWTH, part)
+    to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
+    return first, largest, to_bend, to_bend + (part - bend) / largest
+
+
+def _row_ends(walls: Walls, coarse: float) -> Floats:
+    """Ends of the rows as fractions of the height."""
+    first, largest, to_bend, whole = _rows(walls, coarse)
+    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
+    counted = whole * np.arange(1, number + 1) / number
+    near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
+    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / (walls.depth - walls.nearest)
+    ends[-1] = 1.0
+    if walls.number == 1:
+        return ends
+    return 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]])
+
+
+def coarsest(setup: Setup) -> float:
+    """Largest numerics.mesh_size at which all cells still grow; inf except between planes."""
+    walls = setup.walls
+    if not walls.plane:
+        return math.inf
+    rows = _rows(walls, 1.0)[-1] / (FEWEST_ROWS // walls.number)
+    columns = setup.scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+    if walls.asked.inflow == "developed":  # the flow does not change along them
+        columns = math.inf
+    return min(rows, columns) / coarsening(walls, velocity_order(setup)[0])
+
+
+def ratio_of_rows(setup: Setup, coarser: float) -> float:
+    """Rows between planes over those of a mesh with cells `coarser` times as large, at most that factor."""
+    walls, size = setup.walls, setup.scene.numerics.mesh_size
+    if not walls.plane:
+        return coarser
+    size *= coarsening(walls, velocity_order(setup)[0])
+    fine, coarse = (len(_row_ends(walls, size * factor)) for factor in (1.0, coarser))
+    return min(fine / coarse, coarser)
+
+
+def _along_walls(setup: Setup, order: int, placement: Placement | None) -> Iterator[Near]:
+    """Cells along walls some of which are not planar, and at corners of a 2-D bed."""
+    walls, scene, bed, away = setup.walls, setup.scene, setup.scene.bed_shape, None
+    if walls.is_resolved and scene.gdim == 3:
+        yield from _along_plane_layers(setup, placement)
+        return
+    if walls.is_resolved:
+        largest = beyond = ALONG * walls.depth
+        along = ALONG * rise(scene) if placement is None else ALONG * scene.grain.size
+        size, growth, at_corner = min(largest, along), GROWTH[3], BED_CORNER * walls.smooth
+    else:
+        size = beyond = WALL_CELL * coarsening(walls, order) * walls.nearest
+        # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
+        largest, growth = max(size, LARGEST_ROW * walls.depth), GROWTH[2]
+        at_corner = WALL_CORNER * size
+    if placement is not None:
+        away = Away(point(placement.centre), BED_GROWTH[2], largest)
+    for name in walls.names:
+        yield Near(size, growth, boundary=name, away=None if name == "body" else away)
+    if bed is None or scene.gdim == 3:
+        return
+    curves = bed.curves(scene.domain.left, scene.domain.right)
+    leaving = tuple(_separating(curves))
+    sharp = tuple(corner for corner, _ in leaving)
+    if walls.is_resolved:
+        sharp = corners(curves[:-1], curves[1:])
+    if sharp:
+        yield Near(at_corner, GROWTH[2], points=sharp)
+    shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
+    for (x, y), drop in leaving:
+        if drop > beyond:
+            points = tuple((x + LEE * drop * s, y - drop * s) for s in shares)
+            yield Near(LEE_CELL * drop, LEE_GROWTH, points=points)
+
+
+def _along_plane_layers(setup: Setup, placement: Placement | None) -> Iterator[Near]:
+    walls, bed, largest = setup.walls, setup.scene.bed_shape, LARGEST_ROW * setup.walls.depth
+    if placement is not None and (bed is None or math.isinf(bed.feature)):
+        size = min(PLANE_CELL * setup.scene.grain.size, largest)
+        away = Away(point(placement.centre), BED_GROWTH[3], largest)
+        yield Near(size, GROWTH[3], boundary=walls.names[0], away=away)
+    if setup.sides.top in walls.names:
+        yield Near(largest, GROWTH[3], boundary=setup.sides.top)
+
+
+def rise(scene: Scene) -> float:
+    """Length over which a 2-D bed without corners would rise by its relief at its steepest slope."""
+    bed, domain = scene.bed_shape, scene.domain
+    if bed is None or not np.isfinite(bed.feature) or len(bed.corners(domain.left, domain.right)):
+        return math.inf
+    x = np.linspace(domain.left, domain.right, RISE_SAMPLES)
+    heights = bed.height(x)
+    return float(np.ptp(heights) / np.abs(np.gradient(heights, x)).max())
+
+
+def wall_layers(setup: Setup, order: int, along: float) -> WallLayers | None:
+    """Layers at walls some of which are not planar, with cells of a size along them in 3-D, or None."""
+    walls, gdim = setup.walls, setup.scene.gdim
+    if not walls.is_resolved:
+        return None
+    coarse = coarsening(walls, order)
+    over = {name: ON_ROUGH if walls.is_rough(name) else FIRST_LAYER for name in walls.names}
+    first = {
+        name: min(size * coarse * walls.from_origin(name), along) for name, size in over.items()
+    }
+    if "body" in first:
+        first["body"] *= AT_GRAIN
+    thickest = THICKEST * walls.unit / (FIRST_LAYER * coarse * walls.smooth)
+    if gdim == 2:
+        return WallLayers(first, MOST_LAYERS, LAYER_GROWTH[2], graded=True, most=thickest)
+    most = LAYERS_SHARE * along / min(first.values())
+    number = math.ceil(math.log(1.0 + (LAYER_GROWTH[3] - 1.0) * most) / math.log(LAYER_GROWTH[3]))
+    return WallLayers(first, max(number, 1), LAYER_GROWTH[3], most=thickest)
+
+
+def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
+    """Corners that protrude into the flow, which separates there, and the drop of the bed behind each."""
+    for before, after in pairwise(range(len(bed))):
+        ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
+        if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:
+            falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
+            lowest = min([curve.end[1] for curve in falling], default=bed[after].start[1])
+            yield bed[after].start, bed[after].start[1] - lowest
