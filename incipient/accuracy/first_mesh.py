@@ -1,19 +1,68 @@
-"""The plan of a scene with its cost on the first mesh of its run."""
+"""The first mesh of a run or of a search for an accuracy, and the plan of a scene with its cost on that mesh."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..errors import MissingError
 from ..installed import memory_of_libraries
 from ..planning import meshing
+from ..planning.discretisation import FAR_CELL, LEVEL, order_of
+from ..planning.effects import inertia
 from ..planning.meshing import coarse_sizes
 from ..planning.plan import Estimate, Plan, make_plan, plan_of
 from ..scene import Scene
+from ..scene.numerics import MESH_SIZES, ORDERS, Numerics
 from ..setup.setup import Setup
-from . import next_mesh
-from .coarse_runs import changed, comparisons
-from .terms import on_more_bed
+from .coarse_runs import FEWEST_STEPS, MODEL_MESH, changed, comparisons, order_in_time
+from .terms import COARSEST_IN_SPACE, is_stream, on_more_bed
+
+# Cells of the first mesh over the default, not coarsened with upwinding; in unsteady flow also the steps.
+COARSEST, COARSEST_UPWINDED, COARSEST_IN_TIME, LONGEST = 4.0, MODEL_MESH, 8.0**0.5, 8.0
+
+
+def includes_all(numerics: Numerics) -> bool:
+    """Whether an accuracy includes errors of gap and domain."""
+    return numerics.accuracy == "verdict" or numerics.accuracy_includes == "all"
+
+
+def coarsest(scene: Scene) -> float:
+    """Cells of the first mesh relative to the default. In 3-D it is also moved to other gaps and domains."""
+    fine = scene.gdim == 3 and (includes_all(scene.numerics) or inertia(Setup(scene)).present)
+    return COARSEST_UPWINDED if fine else COARSEST
+
+
+def first_size(scene: Scene, failures: int = 0) -> float:
+    """`numerics.mesh_size` of the first mesh of a mean flow, after failures."""
+    most = COARSEST_IN_SPACE if scene.resolves_uneven_walls else MESH_SIZES[1]
+    return min(0.5**failures * COARSEST * scene.numerics.mesh_size, most)
+
+
+def first_in_time(scene: Scene) -> Scene:
+    """The first unsteady scene of a search: a coarse mesh, and a few long steps.
+
+    Below a free surface the inflow zone, at least one cell long, has the same length on all meshes.
+    """
+    assert scene.time is not None
+    longer, cells = LONGEST, COARSEST_IN_TIME
+    while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
+        longer /= 2.0
+    if is_stream(scene):
+        size = FAR_CELL[scene.gdim][min(order_of(scene) + 1, ORDERS[-1])] * scene.numerics.mesh_size
+        cells = float(np.clip(LEVEL / size, 1.0, cells))
+    return resized_in_time(scene, longer, cells)
+
+
+def resized_in_time(scene: Scene, steps: float, cells: float) -> Scene:
+    """The unsteady scene with steps and cells times a factor each."""
+    assert scene.time is not None
+    time = {"step": steps * scene.time.step}
+    if scene.time.tolerance is not None:
+        time["tolerance"] = scene.time.tolerance * steps ** (order_in_time(scene) + 1)
+    mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), MESH_SIZES[1])
+    return changed(scene, numerics={"mesh_size": mesh_size}, time=time)
 
 
 def planned(scene: Scene) -> Plan:
@@ -32,12 +81,12 @@ def first_mesh(scene: Scene) -> Estimate:
     if scene.numerics.accuracy is None:
         return counted(scene)
     if scene.is_averaged:
-        return counted(changed(scene, numerics={"mesh_size": next_mesh.first_size(scene)}))
+        return counted(changed(scene, numerics={"mesh_size": first_size(scene)}))
     steady = scene.time is None
-    setup = Setup(scene if steady else next_mesh.first(scene))
+    setup = Setup(scene if steady else first_in_time(scene))
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
-    sized = coarse_sizes(next_mesh.coarsest(scene), None, layout) if steady else layout
+    sized = coarse_sizes(coarsest(scene), None, layout) if steady else layout
     return meshing.count(sized, plan.order, steady, plan.solver.name)
 
 

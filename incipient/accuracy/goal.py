@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,24 +28,12 @@ if TYPE_CHECKING:
 Errors = Mapping[str, Floats]
 # Fraction of force times grain size: lower bound of the scale of a torque's error.
 LEAST_TORQUE = 0.01
+# Components of a 2-D and a 3-D load in force and torque (6,).
+COMPONENTS = {2: (0, 1, 5), 3: tuple(range(6))}
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
 
 
-class Quantity(Protocol):
-    """The goal quantity of a refinement; see `Goal`."""
-
-    @property
-    def name(self) -> str:
-        """Name of the quantity."""
-
-    def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
-        """Relative error for errors (3,) of force and torque."""
-
-    def goals(self, loads: Loads) -> list[Floats]:
-        """Weights (k,), k = 3 or 6, of force and torque, whose weighted errors are the relative error."""
-
-
-def relative(goal: Quantity, loads: Loads, term: Term) -> float | None:
+def relative(goal: Goal, loads: Loads, term: Term) -> float | None:
     """Relative error of a load or elevation from a term of the error bars; None: not known.
 
     For elevations: the largest error within the run, or at the end, over the largest elevation.
@@ -63,11 +51,14 @@ class Goal:
     """A load or the safety factor of a grain; without a grain an elevation or u*.
 
     The error of a safety factor is the width of its range over its value, infinite if only one of them is.
+    power: of the factor on the flow in the load, if the goal is the critical flow; its error is the larger distance
+    from an end of its range.
     """
 
     name: str
     scene: Scene
     contacts: Contacts | None = None
+    power: float | None = None
 
     @classmethod
     def of(cls, scene: Scene) -> Goal:
@@ -84,12 +75,16 @@ class Goal:
         errors = {"discretisation": np.abs(np.concatenate([of_force, of_torque]))}
         bar = bar_of_scene(self.scene, self.contacts, self._load(loads), errors)
         assert bar is not None
-        return bar.relative
+        if self.power is None:
+            return bar.relative
+        low, high = ((end / bar.value) ** (1.0 / self.power) for end in (bar.low, bar.high))
+        return max(high - 1.0, 1.0 - low)
 
     def goals(self, loads: Loads) -> list[Floats]:
         """Linear functionals of force and torque, (3 or 6,) each, whose errors are estimated."""
         gdim = self.scene.gdim
-        places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
+        halved = gdim == 3 and Setup(self.scene).symmetric  # no load across
+        places = {i: k for i, k in enumerate(COMPONENTS[gdim]) if not (halved and k % 2)}
         if self.contacts is not None:
             slope = self._slope(loads, places)
             if np.all(np.isfinite(slope)) and np.any(slope):
@@ -111,31 +106,19 @@ class Goal:
         return max(float(np.linalg.norm(loads.torque)), LEAST_TORQUE * size * self.scene.grain.size)
 
     def _slope(self, loads: Loads, places: dict[int, int]) -> Floats:
+        """Derivatives (k,) of the logarithm of the factor along the components of the load."""
         load, scene, contacts = self._load(loads), self.scene, self.contacts
         assert contacts is not None and scene.contact is not None and scene.grain is not None
-        law, step = scene.contact.law, DIFFERENCE * float(np.linalg.norm(loads.force))
-        steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
-        return slopes(load, steps, places, lambda each: judged(each, contacts, law).safety.value)
-
-
-def components(gdim: int, halved: bool) -> dict[int, int]:
-    """Indices in the 3-D force and torque (6,) of the components of a scene; a symmetric half has the even ones."""
-    if gdim == 2:
-        return {0: 0, 1: 1, 2: 5}
-    return {place: place for place in ((0, 2, 4) if halved else range(6))}
-
-
-def slopes(
-    load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]
-) -> Floats:
-    """Derivatives (k,) of log factor along the `components` of the load, by differences `steps` (k,)."""
-    derivatives = np.zeros(len(steps))
-    for i, place in places.items():
-        ahead = steps[i] * np.eye(6)[place]
-        values = [factor(load.shifted(sign * ahead)) for sign in (-1.0, 1.0)]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            derivatives[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
-    return derivatives
+        law, slopes = scene.contact.law, np.zeros(3 * scene.gdim - 3)
+        step = DIFFERENCE * float(np.linalg.norm(loads.force))
+        for i, place in places.items():
+            length = step * (scene.grain.size if place > 2 else 1.0)
+            ahead = length * np.eye(6)[place]
+            ends = [load.shifted(sign * ahead) for sign in (-1.0, 1.0)]
+            values = [judged(end, contacts, law).safety.value for end in ends]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slopes[i] = np.diff(np.log(values))[0] / (2.0 * length)
+        return slopes / (self.power or 1.0)
 
 
 def _ratio(error: float, scale: float) -> float:

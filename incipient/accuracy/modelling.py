@@ -1,22 +1,20 @@
-"""Gap and domain of a search for an accuracy with `numerics.accuracy_includes = "all"`, and remedies without it."""
+"""Gap and domain of a search for an accuracy with `numerics.accuracy_includes = "all"`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from ..errors import SceneError
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..scene import Scene
 from ..scene.flows import Flow
 from .coarse_runs import changed, farther
-from .goal import Quantity, relative
-from .next_mesh import AIM
+from .goal import Goal, relative
 from .terms import DECAY, has_no_far_sides
 
+AIM = 0.6  # fraction of the accuracy aimed at, as a margin
 SHARE = 0.5  # of the accuracy, for gap and domain together
 SMALLEST_GAP = 1e-4  # of the grain's size
 CLOSEST, FARTHEST = 1 / 32, 3.0  # largest factors on gap and domain in one step
@@ -66,32 +64,18 @@ def irreducible(scene: Scene, errors: Mapping[str, float]) -> str:
     return f"the error of the {name}, {errors[name]:.1e}, cannot be reduced{remedy}"
 
 
-def remedies(
-    scene: Scene, accuracy: float, goal: Quantity, loads: Loads, bars: ErrorBars
-) -> tuple[str, ...]:
-    """Remedies for errors of gap and domain above an accuracy, as text."""
-    said = []
-    for term in bars.terms:
-        error = relative(goal, loads, term)
-        if term.name == "discretisation" or error is None or error <= accuracy:
-            continue
-        remedy = _remedy(scene, term, accuracy / error)
-        said.append(f"not included: the error of the {term.name}, {error:.1e}; {remedy}")
-    if said:
-        said.append('numerics.accuracy_includes = "all" lets the run change gap and domain')
-    return tuple(said)
-
-
-def _remedy(scene: Scene, term: Term, relative: float) -> str:
-    if term.name == "datum":
-        return _of_datum(scene.flow)
-    better = None
-    with suppress(SceneError):
-        better = lessened(scene, term, AIM * relative, at_once=False)
-    if better is None:
-        return "it cannot be reduced enough"
-    keys = keys_of(better, scene).items()
-    return f"{', '.join(f'{key} = {now}' for key, (now, _) in keys)} would be sufficient"
+def not_included(accuracy: float, goal: Goal, loads: Loads, bars: ErrorBars) -> tuple[str, ...]:
+    """The errors of gap, domain and datum above an accuracy that does not include them, as text."""
+    errors = {term.name: relative(goal, loads, term) or 0.0 for term in bars.terms}
+    large = [
+        f"{name} {error:.1e}"
+        for name, error in errors.items()
+        if name != "discretisation" and error > accuracy
+    ]
+    if not large:
+        return ()
+    remedy = 'numerics.accuracy_includes = "all" lets the run reduce those of gap and domain'
+    return (f"not included: errors of {', '.join(large)}; {remedy}",)
 
 
 def keys_of(scene: Scene, other: Scene) -> dict[str, tuple[str, str]]:
@@ -116,20 +100,16 @@ def _of_datum(flow: Flow) -> str:
     return 'flow.datum = "auto" reduces it'
 
 
-def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -> Scene | None:
-    """The scene in which a term is expected to fall to a fraction `relative`; None if impossible.
-
-    at_once: limit the change to a reliable expectation
-    """
+def lessened(scene: Scene, term: Term, relative: float) -> Scene | None:
+    """The scene in which a term is expected to fall to a fraction `relative` in one step; None if impossible."""
     relative = max(relative, LEAST)
     if term.name == "gap" and scene.contact is not None:
-        smaller, before = relative ** (1.0 / term.power), scene.contact.gap
-        gap = before * (max(smaller, CLOSEST) if at_once else smaller)
-        if before <= SMALLEST_GAP or (gap < SMALLEST_GAP and not at_once):
-            return None
-        return changed(scene, contact={"gap": float(f"{max(gap, SMALLEST_GAP):.2g}")})
+        before = scene.contact.gap
+        gap = max(before * max(relative ** (1.0 / term.power), CLOSEST), SMALLEST_GAP)
+        closer = changed(scene, contact={"gap": float(f"{gap:.2g}")})
+        return closer if before > SMALLEST_GAP else None
     # Without a section [contact] the gap stays: a new section would request a verdict.
     if term.name != "domain" or has_no_far_sides(scene):
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
-    return farther(scene, min(factor, FARTHEST) if at_once else factor)
+    return farther(scene, min(factor, FARTHEST))

@@ -29,24 +29,25 @@ from ..simulation.recorder import Recorder
 from ..simulation.simulate import hand_over
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import solve_with_turbulence
-from . import next_mesh
 from .coarse_runs import changed
 from .errorbars import error_bars, loads_of_run
 from .finish import finished
-from .goal import Goal, Quantity, relative
+from .first_mesh import includes_all
+from .goal import Goal, relative
 from .modelling import (
+    AIM,
     SHARE,
     irreducible,
     keys_of,
     less_of_the_model,
     lessened,
-    remedies,
+    not_included,
     slowly_falling,
 )
-from .next_mesh import AIM, MOST_MESHES
 
 # Outcome of an unfinished search.
 UNFINISHED = "the search continues, or was stopped"
+MOST_MESHES = 12
 LEAST_WORK = 2.0  # work over that of the last run: a budget below it ends the search
 MOST_FAILURES = 3
 FOR_VERDICT = 0.2  # fraction left of an infinite error, or of one for a verdict
@@ -108,7 +109,7 @@ class Search(ABC):
         self.accuracy = accuracy if isinstance(accuracy, float | int) else 0.0  # 0 for a verdict
         self.accounts = Accounts(spent=self.spent, described=self.described)
         self.ledger, self.known = self.accounts.ledger, self.accounts.known
-        self.goal: Quantity = Goal.of(scene)
+        self.goal = Goal.of(scene)
         self.speed = 1.0  # of the flow over the scene's
         self.reason, self.met = "", False
         # If the accuracy includes errors of gap and domain: bars and their relative error, why it stays too large, and
@@ -178,12 +179,11 @@ class Search(ABC):
     def target(self, estimate: Estimate) -> float:
         return AIM * self.allowed / estimate.rank or FOR_VERDICT
 
-    def set_up(self, scene: Scene, order: int | None = None) -> Scene:
-        """The scene with an order and a solver tolerance far below the accuracy."""
+    def set_up(self, scene: Scene) -> Scene:
+        """The scene with its order as a number, and a solver tolerance far below the accuracy."""
         wanted = SOLVER_SHARE * (self.accuracy or CRITICAL)
-        order = order or order_of(scene)
         tolerance = float(np.clip(wanted, *TOLERANCES))
-        return changed(scene, numerics={"order": order, "tolerance": tolerance})
+        return changed(scene, numerics={"order": order_of(scene), "tolerance": tolerance})
 
     @contextmanager
     def solved(self, attempt: Attempt) -> Iterator[tuple[Run, Loads]]:
@@ -310,7 +310,7 @@ class Search(ABC):
 
     @property
     def includes_all(self) -> bool:
-        return next_mesh.includes_all(self.numerics)
+        return includes_all(self.numerics)
 
     @property
     def allowed(self) -> float:
@@ -344,9 +344,7 @@ class Search(ABC):
         if result is None or result.error_bars is None:
             return record
         computed, bars = result.loads_at_end(), result.error_bars
-        return replace(
-            record, beside=remedies(self.scene, self.accuracy, self.goal, computed, bars)
-        )
+        return replace(record, beside=not_included(self.accuracy, self.goal, computed, bars))
 
     def elapsed(self) -> float:
         return float(self.comm.bcast(self.ledger.total(), root=0))

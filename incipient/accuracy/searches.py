@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -17,26 +18,25 @@ from ..planning.meshing import coarse_sizes
 from ..planning.sizes import coarsest as coarsest_at_walls
 from ..results.errorbars import Loads
 from ..scene import Scene
-from ..scene.numerics import MESH_SIZES, OF_SURFACE, OF_WALLS, ORDERS
+from ..scene.numerics import MESH_SIZES, OF_SURFACE, OF_WALLS
 from ..setup.setup import Setup
 from ..simulation.assemble import outcome
 from ..simulation.simulate import loads_of, solved
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at, unit_of
-from . import next_mesh
-from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
-from .dual import GoalErrors, gathered, resized
-from .goal import relative
-from .next_mesh import (
-    AIM,
-    COARSEST,
-    WORK_POWER,
-    coarsest,
-    first_size,
-    highest_order,
-    next_order,
-    unknowns_per_vertex,
+from .coarse_runs import (
+    COARSER_MESH,
+    FEWEST_STEPS,
+    LONGEST_STEP,
+    KeptRuns,
+    changed,
+    on_coarser_mesh,
+    order_in_time,
 )
+from .dual import GoalErrors, gathered, resized
+from .first_mesh import COARSEST, coarsest, first_in_time, first_size, resized_in_time
+from .goal import relative
+from .modelling import AIM
 from .search import Attempt, Estimate, Search, computed_loads
 from .terms import (
     OF_MESH,
@@ -45,6 +45,7 @@ from .terms import (
     by_coarser_runs,
     by_dual,
     is_corrected,
+    order_in_space,
 )
 
 CANCELLING = 4.0  # bound on the assumed cancellation of contributions on the next mesh
@@ -53,10 +54,15 @@ TIME_GROWTH = 1.3  # power of the unknowns in the time of solution and estimate 
 COMPARED = 0.2
 # The search ends after so many meshes with a smaller reduction of the error.
 LOOKED_AT, LEAST_FALL = 3, 0.8
+MOST_RUNS = 6  # of unsteady flow
+# Power of the inverse cell size in the work (`make bench`: 0.8 to 1.7, 2 for uniform cells).
+WORK_POWER = 1.5
+HALVED = 0.5, 0.5**0.5  # factors on steps and cells for an error of unknown origin
+SHORTEST, FINEST = 1 / 16, 1 / 4  # factors in one step: estimates are poor for much finer runs
 
 
 class DualWeighted(Search):
-    """Cells refined by their dual-weighted contributions to the error, together with the order."""
+    """Cells refined by their dual-weighted contributions to the error."""
 
     _improved: tuple[Any, Loads] | None = None  # of the previous mesh: speed, gap and domain; loads
     _plain = np.inf  # error of the uncorrected quantity on the last mesh
@@ -97,23 +103,20 @@ class DualWeighted(Search):
         the uncorrected load needs less.
         """
         wanted = super().target(estimate)
-        if not (highest_order(self.scene) == ORDERS[0] and self._corrects):
+        if not (self.scene.gdim == 3 and self._corrects):
             return wanted
         compared = min(COMPARED, wanted) if self._compared else COMPARED
         return max(AIM * self.allowed / self._plain, compared)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        before, shares, gdim = order_of(attempt.scene), estimate.shares, attempt.scene.gdim
-        order, excess = next_order(before, 1.0 / left, gdim, highest_order(self.scene))
+        shares = estimate.shares
         together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
         # Contributions may cancel: their sum may exceed the error.
         cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
-        field, more = resized(shares, order, cancelling / excess, self.comm)
-        more *= unknowns_per_vertex(gdim, order) / unknowns_per_vertex(gdim, before)
+        field, more = resized(shares, order_of(attempt.scene), cancelling * left, self.comm)
         sizing = partial(coarse_sizes, COARSEST, field)
         unknowns = more * self.trials[-1].unknowns
-        work = max(1.0, more) ** TIME_GROWTH
-        return Attempt(self.set_up(attempt.scene, order), sizing, unknowns, work)
+        return Attempt(attempt.scene, sizing, unknowns, max(1.0, more) ** TIME_GROWTH)
 
     @property
     def _corrects(self) -> bool:
@@ -179,15 +182,15 @@ class Uniform(Search):
 
 
 class InTime(Search):
-    """Time steps, cells and order of unsteady flow, refined for the least work (`next_mesh`)."""
+    """Time steps and cells of unsteady flow, each refined to half of the error aimed at."""
 
-    most, kept = next_mesh.MOST_RUNS, ()
+    most, kept = MOST_RUNS, ()
     _last: Scene | None = None
 
     def first(self, failures: int = 0) -> Attempt:
-        scene = next_mesh.first(self.scene)
+        scene = first_in_time(self.scene)
         for _ in range(failures):
-            scene = next_mesh.finer(scene, next_mesh.halved(order_of(scene)))
+            scene = finer(scene, *HALVED)
         return Attempt(scene)
 
     @contextmanager
@@ -223,7 +226,40 @@ class InTime(Search):
         return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
-        last = self.trials[-1]
-        wanted = next_mesh.refined(attempt.scene, last, left)
-        unknowns = last.unknowns * wanted.finer**-WORK_POWER
-        return Attempt(next_mesh.finer(attempt.scene, wanted), unknowns=unknowns, work=wanted.work)
+        steps, cells = refinement(attempt.scene, estimate.parts, left)
+        unknowns = self.trials[-1].unknowns * cells**-WORK_POWER
+        work = cells**-WORK_POWER / steps
+        return Attempt(finer(attempt.scene, steps, cells), unknowns=unknowns, work=work)
+
+
+def refinement(
+    scene: Scene, parts: tuple[float | None, float | None], left: float
+) -> tuple[float, float]:
+    """Factors on steps and cells that are expected to leave a fraction of the error.
+
+    Each leaves half of it; what one does not need is the other's. For an error of unknown origin both are `HALVED`.
+    """
+    of_step, of_mesh = parts
+    if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
+        return HALVED
+    aim = left * (of_step + of_mesh)
+    to_step = min(of_step, max(0.5 * aim, aim - of_mesh))
+    orders = order_in_time(scene), order_in_space(order_of(scene))
+    steps, cells = (
+        (wanted / now) ** (1.0 / order) if now > wanted else 1.0
+        for now, wanted, order in zip(
+            (of_step, of_mesh), (to_step, aim - to_step), orders, strict=True
+        )
+    )
+    return max(steps, SHORTEST), max(cells, FINEST)
+
+
+def finer(scene: Scene, steps: float, cells: float) -> Scene:
+    """The unsteady scene with steps and cells times a factor each, at most 1; the steps divide the time."""
+    assert scene.time is not None
+    number = scene.time.end / scene.time.step
+    if scene.time.tolerance is None and steps < 1.0:
+        # Even, and for larger numbers such that the longer steps of a comparison end at the same time.
+        multiple = LONGEST_STEP if number / steps > LONGEST_STEP * FEWEST_STEPS else 2.0
+        steps = number / (multiple * math.ceil(number / steps / multiple * (1.0 - 1e-9)))
+    return resized_in_time(scene, steps, cells)

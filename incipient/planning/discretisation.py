@@ -78,11 +78,6 @@ ORDERS: tuple[tuple[Callable[[Setup], bool], int, str], ...] = (
     ),
     (lambda setup: setup.scene.moves, 2, "the grain moves, and the mesh with it"),
     (
-        lambda setup: setup.scene.numerics.accuracy is not None and not setup.is_averaged,
-        2,
-        "a higher one is taken where it is expected to need fewer unknowns",
-    ),
-    (
         lambda setup: True,
         3,
         "in 2-D, where nothing moves, its error is far below that of order 2 for the same time",

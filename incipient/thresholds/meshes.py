@@ -7,16 +7,12 @@ cells agree to a tenth.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
-import numpy as np
-
-from ..accuracy.goal import DIFFERENCE, components, slopes
+from ..accuracy.goal import Goal
 from ..accuracy.search import Attempt, Estimate
 from ..accuracy.searches import DualWeighted
-from ..arrays import Floats
-from ..contact.safety import safety_factor
 from ..errors import ConvergenceError, SceneError
 from ..parallel import Comm
 from ..progress import Silent
@@ -27,7 +23,6 @@ from ..setup.setup import Setup
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
-from .bars import factor_range
 from .path import flow_of
 from .search import CriticalFlow, CriticalSearch, OwnMesh
 
@@ -40,40 +35,6 @@ DIFFERING = (
 OTHER_MESH = "all on the mesh of the scene's flow, whose wall cells are too large for these"
 
 Concluded = TypeVar("Concluded")
-
-
-@dataclass(frozen=True)
-class CriticalGoal:
-    """The critical flow as the goal quantity of a refinement (`accuracy.goal.Quantity`).
-
-    halved: whether half of a symmetric scene is computed
-    """
-
-    flow: CriticalFlow
-    gdim: int = 2
-    halved: bool = False
-    name: str = "critical flow"
-
-    def error(self, loads: Loads, of_force: Floats, of_torque: Floats) -> float:
-        low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_torque])))
-        return max(high / self.flow.factor - 1.0, 1.0 - low / self.flow.factor)
-
-    def goals(self, loads: Loads) -> list[Floats]:
-        """Derivatives (3,), in 3-D (6,), of log factor along force and torque; along force alone if S jumps."""
-        path, load = self.flow.path, self.flow.load
-        size = float(np.linalg.norm(load.flow_force))
-        places = components(self.gdim, self.halved)
-        steps = np.full(3 * self.gdim - 3, DIFFERENCE * size)
-        by_load = slopes(
-            load,
-            steps,
-            places,
-            lambda changed: safety_factor(changed, path.contacts, path.law).value,
-        )
-        by_load /= path.steepness(self.flow.factor)
-        if np.all(np.isfinite(by_load)) and np.any(by_load):
-            return [by_load]
-        return list(np.eye(len(by_load))[[i for i in places if i < self.gdim]] / size)
 
 
 def to_accuracy(
@@ -110,8 +71,9 @@ class _ThresholdSearch(DualWeighted):
             why = "the grain rocks before it leaves its pocket, and this has no error bar"
             raise SceneError(f"numerics.accuracy: {why}; leave it out")
         if flow.is_critical:
-            goal = CriticalGoal(flow, run.scene.gdim, run.setup.symmetric)
-            self.speed, self.goal = flow.factor, goal
+            power = flow.path.steepness(flow.factor)
+            self.speed = flow.factor
+            self.goal = Goal("critical flow", run.scene, run.contacts, power)
         force, torque = self._critical.at_nearest(flow.factor)
         return Loads(force.flow, torque.flow)
 

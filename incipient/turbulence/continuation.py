@@ -20,9 +20,9 @@ from ..fluid import Fluid
 from .coupled_flow import CoupledFlow, bounded, relative_change
 from .fields import TurbulenceFields
 
-# Courant numbers of the first step, the smallest and the largest, and the power of one over the relative change of the
-# flow that bounds them: past a sphere in a pocket at u* d/nu = 80 a power of 1.5 takes 20 iterations, one of 1 takes 31.
-# Factors from step to step at most.
+# Courant numbers of the first step, the smallest and the largest, and the power of one over the change of the flow that
+# bounds them: past a sphere in a pocket at u* d/nu = 80 a power of 1.5 takes 20 iterations, 1 takes 31. Factors from
+# step to step at most.
 FIRST, SMALLEST, LARGEST, POWER = 5.0, 1e-2, 1e8, 1.5
 SHRINKS, GROWS = 0.1, 2.0
 # Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many

@@ -14,10 +14,10 @@ import incipient
 from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, farther
 from incipient.accuracy.errorbars import coarse_scenes, nearby
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.modelling import SMALLEST_GAP, irreducible, remedies, slowly_falling
+from incipient.accuracy.modelling import SMALLEST_GAP, irreducible, not_included, slowly_falling
 from incipient.accuracy.search import Attempt, Estimate, Search
 from incipient.accuracy.searches import DualWeighted
-from incipient.accuracy.terms import not_there, of_domain, of_gap, of_the_model
+from incipient.accuracy.terms import not_there, of_gap, of_the_model
 from incipient.errors import ConvergenceError
 from incipient.mesh.motion import MeshMotion, Potentials, stretched
 from incipient.meshes import SYMMETRY
@@ -36,7 +36,6 @@ from incipient.scene import (
     Time,
     loads,
 )
-from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 from incipient.simulation.moved_mesh import moved_meshes
 from incipient.simulation.recorder import Recorder
@@ -100,50 +99,17 @@ def test_all_errors_are_brought_below_the_accuracy() -> None:
     assert relative(true.force + result.error_bars.force, true.force) < 1.5 * asked
 
 
-def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> None:
-    """The line says what the number is of; gap and domain as advised have errors below the accuracy."""
-    asked = 0.02
-    scene = narrow(accuracy=asked)
-    result = incipient.run(scene, comm=MPI.COMM_SELF)
-    found = result.adaptation
-    assert found is not None and found.met and found.includes == ("discretisation",)
-    assert "(of discretisation), requested 0.02: reached" in found.lines()[0]
-    gap, domain, last = found.beside
-    assert gap.startswith("not included: the error of the gap, ")
-    assert domain.startswith("not included: the error of the domain, ") and domain.endswith(
-        " would be sufficient"
+def test_errors_that_an_accuracy_does_not_include_are_named() -> None:
+    """Of a force of size one: that of the gap is above the accuracy, that of the domain is not."""
+    scene, force = narrow(accuracy=0.01), np.array([1.0, 0.0, 0.0])
+    terms = tuple(
+        Term(name, error * force, np.zeros(3), "")
+        for name, error in (("discretisation", 0.1), ("gap", 0.02), ("domain", 0.005))
     )
-    assert "numerics.accuracy_includes" in last
-    overrides = (
-        domain.split("; ")[1]
-        .removesuffix(" would be sufficient")
-        .replace("], ", "]; ")
-        .replace(", domain", "; domain")
-    )
-    advised = loads(dumps(scene), overrides=tuple(overrides.split("; ")))
-    assert advised.domain.height > 2.0 * scene.domain.height
-    solve = KeptRuns({}, lambda: "", solved)
-    whole = solve(changed(advised, numerics={"error_bars": False, "accuracy": None}))
-    assert np.linalg.norm(of_domain(advised, whole, solve).force) < asked * np.linalg.norm(
-        whole.force
-    )
-
-
-def advice(asked: float, scene: Scene, term: Term) -> tuple[str, ...]:
-    """What is said of one term beside a force of size one."""
-    loads_ = Loads(np.array([1.0, 0.0, 0.0]), np.zeros(3))
-    return remedies(scene, asked, Goal.of(scene), loads_, ErrorBars((term,)))
-
-
-def test_a_gap_is_advised_by_the_power_with_which_its_error_falls() -> None:
-    scene = narrow(accuracy=0.01)
-    twice = Term("gap", np.array([0.02, 0.0, 0.0]), np.zeros(3), "", power=1.0)
-    assert (
-        advice(0.01, scene, twice)[0]
-        == "not included: the error of the gap, 2.0e-02; contact.gap = 0.003 would be sufficient"
-    )
-    assert advice(0.03, scene, twice) == ()
-    assert advice(1e-4, scene, twice)[0].endswith("it cannot be reduced enough")
+    goal, loads_ = Goal.of(scene), Loads(force, np.zeros(3))
+    (said,) = not_included(0.01, goal, loads_, ErrorBars(terms))
+    assert said.startswith("not included: errors of gap 2.0e-02; numerics.accuracy_includes =")
+    assert not_included(0.03, goal, loads_, ErrorBars(terms)) == ()
 
 
 def test_the_power_of_the_gap_is_measured() -> None:

@@ -24,7 +24,6 @@ from incipient.fluid.transient import LEAST, ShareOfError, Transient, of_steps
 from incipient.geometry.plane import beds as bed_geometry
 from incipient.geometry.plane import grains as grain_geometry
 from incipient.planning.discretisation import STEADY, of_steady, order_of
-from incipient.planning.effects import inertia
 from incipient.planning.plan import make_plan
 from incipient.results.contact_verdict import find_contacts
 from incipient.scene import (
@@ -563,20 +562,13 @@ def test_the_order_that_is_chosen_and_why(changes: dict[str, Any], order: int) -
 
 
 def test_orders_of_searches_and_demos() -> None:
-    """A search begins with order two."""
-    for made in (grain_on_bed(), grain_in_pocket()):
+    """A search has the order of the scene, except in 3-D, where its meshes are of order two."""
+    for made, order in ((grain_on_bed(), 3), (grain_in_pocket(), 2)):
         for accuracy in (0.01, "verdict"):
-            assert order_of(changed(made, numerics={"accuracy": accuracy})) == 2
+            assert order_of(changed(made, numerics={"accuracy": accuracy})) == order
     demos = {"grain_on_bed": 3, "vortex_street": 3, "pothole_1": 2, "sphere_in_pocket": 3}
     for name, order in demos.items():
         assert order_of(load(DEMOS / f"{name}.toml")) == order
-
-
-def test_highest_order_of_a_refinement_follows_the_plan() -> None:
-    """Not the key: inertia left out by the plan, or by the scene in either section, leaves the mesh the same choice."""
-    changes = [{"fluid": Fluid(reynolds=value, scale="grain")} for value in (1e-4, 1.0)]
-    scenes = [scene(**BALL, **one) for one in (*changes, {"effects": Effects(inertia=False)})]
-    assert [inertia(Setup(one)).present for one in scenes] == [False, True, False]
 
 
 # What iterations may leave: given, or a fraction of a step's own error.

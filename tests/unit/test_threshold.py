@@ -13,43 +13,33 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import IN_STREAM, POCKET, grain_on_bed, on_bed
+from scenes import IN_STREAM, POCKET, grain_in_pocket, grain_on_bed, on_bed
 from scenes import on_bed as scene
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 from turbulent import channel, grain
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.dual import LARGEST, SMALLEST, Shares, resized
+from incipient.accuracy.first_mesh import first_in_time
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.modelling import SMALLEST_GAP, lessened
-from incipient.accuracy.next_mesh import (
-    AIM,
-    FINEST,
-    SHORTEST,
-    WORK,
-    WORK_POWER,
-    Refined,
-    cheapest,
-    finer,
-    first,
-    halved,
-    highest_order,
-    next_order,
-    refined,
-)
+from incipient.accuracy.modelling import AIM, SMALLEST_GAP, lessened
 from incipient.accuracy.search import LEAST_WORK, Attempt, Estimate, Search
-from incipient.accuracy.searches import COMPARED, DualWeighted, InTime
-from incipient.accuracy.terms import order_in_space
+from incipient.accuracy.searches import (
+    COMPARED,
+    FINEST,
+    HALVED,
+    SHORTEST,
+    DualWeighted,
+    InTime,
+    finer,
+    refinement,
+)
 from incipient.arrays import spatial
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
 from incipient.contact.verdict import judged
 from incipient.errors import ConvergenceError, SceneError
-from incipient.geometry.closest import touching
-from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.space.beds import SphereBed
-from incipient.geometry.space.grains import Sphere
 from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import meshed
 from incipient.planning.meshing import STEEPEST
@@ -66,9 +56,7 @@ from incipient.simulation.recorder import Recorder
 from incipient.thresholds import meshes
 from incipient.thresholds.bars import CriticalBars
 from incipient.thresholds.critical import find_threshold
-from incipient.thresholds.meshes import CriticalGoal
 from incipient.thresholds.outcome import with_error
-from incipient.thresholds.path import LoadPath
 from incipient.thresholds.search import EXPECTED, CriticalFlow, CriticalSearch, SolvedFlow
 
 # Finding the critical flow: the load between flows, the search on loads that are known, and what a threshold needs.
@@ -347,34 +335,6 @@ def test_what_a_threshold_needs(override: str, need: str) -> None:
         find_threshold(scene(override), MPI.COMM_WORLD)
 
 
-@pytest.mark.parametrize("halved", [True, False])
-def test_goal_of_a_threshold_in_space(halved: bool) -> None:
-    """By what the critical factor of a bead in a pocket changes with each component of the load, found anew."""
-    height = np.sqrt(2.0 / 3.0)
-    bed = SphereBed.array(0.5, 1.0, "triangular", (np.sqrt(1.0 / 12.0), 0.5), 0.0, np.pi / 2.0)
-    centre = np.array([0.0, 0.0, height])
-    contacts = touching(Sphere(1.0), Placement((0.0, 0.0, float(height))), bed, 1e-6)
-    flow, weight = np.array([0.2, 0.0, 0.01, 0.0, 0.05, 0.0]), np.array([0.0, 0.0, -1.0])
-
-    def critical(changed: np.ndarray) -> float:
-        return safety_factor(Load(changed[:3], changed[3:], weight, centre), contacts, 0.5).value
-
-    factor = critical(flow)
-    path = LoadPath(
-        np.ones(1), flow[None], Load(np.zeros(3), np.zeros(3), weight, centre), contacts, 0.5
-    )
-    (goal,) = CriticalGoal(CriticalFlow(factor, factor, path, ()), 3, halved).goals(None)  # type: ignore[arg-type]
-    step = 1e-5
-    for place in (0, 2, 4) if halved else range(6):
-        ahead, behind = (
-            critical(flow + sign * step / factor * np.eye(6)[place]) for sign in (1.0, -1.0)
-        )
-        assert goal[place] == pytest.approx(
-            np.log(ahead / behind) / (2.0 * step), rel=1e-3, abs=1e-3
-        )
-    assert goal[0] < 0.0 < -goal[4] and (not halved or not goal[[1, 3, 5]].any())
-
-
 def test_the_parts_of_an_error_are_told_to_be_absolute_and_added() -> None:
     bars = CriticalBars(2.0, 1.5, 2.4, {"gap": 0.3, "domain": 0.2}, ErrorBars(()))
     assert bars.lines() == [
@@ -591,25 +551,6 @@ def test_what_a_geometry_needs_is_not_coarsened() -> None:
     assert [(near.size, near.growth) for near in coarse.near] == [(0.1, 0.5), (1.2, 0.6)]
 
 
-@pytest.mark.parametrize(
-    ("order", "excess", "cheapest"),
-    [(2, 1.5, 2), (2, 5.0, 2), (2, 10.0, 3), (2, 1000.0, 4), (3, 2.0, 3), (4, 1e6, 4)],
-)
-def test_order_with_the_fewest_unknowns(order: int, excess: float, cheapest: int) -> None:
-    assert next_order(order, excess) == (
-        cheapest,
-        pytest.approx(excess * 0.1 ** (cheapest - order)),
-    )
-
-
-def test_no_order_is_tried_in_space_with_inertia_that_the_solver_does_not_serve() -> None:
-    sphere = scene_load(SCENES / "sphere_on_plane.toml")
-    slow = changed(sphere, fluid={"inertia": False})
-    assert highest_order(changed(sphere, fluid={"reynolds": 20.0, "inertia": True})) == 2
-    assert highest_order(slow) == highest_order(grain_on_bed()) == 4
-    assert [next_order(order, 1e3, 3, 2)[0] for order in (2, 3)] == [2, 3]
-
-
 def test_a_smaller_gap_or_a_larger_domain() -> None:
     """A term is lessened by the power with which it falls: a gap of a quarter, a domain twice as large."""
     scene = grain_on_bed()
@@ -670,6 +611,31 @@ def test_slope_and_range_of_the_safety_factor() -> None:
     small, error = force_and_torque(0.1, 0.0), np.array([0.01, 0.0, 0.0])
     assert goal.error(small, error, ZERO) == pytest.approx(1.0 / 0.9 - 1.0 / 1.1)
     assert goal.error(small, 10.0 * error, ZERO) == np.inf
+    # A critical flow whose load goes as its square changes by the root; its error is one-sided.
+    critical = replace(goal, name="critical flow", power=2.0)
+    assert critical.goals(force_and_torque(1.0, -0.1))[0] == pytest.approx(0.5 * slope)
+    assert critical.error(small, error, ZERO) == pytest.approx((1.0 / 0.9) ** 0.5 - 1.0)
+
+
+@pytest.mark.parametrize("halved", [True, False])
+def test_goal_of_a_threshold_in_space(monkeypatch: pytest.MonkeyPatch, halved: bool) -> None:
+    """By what the critical factor of a sphere in a pocket changes with each component of the load, found anew."""
+    sphere = grain_in_pocket()
+    monkeypatch.setattr(Setup, "symmetric", halved)
+    goal = Goal("critical flow", sphere, find_contacts(sphere), 1.0)
+    flow, centre = np.array([1.0, 0.0, 0.05, 0.0, 0.25, 0.0]), spatial(sphere.placement.centre)
+    weight = (sphere.mass - sphere.grain.volume) * spatial(sphere.gravity_vector)
+
+    def critical(changed: np.ndarray) -> float:
+        load = Load(changed[:3], changed[3:], weight, centre)
+        return safety_factor(load, goal.contacts, sphere.contact.law).value
+
+    (slope,), step = goal.goals(Loads(flow[:3], flow[3:])), 1e-4
+    for place in (0, 2, 4) if halved else range(6):
+        ahead, behind = (critical(flow + sign * step * np.eye(6)[place]) for sign in (1.0, -1.0))
+        expected = np.log(ahead / behind) / (2.0 * step)
+        assert slope[place] == pytest.approx(expected, rel=1e-3, abs=1e-3)
+    assert slope[0] < 0.0 and (not halved or not slope[[1, 3, 5]].any())
 
 
 def searching(seconds: float = 1.0, **numerics: object) -> tuple[Search, Estimate]:
@@ -840,72 +806,53 @@ def tried(of_step: float, of_mesh: float, seconds: float = 1.0) -> Trial:
     return Trial(2, 500, 2500, of_step + of_mesh, seconds, 0.1, of_step=of_step, of_mesh=of_mesh)
 
 
-# -- the least work -------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("scheme", ["bdf1", "bdf2"])
+@pytest.mark.parametrize(
+    ("parts", "left"),
+    [
+        ((0.04, 0.04), (0.005, 0.005)),
+        # What one does not need is the other's.
+        ((0.05, 0.002), (0.008, 0.002)),
+        ((0.001, 0.05), (0.001, 0.009)),
+        ((0.09, 0.0), (0.01, 0.0)),
+    ],
+)
+def test_steps_and_cells_leave_half_of_the_error_each(
+    parts: tuple[float, float], left: tuple[float, float], scheme: str
+) -> None:
+    """Of 0.01 in all: errors go as the step to the order of the scheme, and as cells to the power 3 of order two."""
+    scene = in_time(f"time.scheme={scheme}", "numerics.order=2")
+    steps, cells = refinement(scene, parts, 0.01 / sum(parts))
+    assert parts[0] * steps ** int(scheme[-1]) == pytest.approx(left[0])
+    assert parts[1] * cells**3 == pytest.approx(left[1])
 
 
-def least_work(of_step: float, of_mesh: float, aim: float, order: int, q: int) -> float:
-    """By a general minimiser over the logarithm of the steps relative to before: cells take what they leave."""
-    s = order_in_space(order)
-
-    def work(log_of_steps: float) -> float:
-        left = aim - of_step * math.exp(q * log_of_steps)
-        log_of_cells = min(0.0, math.log(left / of_mesh) / s) if of_mesh else 0.0
-        return -log_of_steps - WORK_POWER * log_of_cells
-
-    longest = min(0.0, math.log(aim / of_step) / q)
-    found = minimize_scalar(
-        work, bounds=(-12.0, longest), method="bounded", options={"xatol": 1e-12}
-    )
-    assert found.success
-    return math.exp(found.fun)
-
-
-@pytest.mark.parametrize("q", [1, 2])
-@pytest.mark.parametrize("parts", [(0.04, 0.04), (0.05, 0.002), (0.001, 0.05), (0.09, 0.0)])
-def test_no_choice_is_cheaper(parts: tuple[float, float], q: int) -> None:
-    found = cheapest(*parts, 0.01, 2, q)
-    s = order_in_space(found.order)
-    assert parts[0] * found.shorter**q + parts[1] * found.finer**s == pytest.approx(0.01)
-    works = {k: least_work(*parts, 0.01, k, q) * WORK[k] for k in WORK}
-    assert found.work == pytest.approx(min(works.values()), rel=1e-5)
-    assert found.order == min(works, key=lambda k: works[k])
-
-
-def test_what_does_not_err_stays() -> None:
-    """Only what errs is made finer, and a mesh whose error is small is as before."""
-    assert cheapest(0.08, 0.0, 0.02, 2, 2) == Refined(0.5, 1.0, 2, 2.0)
-    wanted = cheapest(0.0, 0.012, 0.01, 2, 2)
-    assert (wanted.shorter, wanted.finer) == (1.0, pytest.approx(1.2 ** (-1 / 3)))
-    assert cheapest(0.08, 0.001, 0.02, 2, 2).finer == 1.0
-
-
-def test_far_ways_are_gone_in_parts() -> None:
-    """Half of the way in the error's logarithm, and again: steps a hundred times as short become ten times so."""
-    assert refined(in_time(), tried(1.0, 0.0), 1e-4).shorter == pytest.approx(0.1)
-    fine = refined(in_time(), tried(1.0, 1.0), 1e-7)
-    assert fine.shorter >= SHORTEST and fine.finer >= FINEST
+def test_unknown_errors_are_halved_and_far_ways_are_gone_in_parts() -> None:
+    for parts in ((None, None), (math.inf, math.inf)):
+        assert refinement(in_time(), parts, 0.01) == HALVED == (0.5, pytest.approx(0.5**0.5))
+    assert refinement(in_time(), (1.0, 1.0), 1e-9) == (SHORTEST, FINEST)
 
 
 # -- scenes -----------------------------------------------------------------------------------------------------
 
 
 def test_the_first_run_is_coarse_but_has_some_steps() -> None:
-    coarse = first(in_time())
+    coarse = first_in_time(in_time())
     assert coarse.time is not None
     assert (coarse.numerics.mesh_size, coarse.time.step) == (
         pytest.approx(2.0**1.5),
         pytest.approx(0.8),
     )
-    few = first(in_time("time.step=1.0"))
+    few = first_in_time(in_time("time.step=1.0"))
     assert few.time is not None and few.time.step == 1.0
-    adapting = first(in_time("time.tolerance=1e-5", "time.scheme='bdf1'"))
+    adapting = first_in_time(in_time("time.tolerance=1e-5", "time.scheme='bdf1'"))
     assert adapting.time is not None and adapting.time.tolerance == pytest.approx(8**2 * 1e-5)
 
 
 def test_comparisons_end_where_steps_do() -> None:
     for shorter in (0.9, 0.7, 0.31, 0.1):
         for unsteady in (in_time(), in_time("time.step=1.0")):
-            time = finer(unsteady, Refined(shorter, 1.0, 2, 1.0)).time
+            time = finer(unsteady, shorter, 1.0).time
             assert time is not None and unsteady.time is not None
             steps = time.end / time.step
             assert steps == pytest.approx(round(steps), abs=1e-9)
@@ -919,22 +866,10 @@ def test_comparisons_end_where_steps_do() -> None:
 
 
 def test_what_is_wanted_becomes_the_scene() -> None:
-    scene = finer(in_time("time.tolerance=1e-3"), Refined(0.5, 0.25, 3, 1.0))
-    assert scene.time is not None
+    scene = finer(in_time("time.tolerance=1e-3"), 0.5, 0.25)
+    assert scene.time is not None and scene.numerics.mesh_size == 0.25
     assert (scene.time.step, scene.time.tolerance) == (0.05, pytest.approx(1e-3 / 8.0))
-    assert (scene.numerics.mesh_size, scene.numerics.order) == (0.25, 3)
-    same = finer(in_time(), Refined(1.0, 0.5, 2, 1.0))
-    assert same.time == in_time().time
-
-
-def test_what_is_not_known_is_halved() -> None:
-    scene = in_time()
-    unknown = Trial(2, 500, 2500, None, 1.0, 0.1, "not compared: no mesh")
-    assert refined(scene, unknown, 0.01) == refined(scene, tried(math.inf, math.inf), 0.01)
-    assert refined(scene, unknown, 0.01) == halved(2) and halved(2).shorter == 0.5
-    # An error that is more than its parts is looked at as that: a sixteenth of it is a quarter of the steps.
-    more = Trial(2, 500, 2500, 0.16, 1.0, 0.1, of_step=0.04, of_mesh=0.0)
-    assert refined(scene, more, 0.01 / 0.16).shorter == pytest.approx(0.25)
+    assert finer(in_time(), 1.0, 0.5).time == in_time().time
 
 
 # -- what a budget allows ------------------------------------------------------------------------------------------
@@ -945,10 +880,10 @@ def test_a_budget_is_spent_on_what_it_allows() -> None:
     scene = in_time("numerics.budget_seconds=700")
     search = InTime(scene, MPI.COMM_SELF, Recorder(), Silent())
     search.report(tried(0.6, 0.0, seconds=100.0))
-    allowed = search.within_budget(Attempt(scene), Estimate(0.6), 0.01)
+    allowed = search.within_budget(Attempt(scene), Estimate(0.6, parts=(0.6, 0.0)), 0.01)
     assert allowed is not None and LEAST_WORK < allowed.work < 7.0
     assert allowed.scene.time.step == pytest.approx(0.1 / allowed.work, rel=0.02)
     search.report(tried(0.6, 0.0, seconds=400.0))
-    assert search.within_budget(Attempt(scene), Estimate(0.6), 0.01) is None
+    assert search.within_budget(Attempt(scene), Estimate(0.6, parts=(0.6, 0.0)), 0.01) is None
     why = "stopped at numerics.budget_seconds = 700: the next mesh would take about "
     assert search.reason.startswith(why)
